@@ -16,7 +16,7 @@ from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.output import RULES, digests
-from codra_dsl.language.behavior_trees.named import files_read, read_trees
+from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
 from codra_dsl.language.diagnostics import Diagnostic, Related, has_errors
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
@@ -164,11 +164,11 @@ def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIM
     return _plan_request(request, [loaded], timings)
 
 
-def _plan_request(request: _Request, loaded: Iterable[Loaded], timings: Timings) -> Planned:
+def _plan_request(request: _Request, loaded_specs: Iterable[Loaded], timings: Timings) -> Planned:
     """Return the plans of the loaded specs, with all findings after triage."""
     settings, settings_findings = settings_of(request.root)
 
-    checked_specs = _check(loaded, request.root, timings)
+    checked_specs = _check(loaded_specs, request.root, timings)
     specs = tuple(_plan(checked_specs, timings))
 
     diagnostics = [*settings_findings, *request.files.diagnostics]
@@ -199,13 +199,13 @@ def _load(files: Iterable[Path], root: Path, texts: Mapping[str, bytes], timings
     """Yield each spec as it was read, with the findings of reading it."""
     for file in files:
         with timings.stage("load"):
-            loaded = load_spec(file, root, texts)
-        yield loaded
+            loaded_spec = load_spec(file, root, texts)
+        yield loaded_spec
 
 
-def _check(loaded: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_SpecAfterCheck]:
+def _check(loaded_specs: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_SpecAfterCheck]:
     """Yield each spec with the results of its checks, and of the checks of the behaviour trees that it names."""
-    for spec, load_findings in loaded:
+    for spec, load_findings in loaded_specs:
         with timings.stage("check"):
             checked_spec = _check_spec(spec, load_findings, root)
         yield checked_spec
@@ -214,12 +214,12 @@ def _check(loaded: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_
 def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: Path) -> _SpecAfterCheck:
     if spec is None:
         return _SpecAfterCheck(spec=None, checked=None, tree_files=(), diagnostics=load_findings)
-    trees = read_trees(spec, root)
-    checked, check_findings = check(spec, trees)
+    forests_by_tree_name = read_trees(spec, root)
+    checked, check_findings = check(spec, forests_by_tree_name)
     return _SpecAfterCheck(
         spec=spec,
         checked=None if has_errors(load_findings) else checked,
-        tree_files=tuple(files_read(spec, trees)),
+        tree_files=tuple(named_tree_files(spec, forests_by_tree_name)),
         diagnostics=(*load_findings, *check_findings),
     )
 
@@ -245,7 +245,7 @@ def _emit(plans: Iterable[BuildPlan], timings: Timings) -> Mapping[str, str]:
 
 def _spec_files(request: _Request, specs: Iterable[_SpecAfterPlan]) -> tuple[str, ...]:
     """Return the files of the specs and of the parts that they include."""
-    included_files = (file for planned in specs if planned.spec is not None for file in planned.spec.files)
+    included_files = (file for spec in specs if spec.spec is not None for file in spec.spec.files)
     return tuple(sorted({*request.specs, *included_files}))
 
 
@@ -256,12 +256,12 @@ def _part_files(files: Files) -> Iterator[str]:
 
 def _tree_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
     """Return the files of behaviour trees that specs name."""
-    return {file for planned in specs for file in planned.tree_files}
+    return {file for spec in specs for file in spec.tree_files}
 
 
 def _module_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
     """Return the files of Python modules that specs name."""
-    return {file for planned in specs if planned.spec is not None for file in planned.spec.modules}
+    return {file for spec in specs if spec.spec is not None for file in spec.spec.modules}
 
 
 def _same_names(specs: Iterable[Spec]) -> Iterator[Diagnostic]:

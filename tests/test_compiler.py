@@ -13,7 +13,7 @@ import pytest
 
 from codra_dsl.compiler import Compilation, compile_paths
 from codra_dsl.generation.emit.self_check import BrokenOutputError
-from codra_dsl.generation.output import Change, freshness, stale_finding, write
+from codra_dsl.generation.output import Change, drift_finding, freshness, write
 from codra_dsl.language.project import project_of, root_of
 
 DOOR = """\
@@ -205,7 +205,7 @@ def test_a_drift_shows_the_present_and_the_expected_text(project: Path) -> None:
         '-            Identify("door_open", value("gap") > 0.5, perception),',
         '+            Identify("door_open", value("gap") > 0.4, perception),',
     ]
-    assert stale_finding(drift).code == "CDR6003"
+    assert drift_finding(drift).code == "CDR6003"
 
 
 def test_names_that_begin_with_a_dot_are_left_alone(project: Path) -> None:

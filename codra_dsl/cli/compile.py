@@ -134,10 +134,10 @@ def _compile_or_recall(
 
 def _compare_output(compilation: Compilation, folder: Path) -> _OutputResult:
     """Return the difference between the output folder and the compiled files. Write nothing."""
-    from codra_dsl.generation.output import freshness, stale_finding
+    from codra_dsl.generation.output import drift_finding, freshness
 
     comparison = freshness(compilation.files, folder, compilation.covered)
-    findings = (*comparison.diagnostics, *map(stale_finding, comparison.drifts))
+    findings = (*comparison.diagnostics, *map(drift_finding, comparison.drifts))
     return _OutputResult(diagnostics=findings, diff="".join(drift.diff for drift in comparison.drifts))
 
 

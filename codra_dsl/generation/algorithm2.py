@@ -98,31 +98,31 @@ class _Outline:
 
 def _outlines(checked: CheckedSpec) -> Mapping[str, _Outline]:
     """Return, for each variable that has a perception algorithm, the outline of its tree (line 15)."""
-    groups_of_variables = {
+    group_by_variable = {
         variable: group for group in _alternatives(checked) for variable in _identified_variables(checked, group)
     }
     outlines: dict[str, _Outline] = {}
     for setting in checked.spec.observers:
-        variables = [reference.name for reference in setting.identifies if reference.name in groups_of_variables]
-        groups = tuple(dict.fromkeys(groups_of_variables[name] for name in variables))
+        variables = [reference.name for reference in setting.identifies if reference.name in group_by_variable]
+        groups = tuple(dict.fromkeys(group_by_variable[name] for name in variables))
         outline = _Outline(groups=groups, setting=setting)
         outlines |= {name: outline for group in groups for name in _identified_variables(checked, group)}
-    single_group_outlines = {group: _Outline(groups=(group,), setting=None) for group in groups_of_variables.values()}
-    return {name: single_group_outlines[group] for name, group in groups_of_variables.items()} | outlines
+    single_group_outlines = {group: _Outline(groups=(group,), setting=None) for group in group_by_variable.values()}
+    return {name: single_group_outlines[group] for name, group in group_by_variable.items()} | outlines
 
 
 def _alternatives(checked: CheckedSpec) -> list[tuple[str, ...]]:
     """Return groups of algorithms that share variables. Each group is in order of rank, then of name."""
-    sharing_algorithms: dict[str, list[str]] = {name: [] for name in checked.algorithms}
+    algorithms_with_shared_variables: dict[str, list[str]] = {name: [] for name in checked.algorithms}
     for names in checked.producers.values():
         for one, other in pairwise(names):
-            sharing_algorithms[one].append(other)
-            sharing_algorithms[other].append(one)
+            algorithms_with_shared_variables[one].append(other)
+            algorithms_with_shared_variables[other].append(one)
     groups: dict[str, tuple[str, ...]] = {}
     for name in checked.algorithms:
         if name not in groups:
             group = sorted(
-                graph.closure(sharing_algorithms, [name]),
+                graph.closure(algorithms_with_shared_variables, [name]),
                 key=lambda algorithm: (checked.algorithms[algorithm].algorithm.rank, algorithm),
             )
             groups |= dict.fromkeys(group, tuple(group))
@@ -156,7 +156,7 @@ def _add_perception_behaviour(checked: CheckedSpec, name: str) -> Branch:
     return Branch(
         algorithm=checked.algorithms[name],
         constant=python_name(name.upper(), MODULE_NAMES),
-        local=python_name(name.lower(), MODULE_NAMES),
+        local_name=python_name(name.lower(), MODULE_NAMES),
     )
 
 

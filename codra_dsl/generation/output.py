@@ -35,7 +35,7 @@ RULES = rules(
 )
 
 
-def about_output(rule: str, path: str, message: str, *, help: str) -> Diagnostic:
+def output_finding(rule: str, path: str, message: str, *, help: str) -> Diagnostic:
     """Return a finding about a file or folder of the output."""
     return Diagnostic(rule=RULES[rule], message=message, place=Place(Span(path, 1, 1, 1, 1)), path=path, help=help)
 
@@ -79,10 +79,10 @@ class Written:
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
-def stale_finding(drift: Drift) -> Diagnostic:
+def drift_finding(drift: Drift) -> Diagnostic:
     """Return the finding that reports a drift to tools."""
     message = f"'{drift.path}' does not match the specs: {drift.change.value}"
-    return about_output("stale-output", drift.path, message, help="renew it with 'codra compile'")
+    return output_finding("stale-output", drift.path, message, help="renew it with 'codra compile'")
 
 
 @paused_collector()
@@ -145,14 +145,14 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
     if refusals:
         return Written(diagnostics=refusals)
     orphans = _orphans(files, out, covered)
-    changed = {path: text for path, text in sorted(files.items()) if _bytes(out / path) != text.encode()}
-    prove(changed)
+    changed_files = {path: text for path, text in sorted(files.items()) if _bytes(out / path) != text.encode()}
+    prove(changed_files)
     try:
-        _replace(changed, out)
+        _replace(changed_files, out)
         _remove(orphans, out)
     except OSError as error:
         return Written(diagnostics=(_unwritable(error, out),))
-    return Written(changed=tuple(changed), removed=tuple(orphans))
+    return Written(changed=tuple(changed_files), removed=tuple(orphans))
 
 
 # ---------------------------------------------------------------------------------------------------- ownership
@@ -174,7 +174,7 @@ def _refusal(folder: Path, out: Path) -> Diagnostic:
     reason = "is not a folder" if folder.exists() and not folder.is_dir() else "holds files that codra did not make"
     reason = "is a link" if folder.is_symlink() else reason
     help = "choose another folder with --out, or move its contents away"
-    return about_output(
+    return output_finding(
         "foreign-folder", shown_path, f"'{shown_path}' {reason}, so nothing is written there", help=help
     )
 
@@ -279,8 +279,8 @@ def _replace(files: Mapping[str, str], out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=out) as staging:
         staged_files = {path: Path(staging) / str(number) for number, path in enumerate(files)}
-        for path, temporary in staged_files.items():
-            temporary.write_bytes(files[path].encode())
+        for path, temporary_file in staged_files.items():
+            temporary_file.write_bytes(files[path].encode())
         for path in sorted(files, key=lambda path: (not path.endswith(MANIFEST), path)):
             (out / path).parent.mkdir(exist_ok=True)
             staged_files[path].replace(out / path)
@@ -307,6 +307,6 @@ def _unwritable(error: OSError, out: Path) -> Diagnostic:
         else shown_path.as_posix()
     )
     message = f"cannot write '{path}': {error.strerror}"
-    return about_output(
+    return output_finding(
         "cannot-write", path, message, help="check the permissions, or choose another folder with --out"
     )

@@ -65,14 +65,14 @@ class HasSpans(Protocol):
 class _LazyPlace:
     """Computes the span of a place on first access, because the spans of most places are never used."""
 
-    __slots__ = ("_range",)
-    _range: tuple[HasSpans, int, int]
+    __slots__ = ("_text_range",)
+    _text_range: tuple[HasSpans, int, int]
 
     def __getattr__(self, name: str) -> object:
         """Fill the slot `span`. Python calls this method only while the slot is empty."""
         if name != "span":
             raise AttributeError(name)
-        text, start, end = self._range
+        text, start, end = self._text_range
         span = text.span(start, end)
         object.__setattr__(self, "span", span)
         return span
@@ -89,7 +89,7 @@ class Place(_LazyPlace):
 def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
     """Return the place of a range of a text; its span is computed on first access."""
     place = object.__new__(Place)
-    object.__setattr__(place, "_range", (text, start, end))
+    object.__setattr__(place, "_text_range", (text, start, end))
     object.__setattr__(place, "use", use)
     return place
 
@@ -230,22 +230,22 @@ def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ..
 
     The merged finding lists the other uses.
     """
-    same: dict[object, list[Diagnostic]] = {}
+    groups: dict[object, list[Diagnostic]] = {}
     counts_in_use: Counter[object] = Counter()
     for diagnostic in diagnostics:
         key: object = diagnostic
         if diagnostic.place.use is not None:  # several findings of the same use at the same place stay separate
             counts_in_use[diagnostic.code, diagnostic.place] += 1
             key = diagnostic.code, diagnostic.place.span, counts_in_use[diagnostic.code, diagnostic.place]
-        same.setdefault(key, []).append(diagnostic)
-    return tuple(_with_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in same.values())
+        groups.setdefault(key, []).append(diagnostic)
+    return tuple(_merge_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in groups.values())
 
 
-def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
-    finding_of_use = {
+def _merge_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
+    finding_by_use = {
         diagnostic.place.use: diagnostic for diagnostic in others if diagnostic.place.use != first.place.use
     }
-    listed_findings = list(finding_of_use.values())[:MAX_LISTED_USES]
+    listed_findings = list(finding_by_use.values())[:MAX_LISTED_USES]
     related = tuple(Related(f"in another use: {finding.message}", finding.place) for finding in listed_findings)
     return replace(first, related=first.related + related, use_findings=(first, *others)) if related else first
 
@@ -271,39 +271,43 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
     limit = max(1, len(name) // 3)
     similar = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
     similar.sort(key=lambda other: (other[:1] != name[:1], other))
-    wanted, best = name.casefold(), None
+    folded_name, best_candidate = name.casefold(), None
     for other in similar[:MAX_CANDIDATES]:
-        distance = _distance(wanted, other.casefold(), limit)
+        distance = _distance(folded_name, other.casefold(), limit)
         if distance <= limit:
-            best, limit = other, distance - 1  # only a nearer candidate can still replace this one
+            best_candidate, limit = other, distance - 1  # only a nearer candidate can still replace this one
         if limit < 0:
             break
-    return best
+    return best_candidate
 
 
-def surely_means(name: str, near: str, candidates: Iterable[str]) -> bool:
-    """Return whether a misspelt name almost certainly means `near`, so that a tool may correct it.
+def surely_means(name: str, suggestion: str, candidates: Iterable[str]) -> bool:
+    """Return whether a misspelt name almost certainly means `suggestion`, so that a tool may correct it.
 
     Either the two names differ only in case or underscores. Or they differ in one word of at least four letters, by one
     typing error (by up to two if the word has at least eight letters), and not in a digit. In both cases, no other
     candidate may be about as similar.
     """
-    if not is_slip(name, near):
+    if not is_slip(name, suggestion):
         return False
-    wanted, limit = name.casefold(), _distance(name.casefold(), near.casefold(), len(near)) + 1
-    others = [other for other in set(candidates) if other not in (name, near) and abs(len(other) - len(name)) <= limit]
-    return len(others) <= MAX_CANDIDATES and all(_distance(wanted, other.casefold(), limit) > limit for other in others)
+    folded_name, limit = name.casefold(), _distance(name.casefold(), suggestion.casefold(), len(suggestion)) + 1
+    others = [
+        other for other in set(candidates) if other not in (name, suggestion) and abs(len(other) - len(name)) <= limit
+    ]
+    return len(others) <= MAX_CANDIDATES and all(
+        _distance(folded_name, other.casefold(), limit) > limit for other in others
+    )
 
 
-def is_slip(name: str, near: str) -> bool:
+def is_slip(name: str, suggestion: str) -> bool:
     """Return whether two names differ so little that one is probably a misspelling of the other."""
-    if max(len(name), len(near)) > MAX_SUGGESTED_LENGTH:
+    if max(len(name), len(suggestion)) > MAX_SUGGESTED_LENGTH:
         return False
-    left, right = (_APART.split(text.casefold()) for text in (name, near))
+    left, right = (_APART.split(text.casefold()) for text in (name, suggestion))
     if "".join(left) == "".join(right):
         return True
     different = [(one, other) for one, other in zip(left, right, strict=False) if one != other]
-    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(near):
+    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(suggestion):
         return False
     one, other = different[0]
     slips = 1 if len(other) < _LONG_WORD else 2

@@ -56,7 +56,7 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
     Among cycles of the same length, the one that is reached first from the least name is returned. The path begins with
     its least name. On graphs with very many cycles, the search is bounded by MAX_VISITS.
     """
-    itself = min((name for name, wanted in needs.items() if name in wanted), default=None)
+    itself = min((name for name, needed_names in needs.items() if name in needed_names), default=None)
     if itself is not None:
         return (itself,)
     graph = _directed(needs)
@@ -88,7 +88,7 @@ def _directed(needs: Needs) -> nx.DiGraph[str]:
 
     graph: nx.DiGraph[str] = nx.DiGraph()
     graph.add_nodes_from(needs)
-    graph.add_edges_from((name, need) for name, wanted in needs.items() for need in wanted)
+    graph.add_edges_from((name, need) for name, needed_names in needs.items() for need in needed_names)
     return graph
 
 

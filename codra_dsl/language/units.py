@@ -212,16 +212,18 @@ def suggest_unit(text: str) -> str | None:
     if len(text) > MAX_UNIT_LENGTH:
         return None
     pieces = re.split(r"([*/])", _POWER.sub(r"\1\2\1\2", "".join(text.split())))
-    nearest = [piece if piece in ("*", "/", "1") else _nearest(piece) for piece in pieces]
-    suggestion = "".join(piece for piece in nearest if piece is not None)
-    return suggestion if None not in nearest and suggestion != text and parse_unit(suggestion) is not None else None
+    nearest_pieces = [piece if piece in ("*", "/", "1") else _nearest_unit(piece) for piece in pieces]
+    suggestion = "".join(piece for piece in nearest_pieces if piece is not None)
+    return (
+        suggestion if None not in nearest_pieces and suggestion != text and parse_unit(suggestion) is not None else None
+    )
 
 
 def units_help(text: str) -> str:
     """Return the help for a text that is not a unit."""
-    near = suggest_unit(text)
+    suggestion = suggest_unit(text)
     known = f"units are {', '.join(UNITS)}, and their products and quotients; for anything else omit the unit"
-    return f"did you mean '{near}'?" if near else known
+    return f"did you mean '{suggestion}'?" if suggestion else known
 
 
 @lru_cache(maxsize=1024)
@@ -262,10 +264,10 @@ def duration_help(text: str, most: str = "finite") -> str:
     if parse_quantity(text) is not None:
         return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations_help(most)
     number = re.match(rf"\s*({NUMBER_TEXT})\s*(.*)", text, re.DOTALL)
-    near = suggest_unit(number[2].rstrip()) if number else None
-    unit = parse_unit(near) if near else None
+    suggestion = suggest_unit(number[2].rstrip()) if number else None
+    unit = parse_unit(suggestion) if suggestion else None
     if number and unit and unit.dimension == _SECOND:
-        return f"did you mean '{number[1]} {near}'?"
+        return f"did you mean '{number[1]} {suggestion}'?"
     if number and unit and (unit.dimension * _SECOND) == ONE.dimension and float(number[1]) > 0:
         return f"a duration is a time: did you mean '{1 / (float(number[1]) * float(unit.factor)):g} s'?"
     if number and not number[2]:
@@ -276,8 +278,8 @@ def duration_help(text: str, most: str = "finite") -> str:
 
 
 def _durations_help(most: str) -> str:
-    known = "a duration is a number with ms, s, min or h, such as '500 ms'"
-    return f"{known}, or 'forever'" if most == "forever" else known
+    help_text = "a duration is a number with ms, s, min or h, such as '500 ms'"
+    return f"{help_text}, or 'forever'" if most == "forever" else help_text
 
 
 @lru_cache(maxsize=1024)
@@ -300,7 +302,7 @@ def ratio(source: Unit, target: Unit) -> float:
     return convert(1, source, target)
 
 
-def _nearest(piece: str) -> str | None:
+def _nearest_unit(piece: str) -> str | None:
     if piece in UNITS:
         return piece
     small = piece.casefold()
@@ -317,5 +319,5 @@ def _nearest(piece: str) -> str | None:
 
 def _unit_with_name(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:
     """Return a unit; if it equals a unit in `UNITS`, the result has the name of that unit."""
-    plain = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
-    return next((unit for unit in UNITS.values() if unit == plain), plain)
+    unnamed_unit = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
+    return next((unit for unit in UNITS.values() if unit == unnamed_unit), unnamed_unit)

@@ -63,7 +63,7 @@ def tree_of(c_i: str, spec: CheckedSpec) -> tuple[set[str], frozenset[str]]:
         algorithms, variables = spread, together
 
 
-def some(names: list[str], most: int) -> st.SearchStrategy[list[str]]:
+def name_lists(names: list[str], most: int) -> st.SearchStrategy[list[str]]:
     no_names: st.SearchStrategy[list[str]] = st.just([])
     return st.lists(st.sampled_from(names), unique=True, max_size=most) if names else no_names
 
@@ -76,8 +76,8 @@ def specs(draw: st.DrawFn) -> CheckedSpec:
     algorithms, settings = list[Pi](), list[ObserverSetting]()
     for group in range(count):
         variables = [f"v{group}_{number}" for number in range(draw(st.integers(1, 3)))]
-        feedback = draw(some([f"v{other}_0" for other in range(group, count)], 1))
-        needs = draw(some(earlier, 3))
+        feedback = draw(name_lists([f"v{other}_0" for other in range(group, count)], 1))
+        needs = draw(name_lists(earlier, 3))
         first = Pi(name=f"pi_{group}_1", identifies=variables, needs=needs, given=feedback, feedback=feedback)
         algorithms.append(first)
         joined = draw(st.booleans())
@@ -86,11 +86,13 @@ def specs(draw: st.DrawFn) -> CheckedSpec:
             variables = [*variables, f"w{group}"]
         for rank in range(2, 2 if joined else 2 + draw(st.integers(0, 2))):
             fewer = draw(st.lists(st.sampled_from(variables), unique=True, min_size=1))
-            algorithms.append(Pi(name=f"pi_{group}_{rank}", identifies=fewer, needs=draw(some(earlier, 2)), rank=rank))
+            algorithms.append(
+                Pi(name=f"pi_{group}_{rank}", identifies=fewer, needs=draw(name_lists(earlier, 2)), rank=rank)
+            )
         if joined or draw(st.booleans()):
             settings.append(setting(f"tree_{group}", *variables))
         earlier += variables
-    wanted = some(earlier, 3)
+    wanted = name_lists(earlier, 3)
     skills = [skill(f"skill_{number}", draw(wanted), draw(wanted)) for number in range(draw(st.integers(0, 2)))]
     return checked_spec(draw(st.permutations(algorithms)), skills=skills, observers=settings)
 
@@ -381,7 +383,7 @@ def with_functions_of_one_name(made: BuildPlan) -> BuildPlan:
 
 def with_local_of_one_name(made: BuildPlan) -> BuildPlan:
     (group,) = tree_named(made, "lid").groups
-    return changed(made, "lid", groups=(tuple(replace(branch, local="same") for branch in group),))
+    return changed(made, "lid", groups=(tuple(replace(branch, local_name="same") for branch in group),))
 
 
 def with_class_that_hides(made: BuildPlan) -> BuildPlan:

@@ -26,10 +26,12 @@ def distance(left: str, right: str) -> int:
 
 @given(NAMES, st.sets(NAMES, max_size=12))
 def test_the_nearest_name_is_suggested_and_the_first_letter_breaks_ties(name: str, others: set[str]) -> None:
-    near = [(distance(name, other), other[:1] != name[:1], other) for other in others - {name}]
-    best = min((candidate for candidate in near if candidate[0] <= max(1, len(name) // 3)), default=(0, False, None))
+    candidates = [(distance(name, other), other[:1] != name[:1], other) for other in others - {name}]
+    best_candidate = min(
+        (candidate for candidate in candidates if candidate[0] <= max(1, len(name) // 3)), default=(0, False, None)
+    )
 
-    assert suggest(name, others) == best[2]
+    assert suggest(name, others) == best_candidate[2]
 
 
 def test_a_name_that_differs_only_in_case_is_suggested() -> None:

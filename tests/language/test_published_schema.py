@@ -31,9 +31,9 @@ TABLES = {
 }
 
 
-def resolve(part: dict[str, Any]) -> dict[str, Any]:
+def resolve(subschema: dict[str, Any]) -> dict[str, Any]:
     """Return a part as an editor sees it, with its reference resolved."""
-    return DEFINITIONS.get(part.get("$ref", "").rpartition("/")[2], {}) | part
+    return DEFINITIONS.get(subschema.get("$ref", "").rpartition("/")[2], {}) | subschema
 
 
 def annotated(part: object) -> Iterator[dict[str, Any]]:

@@ -24,9 +24,9 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
         (branch.algorithm for tree in trees for branch in tree.branches), key=lambda algorithm: algorithm.name
     )
     skills = sorted(checked.spec.skills, key=lambda skill: skill.name)
-    parts = chain(map(_run_edges, trees), map(_perception_edges, algorithms), map(_decision_edges, skills))
+    edge_groups = chain(map(_run_edges, trees), map(_perception_edges, algorithms), map(_decision_edges, skills))
     knowledge_edges = [] if checked.knowledge is None else list(_knowledge_edges(checked.knowledge))
-    edges = (*knowledge_edges, *chain.from_iterable(parts))
+    edges = (*knowledge_edges, *chain.from_iterable(edge_groups))
     edges = edges if checked.mape is None else (*edges, *loop_edges(checked.mape))
     variables = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
     pose_edges = [edge for name in checked.poses if name in variables for edge in _pose_edges(checked, name)]
@@ -42,17 +42,17 @@ def _run_edges(tree: Tree) -> list[Edge]:
 
 def _perception_edges(algorithm: CheckedAlgorithm) -> list[Edge]:
     source = Node(NodeKind.PERCEPTION, algorithm.name)
-    identified = [variable for variable, _ in algorithm.identifies]
+    identified_variables = [variable for variable, _ in algorithm.identifies]
     return [
         *_edges(source, EdgeKind.FEEDBACK, NodeKind.CONTEXT, algorithm.feedback),
-        *_edges(source, EdgeKind.IDENTIFIES, NodeKind.CONTEXT, identified),
+        *_edges(source, EdgeKind.IDENTIFIES, NodeKind.CONTEXT, identified_variables),
         *_edges(source, EdgeKind.REQUIRES, NodeKind.CONTEXT, algorithm.waits_for),
     ]
 
 
 def _decision_edges(skill: Skill) -> list[Edge]:
-    monitored = (expectation.variable for expectation in skill.monitor)
-    names = [reference.name for reference in (*skill.preview, *monitored)]
+    monitored_variables = (expectation.variable for expectation in skill.monitor)
+    names = [reference.name for reference in (*skill.preview, *monitored_variables)]
     return _edges(Node(NodeKind.SKILL, skill.name), EdgeKind.DECIDES_ON, NodeKind.CONTEXT, names)
 
 
@@ -78,15 +78,15 @@ def _knowledge_edges(knowledge: CheckedKnowledge) -> Iterator[Edge]:
     """
     world = knowledge.world
     types = frozenset(node_type_names(world))
-    executed, requested = _tasks_of_agents(world)
+    tasks_by_executor, tasks_by_requester = _tasks_of_agents(world)
     agents = {agent.name: agent for agent in knowledge.agents}
     for name in sorted(agents):
         source, agent = Node(NodeKind.AGENT, name), agents[name]
-        executed_tasks, requested_tasks = executed.get(name, ()), requested.get(name, ())
+        executed_tasks, requested_tasks = tasks_by_executor.get(name, ()), tasks_by_requester.get(name, ())
         yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TASK, executed_tasks)
         yield from _element_edges(source, EdgeKind.OWNS, agent.owns, types)
         yield from _element_edges(
-            source, EdgeKind.READS, _read_elements(agent, {*executed_tasks, *requested_tasks}), types
+            source, EdgeKind.READS, _elements_read_by_agent(agent, {*executed_tasks, *requested_tasks}), types
         )
         yield from _edges(source, EdgeKind.REQUESTS, NodeKind.TASK, requested_tasks)
     for name in sorted(world.edges):
@@ -105,16 +105,16 @@ def node_type_names(world: DeclaredGraph) -> tuple[str, ...]:
 
 def _tasks_of_agents(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
     """Return the tasks that each agent executes, and the tasks that it may request. The keys are the agents' names."""
-    executed: dict[str, list[str]] = {}
-    requested: dict[str, list[str]] = {}
+    tasks_by_executor: dict[str, list[str]] = {}
+    tasks_by_requester: dict[str, list[str]] = {}
     for task in world.tasks.values():
-        executed.setdefault(task.by.name, []).append(task.name)
+        tasks_by_executor.setdefault(task.by.name, []).append(task.name)
         for requester in task.requesters:
-            requested.setdefault(requester.name, []).append(task.name)
-    return executed, requested
+            tasks_by_requester.setdefault(requester.name, []).append(task.name)
+    return tasks_by_executor, tasks_by_requester
 
 
-def _read_elements(agent: CheckedAgent, tasks: Collection[str]) -> list[KnowledgeElement]:
+def _elements_read_by_agent(agent: CheckedAgent, tasks: Collection[str]) -> list[KnowledgeElement]:
     """Return the elements that an agent reads, without those that it knows in any case: what it owns, and its tasks."""
     known_elements = {(element.section, element.name) for element in agent.owns} | {("tasks", name) for name in tasks}
     return [element for element in agent.reads if (element.section, element.name) not in known_elements]
@@ -127,6 +127,6 @@ def _element_edges(
     source: Node, kind: EdgeKind, elements: Iterable[KnowledgeElement], types: Collection[str]
 ) -> list[Edge]:
     """Return the edges from an agent to some elements; for an attribute, the edge leads to the element that has it."""
-    visible_elements = (element for element in elements if element.section != "types" or element.name in types)
-    targets = {Node(_KINDS[element.section], element.name) for element in visible_elements}
+    elements_with_node = (element for element in elements if element.section != "types" or element.name in types)
+    targets = {Node(_KINDS[element.section], element.name) for element in elements_with_node}
     return [Edge(source, target, kind) for target in sorted(targets)]

@@ -29,10 +29,10 @@ def verify(plan: BuildPlan, checked: CheckedSpec) -> None:
 
 def _no_duplicates(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """Each tree, algorithm and variable occurs only once and is declared."""
-    yield from _duplicates("tree", (tree.name.casefold() for tree in plan.forest))
-    yield from _duplicates("algorithm", (branch.name for tree in plan.forest for branch in tree.branches))
-    yield from _duplicates("variable in trees", (name for tree in plan.forest for name in tree.identifies))
-    yield from _duplicates("variable in force", plan.in_force)
+    yield from _duplicate_problems("tree", (tree.name.casefold() for tree in plan.forest))
+    yield from _duplicate_problems("algorithm", (branch.name for tree in plan.forest for branch in tree.branches))
+    yield from _duplicate_problems("variable in trees", (name for tree in plan.forest for name in tree.identifies))
+    yield from _duplicate_problems("variable in force", plan.in_force)
     yield from (f"{name} is not declared" for name in plan.in_force if name not in checked.variables)
     for tree in plan.forest:
         undeclared_algorithms = [
@@ -45,24 +45,25 @@ def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iter
     """For each variable in force, a tree with all its algorithms identifies it, or the variable has another source."""
     producers = {name: {branch.name for branch in tree.branches} for tree in plan.forest for name in tree.identifies}
     for name in plan.in_force:
-        missing = set(checked.producers.get(name, ())) - producers.get(name, set())
-        yield from (f"{name} is in force, but its trees lack {algorithm}" for algorithm in sorted(missing))
-        other_sources = (
+        missing_algorithms = set(checked.producers.get(name, ())) - producers.get(name, set())
+        yield from (f"{name} is in force, but its trees lack {algorithm}" for algorithm in sorted(missing_algorithms))
+        source_names = (
             {source.name for source in checked.variables[name].sources} if name in checked.variables else set()
         )
-        if name not in producers and other_sources <= {"observer"}:
+        if name not in producers and source_names <= {"observer"}:
             yield f"{name} is in force, but no tree identifies it and it names no other source"
 
 
 def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """The variables in force are exactly those that the decisions reach through the needs and results of algorithms."""
-    trees_of_variables = {name: tree for tree in plan.forest for name in tree.identifies}
-    needs = {name: (*tree.identifies, *tree.needs) for name, tree in trees_of_variables.items()}
-    reached = set(graph.closure(needs, checked.decisions))
-    yield from (f"{name} is needed but not in force" for name in sorted(reached - set(plan.in_force)))
-    yield from (f"{name} is in force but not needed" for name in sorted(set(plan.in_force) - reached))
+    tree_by_variable = {name: tree for tree in plan.forest for name in tree.identifies}
+    needs = {name: (*tree.identifies, *tree.needs) for name, tree in tree_by_variable.items()}
+    reached_variables = set(graph.closure(needs, checked.decisions))
+    yield from (f"{name} is needed but not in force" for name in sorted(reached_variables - set(plan.in_force)))
+    yield from (f"{name} is in force but not needed" for name in sorted(set(plan.in_force) - reached_variables))
     yield from (
-        f"tree {trees_of_variables[name].name} is not needed" for name in sorted(set(trees_of_variables) - reached)
+        f"tree {tree_by_variable[name].name} is not needed"
+        for name in sorted(set(tree_by_variable) - reached_variables)
     )
 
 
@@ -84,7 +85,7 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
             yield from (f"tree {tree.name} is not in order of rank" for _ in [0] if ranks != sorted(ranks))
 
 
-def _joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
+def _trees_joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """Trees are joined only if `observers` names their variables together and their conditions are equal.
 
     A tree with a setting in `observers` has its name; any other tree has the name of its first algorithm.
@@ -103,22 +104,25 @@ def _joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iterator[s
 
 def _guards(branch: Branch) -> frozenset[str]:
     """Return the conditions under which an algorithm runs, as a set."""
-    given = (f"known({reference.name})" for reference in branch.algorithm.algorithm.given)
-    return frozenset(chain((condition.python for condition in branch.algorithm.observable_when), given))
+    known_conditions = (f"known({reference.name})" for reference in branch.algorithm.algorithm.given)
+    return frozenset(chain((condition.python for condition in branch.algorithm.observable_when), known_conditions))
 
 
 def _needed_trees_come_first(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
     """A tree comes after each tree that it needs, unless the two need each other (feedback)."""
-    tree_names = {name: tree.name for tree in plan.forest for name in tree.identifies}
-    needs = {tree.name: [tree_names[name] for name in tree.needs if name in tree_names] for tree in plan.forest}
+    tree_name_by_variable = {name: tree.name for tree in plan.forest for name in tree.identifies}
+    needs = {
+        tree.name: [tree_name_by_variable[name] for name in tree.needs if name in tree_name_by_variable]
+        for tree in plan.forest
+    }
     earlier_trees: set[str] = set()
-    early_needs: list[tuple[str, str]] = []
+    unmet_needs: list[tuple[str, str]] = []
     for tree in plan.forest:
-        early_needs += [(tree.name, need) for need in needs[tree.name] if need not in earlier_trees]
+        unmet_needs += [(tree.name, need) for need in needs[tree.name] if need not in earlier_trees]
         earlier_trees.add(tree.name)
-    cycles = graph.strong_components(needs) if early_needs else ()
+    cycles = graph.strong_components(needs) if unmet_needs else ()
     cycle_indices = {name: index for index, names in enumerate(cycles) for name in names}
-    for name, need in early_needs:
+    for name, need in unmet_needs:
         if need not in cycle_indices or cycle_indices[need] != cycle_indices.get(name):
             yield f"tree {name} comes before {need}, which it needs"
 
@@ -128,10 +132,10 @@ def _names_are_python(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
 
     Module names are unique even on disks that ignore case.
     """
-    taken = entry_names(checked.spec)
+    taken_names = entry_names(checked.spec)
     trees = {tree.name: tree for tree in plan.forest}
-    yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], taken)
-    yield from _duplicates("module", (module.name.casefold() for module in plan.modules))
+    yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], taken_names)
+    yield from _duplicate_problems("module", (module.name.casefold() for module in plan.modules))
     for module in plan.modules:
         module_trees = [trees[name] for name in module.trees if name in trees]
         algorithm_constants = [branch.constant for tree in module_trees for branch in tree.branches]
@@ -139,24 +143,26 @@ def _names_are_python(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
             module.name, algorithm_constants + [tree.function for tree in module_trees], MODULE_NAMES
         )
     for tree in plan.forest:
-        yield from _python_names(tree.name, [branch.local for branch in tree.branches], MODULE_NAMES)
+        yield from _python_names(tree.name, [branch.local_name for branch in tree.branches], MODULE_NAMES)
 
 
-def _python_names(where: str, names: list[str], taken: frozenset[str]) -> Iterator[str]:
-    yield from _duplicates(f"name in {where}", names)
+def _python_names(where: str, names: list[str], taken_names: frozenset[str]) -> Iterator[str]:
+    yield from _duplicate_problems(f"name in {where}", names)
     for name in names:
-        if not (name.isidentifier() and name.isascii() and (name.endswith("_") or python_name(name, taken) == name)):
+        if not (
+            name.isidentifier() and name.isascii() and (name.endswith("_") or python_name(name, taken_names) == name)
+        ):
             yield f"{name!r} is not a valid name for {where}"
 
 
 def _everything_has_a_module(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """Every declared variable and skill, and every tree, is in exactly one module."""
-    expected = {
+    expected_names = {
         "variables": list(checked.variables),
         "trees": [tree.name for tree in plan.forest],
         "skills": [skill.name for skill in checked.spec.skills],
     }
-    for section, names in expected.items():
+    for section, names in expected_names.items():
         placed_names = sorted(chain.from_iterable(getattr(module, section) for module in plan.modules))
         if placed_names != sorted(names):
             yield f"modules hold the {section} {placed_names}, not {sorted(names)}"
@@ -168,12 +174,12 @@ def _edges_are_those_of_the_forest(plan: BuildPlan, checked: CheckedSpec) -> Ite
         yield "the dependency graph is not that of the forest"
 
 
-def _duplicates(what: str, names: Iterable[str]) -> Iterator[str]:
-    seen: set[str] = set()
+def _duplicate_problems(noun: str, names: Iterable[str]) -> Iterator[str]:
+    seen_names: set[str] = set()
     for name in names:
-        if name in seen:
-            yield f"{what} {name} occurs twice"
-        seen.add(name)
+        if name in seen_names:
+            yield f"{noun} {name} occurs twice"
+        seen_names.add(name)
 
 
 _RULES: tuple[Callable[[BuildPlan, CheckedSpec], Iterator[str]], ...] = (
@@ -181,7 +187,7 @@ _RULES: tuple[Callable[[BuildPlan, CheckedSpec], Iterator[str]], ...] = (
     _every_variable_has_an_origin,
     _least_closed_set,
     _trees_fit_their_algorithms,
-    _joined_only_on_request,
+    _trees_joined_only_on_request,
     _needed_trees_come_first,
     _names_are_python,
     _everything_has_a_module,

@@ -36,13 +36,13 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Iterable[str])
 
 def _stage_edges(kind: NodeKind, stage: CheckedStage, metrics: frozenset[str]) -> Iterator[Edge]:
     for output, block in zip(stage.outputs, stage.engine.blocks, strict=True):
-        read_names = {proposition.variable for rule in block.rules for proposition in propositions(rule.antecedent)}
-        yield from _read_edges(Node(kind, output.output.name), read_names, metrics)
+        input_names = {proposition.variable for rule in block.rules for proposition in propositions(rule.antecedent)}
+        yield from _input_edges(Node(kind, output.output.name), input_names, metrics)
 
 
 def _adaptation_edges(checked: CheckedAdaptation, metrics: frozenset[str]) -> Iterator[Edge]:
     source, does = Node(NodeKind.ADAPTATION, checked.name), checked.adaptation.does
-    yield from _read_edges(source, checked.reads, metrics)
+    yield from _input_edges(source, checked.reads, metrics)
     if isinstance(does, Parameter):
         yield from _edges(source, EdgeKind.SETS, NodeKind.CONTEXT, (does.variable.name,))
     elif isinstance(does, Course):
@@ -50,7 +50,7 @@ def _adaptation_edges(checked: CheckedAdaptation, metrics: frozenset[str]) -> It
         yield from _edges(source, EdgeKind.SWITCHES, NodeKind.TREE, (does.within.name,))
 
 
-def _read_edges(source: Node, names: Iterable[str], metrics: frozenset[str]) -> Iterator[Edge]:
+def _input_edges(source: Node, names: Iterable[str], metrics: frozenset[str]) -> Iterator[Edge]:
     for name in names:
         target = Node(NodeKind.METRIC if name in metrics else NodeKind.CONTEXT, name)
         yield Edge(source, target, EdgeKind.READS)

@@ -26,27 +26,27 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
     A tree, with all its algorithms, is in the module in which its first algorithm is declared.
     """
     spec, contents = checked.spec, dict[str, _Contents]()
-    taken = entry_names(spec)
+    taken_names = entry_names(spec)
 
-    def module_of(section: str, name: str, place: Place) -> _Contents:
+    def declaring_module(section: str, name: str, place: Place) -> _Contents:
         """Return the module in which an element is declared."""
-        module = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
+        module = contents.setdefault(module_name(spec.origins[section, name], taken_names), _Contents())
         module.files |= {place.span.file} if place.use is None else set()
         return module
 
     for variable in spec.context:
-        module_of("context", variable.name, variable.place).variables.append(variable.name)
+        declaring_module("context", variable.name, variable.place).variables.append(variable.name)
     for tree in forest:
         algorithm = tree.branches[0].algorithm.algorithm
-        module_of("perception", algorithm.name, algorithm.place).trees.append(tree.name)
+        declaring_module("perception", algorithm.name, algorithm.place).trees.append(tree.name)
     for skill in spec.skills:
-        module_of("skills", skill.name, skill.place).skills.append(skill.name)
-    uses_of_modules = {module_name(use.instance, taken): use for use in spec.uses}
+        declaring_module("skills", skill.name, skill.place).skills.append(skill.name)
+    use_by_module = {module_name(use.instance, taken_names): use for use in spec.uses}
     return tuple(
         Module(
             name=name,
             files=tuple(sorted(module.files)),
-            use=uses_of_modules.get(name),
+            use=use_by_module.get(name),
             variables=tuple(module.variables),
             trees=tuple(module.trees),
             skills=tuple(module.skills),

@@ -49,19 +49,19 @@ _PYTHONS_WORDS = """
 _PYTHONS_NAMES = frozenset(_PYTHONS_WORDS.split())
 
 
-def python_name(text: str, taken: frozenset[str]) -> str:
-    """Return an identifier of the language as a name in Python that is not a keyword, a builtin, or in `taken`.
+def python_name(text: str, taken_names: frozenset[str]) -> str:
+    """Return an identifier of the language as a name in Python that is not a keyword, a builtin, or in `taken_names`.
 
     A keyword, builtin or taken name gets an underscore at its end. So does each such name that already ends in
     underscores, so that different names stay different.
     """
     plain = text.rstrip("_")
-    return f"{text}_" if plain in taken or plain in _PYTHONS_NAMES else text
+    return f"{text}_" if plain in taken_names or plain in _PYTHONS_NAMES else text
 
 
-def module_name(origin: str, taken: frozenset[str] = ENTRY_NAMES) -> str:
+def module_name(origin: str, taken_names: frozenset[str] = ENTRY_NAMES) -> str:
     """Return the Python name of the module for an origin, the identifier that `load` gives to a source of elements."""
-    return python_name(origin.lower(), taken)
+    return python_name(origin.lower(), taken_names)
 
 
 def class_name(name: str) -> str:
@@ -76,13 +76,13 @@ def knowledge_class(name: str) -> str:
 
 def entry_names(spec: Spec) -> frozenset[str]:
     """Return the names that the entry of a spec's package uses itself; with knowledge or loops there are more."""
-    taken = ENTRY_NAMES
+    taken_names = ENTRY_NAMES
     if spec.knows:
-        taken |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}
+        taken_names |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}
     if spec.adapts:
-        taken |= {MAPE_MODULE, "MAPE", "Mape", "Leaves", "loops", METRIC_ENGINE, ACTION_ENGINE}
-        taken |= {tree_module_name(tree.name) for tree in spec.trees}
-    return taken
+        taken_names |= {MAPE_MODULE, "MAPE", "Mape", "Leaves", "loops", METRIC_ENGINE, ACTION_ENGINE}
+        taken_names |= {tree_module_name(tree.name) for tree in spec.trees}
+    return taken_names
 
 
 def tree_module_name(name: str) -> str:

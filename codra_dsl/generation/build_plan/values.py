@@ -71,12 +71,12 @@ class Branch:
 
     Attributes:
         constant: the Python name of the algorithm's declaration.
-        local: the Python name of the branch inside the function that builds the tree.
+        local_name: the Python name of the branch inside the function that builds the tree.
     """
 
     algorithm: CheckedAlgorithm
     constant: str
-    local: str
+    local_name: str
 
     @property
     def name(self) -> str:

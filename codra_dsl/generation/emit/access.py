@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from codra_dsl.generation.emit.layout import WIDTH, lay_out, make_brackets
 from codra_dsl.generation.emit.literals import text_literal
 
-_OUTER, _INNER = 8 * " ", 12 * " "
+_METHOD_INDENT, _ARGUMENT_INDENT = 8 * " ", 12 * " "
 _NAMES = "VariableName"
 
 
@@ -52,21 +52,21 @@ class _Shape:
 
     Attributes:
         typed_argument: the argument after `name`, whose type depends on the variable's type, for variables of one type.
-        last_argument: this argument for variables of any type: it accepts only what fits all types.
+        fallback_argument: this argument for variables of any type: it accepts only what fits all types.
         implementation_argument: this argument in the definition that follows several signatures.
         other_arguments: further arguments, with their defaults.
-        returns: the return type for variables of one type.
-        last_returns: the return type for variables of several types.
+        return_type: the return type for variables of one type.
+        fallback_return_type: the return type for variables of several types.
     """
 
     name: str
     docstring: str
     typed_argument: str
-    last_argument: str
+    fallback_argument: str
     implementation_argument: str
     other_arguments: Mapping[str, str]
-    returns: str
-    last_returns: str
+    return_type: str
+    fallback_return_type: str
 
 
 _SHAPES = (
@@ -74,37 +74,37 @@ _SHAPES = (
         name="get",
         docstring="Return the current reading of a variable.",
         typed_argument="",
-        last_argument="",
+        fallback_argument="",
         implementation_argument="",
         other_arguments={},
-        returns="Reading[{type}]",
-        last_returns="Reading[Any]",
+        return_type="Reading[{type}]",
+        fallback_return_type="Reading[Any]",
     ),
     _Shape(
         name="set",
         docstring="Write a variable as the main execution.",
         typed_argument="value: {type}",
-        last_argument="value: Never",
+        fallback_argument="value: Never",
         implementation_argument="value: Any",
         other_arguments={"evidence_s: float | None": "None"},
-        returns="None",
-        last_returns="None",
+        return_type="None",
+        fallback_return_type="None",
     ),
     _Shape(
         name="declare",
         docstring="Add a variable to the needs of the main execution, with a value if it knows one.",
         typed_argument="value: {type} | None = None",
-        last_argument="value: None = None",
+        fallback_argument="value: None = None",
         implementation_argument="value: Any = None",
         other_arguments={},
-        returns="None",
-        last_returns="None",
+        return_type="None",
+        fallback_return_type="None",
     ),
     _Shape(
         name="decide",
         docstring="Answer a decision from context, or fall back to sequential perception.",
         typed_argument="otherwise: Callable[[], {answer}]",
-        last_argument="otherwise: Callable[[], Never]",
+        fallback_argument="otherwise: Callable[[], Never]",
         implementation_argument="otherwise: Callable[[], Any]",
         other_arguments={
             "max_age_s: float": "math.inf",
@@ -112,8 +112,8 @@ _SHAPES = (
             "wait_up_to_s: float": "0.0",
             "shadow: bool": "False",
         },
-        returns="{type} | {answer}",
-        last_returns="Any",
+        return_type="{type} | {answer}",
+        fallback_return_type="Any",
     ),
 )
 
@@ -131,36 +131,42 @@ def _overloaded_method(shape: _Shape, kinds: Sequence[Values]) -> Method:
         _signature(
             shape,
             kind.alias,
-            _with_types(shape.typed_argument, kind),
+            _fill_in_types(shape.typed_argument, kind),
             other_arguments,
-            _with_types(shape.returns, kind),
+            _fill_in_types(shape.return_type, kind),
         )
         for kind in kinds
     ]
-    overloads.append(_signature(shape, _NAMES, shape.last_argument, other_arguments, shape.last_returns))
-    definition = _signature(shape, _NAMES, shape.implementation_argument, _with_defaults(shape), shape.last_returns)
+    overloads.append(_signature(shape, _NAMES, shape.fallback_argument, other_arguments, shape.fallback_return_type))
+    definition = _signature(
+        shape, _NAMES, shape.implementation_argument, _arguments_with_defaults(shape), shape.fallback_return_type
+    )
     return Method(tuple(overloads), definition, shape.docstring)
 
 
 def _single_signature_method(shape: _Shape, kind: Values) -> Method:
     """Return a method for values of one type."""
     definition = _signature(
-        shape, _NAMES, _with_types(shape.typed_argument, kind), _with_defaults(shape), _with_types(shape.returns, kind)
+        shape,
+        _NAMES,
+        _fill_in_types(shape.typed_argument, kind),
+        _arguments_with_defaults(shape),
+        _fill_in_types(shape.return_type, kind),
     )
     return Method((), definition, shape.docstring)
 
 
-def _with_defaults(shape: _Shape) -> list[str]:
+def _arguments_with_defaults(shape: _Shape) -> list[str]:
     return [f"{argument} = {default}" for argument, default in shape.other_arguments.items()]
 
 
-def _with_types(text: str, kind: Values) -> str:
+def _fill_in_types(text: str, kind: Values) -> str:
     return text.format(type=kind.type, answer=kind.answer)
 
 
-def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: Sequence[str], returns: str) -> str:
+def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: Sequence[str], return_type: str) -> str:
     """Return a signature as `ruff format` writes it: on one line, or all arguments on one, or one argument a line."""
-    before, after = f"def {shape.name}(", f") -> {returns}:"
+    before, after = f"def {shape.name}(", f") -> {return_type}:"
     arguments = (
         "self",
         f"name: {names}",
@@ -168,15 +174,15 @@ def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: 
         *(["*", *other_arguments] if other_arguments else []),
     )
     flat = ", ".join(arguments)
-    if len(_OUTER) + len(before) + len(flat) + len(after) + len(" ...") <= WIDTH:
+    if len(_METHOD_INDENT) + len(before) + len(flat) + len(after) + len(" ...") <= WIDTH:
         return f"{before}{flat}{after}"
-    if len(_INNER) + len(flat) <= WIDTH:
-        return f"{before}\n{_INNER}{flat}\n{_OUTER}{after}"
-    if len(_OUTER) + len(after) + len(" ...") > WIDTH and " | " in returns:
-        types = f"\n{_INNER}| ".join(returns.split(" | "))
-        after = f") -> (\n{_INNER}{types}\n{_OUTER}):"
-    lines = f",\n{_INNER}".join(arguments)
-    return f"{before}\n{_INNER}{lines},\n{_OUTER}{after}"
+    if len(_ARGUMENT_INDENT) + len(flat) <= WIDTH:
+        return f"{before}\n{_ARGUMENT_INDENT}{flat}\n{_METHOD_INDENT}{after}"
+    if len(_METHOD_INDENT) + len(after) + len(" ...") > WIDTH and " | " in return_type:
+        types = f"\n{_ARGUMENT_INDENT}| ".join(return_type.split(" | "))
+        after = f") -> (\n{_ARGUMENT_INDENT}{types}\n{_METHOD_INDENT}):"
+    lines = f",\n{_ARGUMENT_INDENT}".join(arguments)
+    return f"{before}\n{_ARGUMENT_INDENT}{lines},\n{_METHOD_INDENT}{after}"
 
 
 def alias(name: str, members: Iterable[str]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from codra_dsl.generation.emit.imports import statement as import_statement
+from codra_dsl.generation.emit.imports import import_statement
 from codra_dsl.generation.emit.layout import (
     SHORT,
     WIDTH,
@@ -25,7 +25,7 @@ from codra_dsl.generation.emit.layout import (
     tuple_of,
 )
 from codra_dsl.generation.emit.literals import literal, prose
-from codra_dsl.generation.emit.scripts import operands, truth_text, value_text
+from codra_dsl.generation.emit.scripts import operand_texts, truth_text, value_text
 from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Direction, NodeKind, NodeModel, TreeNode
 from codra_dsl.language.behavior_trees.catalogue import (
     AUTOREMAP,
@@ -141,11 +141,13 @@ class _Writer:
         values = {attribute.name: attribute.value for attribute in node.ports}
         if node.id == "Script":
             return self._call(built_in.word, *self._statements(values["code"]))
-        set_ports = [port for port in built_in.ports if port.name in values]
-        positional_arguments = [self._port(port, values[port.name]) for port in set_ports if port.default is None]
+        ports_with_value = [port for port in built_in.ports if port.name in values]
+        positional_arguments = [
+            self._port(port, values[port.name]) for port in ports_with_value if port.default is None
+        ]
         keywords = {
             _PYTHON_NAMES.get(port.name, port.name): self._port(port, values[port.name])
-            for port in set_ports
+            for port in ports_with_value
             if port.default is not None
         }
         if built_in.word == "Switch" and self._enums:
@@ -166,7 +168,7 @@ class _Writer:
 
     def _leaf(self, node: TreeNode) -> Expression:
         model = self._models.get((False, node.id))
-        values = _with_defaults(node, model)
+        values = _port_values(node, model)
         inputs = {
             name: parse_port_value(name, value)
             for name, value in values.items()
@@ -189,7 +191,7 @@ class _Writer:
         return dictionary({literal(name): self._setting(setting) for name, setting in settings.items()})
 
     def _subtree(self, node: TreeNode) -> Expression:
-        values = _with_defaults(node, self._models.get((True, str(node.subtree))))
+        values = _port_values(node, self._models.get((True, str(node.subtree))))
         remaps_all = values.pop(AUTOREMAP, "false") in ("true", "1")
         settings = {name: parse_port_value(name, value) for name, value in values.items()}
         remapped = {
@@ -228,12 +230,12 @@ class _Writer:
         self._used_words.add("Scope")
         body: Expression = text
         if isinstance(node, And | Or) and text == truth_text(node, self._enums):
-            first, *rest = operands(node, self._enums)
-            sign = "and" if isinstance(node, And) else "or"
-            body = Grouped("", Chain(first, tuple((sign, operand) for operand in rest)))
-        fits = len(_RETURN) + len(text) <= WIDTH
+            first, *rest = operand_texts(node, self._enums)
+            operator = "and" if isinstance(node, And) else "or"
+            body = Grouped("", Chain(first, tuple((operator, operand) for operand in rest)))
+        is_within_width = len(_RETURN) + len(text) <= WIDTH
         name = f"_script_{len(self._helpers) + 1}_of_{self._tree}"
-        body_text = text if fits else lay_out(body, indent=4, before=WIDTH)
+        body_text = text if is_within_width else lay_out(body, indent=4, before=WIDTH)
         self._helpers.append(f"def {name}(it: Scope) -> object:\n{_RETURN}{body_text}\n")
         return name
 
@@ -242,12 +244,12 @@ class _Writer:
         return call(word, *arguments, **keywords)
 
 
-def _with_defaults(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
+def _port_values(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
     """Return the values of a node's ports. A port that the node does not set has the default value of its model."""
     ports = model.ports if model is not None else ()
-    node_values = {attribute.name: attribute.value for attribute in node.ports}
-    defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in node_values}
-    return {**defaults, **node_values}
+    port_values = {attribute.name: attribute.value for attribute in node.ports}
+    defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in port_values}
+    return {**defaults, **port_values}
 
 
 def _has_direction(model: NodeModel | None, name: str, direction: Direction) -> bool:
@@ -263,9 +265,11 @@ def _function_names(ids: Iterable[str]) -> dict[str, str]:
         words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", id_)
         name = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_").removesuffix("_tree") or "unnamed"
         name = f"{name}_tree" if name[0].isalpha() else f"tree_{name}_tree"
-        taken = set(names.values())
-        numbered_names = (f"{name}_{number}" for number in range(2, len(taken) + 3))
+        taken_names = set(names.values())
+        numbered_names = (f"{name}_{number}" for number in range(2, len(taken_names) + 3))
         names[id_] = (
-            name if name not in taken else next(candidate for candidate in numbered_names if candidate not in taken)
+            name
+            if name not in taken_names
+            else next(candidate for candidate in numbered_names if candidate not in taken_names)
         )
     return names

@@ -19,7 +19,7 @@ POSES = frozenset({"distance", "in_view"})
 """The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge can call too."""
 
 _CALLABLE = WORDS | POSES | {"abs"}
-_SINGLE_WORDS = {word: frozenset({word}) for word in WORDS}
+_SINGLETON_SETS = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
 # The form of most conditions. All others go through Python's own parser, with the same result.
 _SIMPLE = re.compile(
@@ -60,7 +60,7 @@ def condition(python: str) -> tuple[Expression, frozenset[str]]:
     simple = _SIMPLE.fullmatch(python)
     if simple is not None:
         word, _, name, comparison = simple.groups()
-        return f'{word}("{name}"){comparison or ""}', _SINGLE_WORDS[word]
+        return f'{word}("{name}"){comparison or ""}', _SINGLETON_SETS[word]
     try:
         tree = ast.parse(python, mode="eval").body
     except SyntaxError as error:
@@ -76,15 +76,15 @@ def _expression(node: ast.expr) -> Expression:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _CALLABLE:
             return _call(name, arguments)
         case ast.Call(func=ast.Attribute(value=item, attr=name), args=options, keywords=[]) if name in _METHODS:
-            return _call(f"{_one_line(_operand(item))}.{name}", options)
+            return _call(f"{_text_on_one_line(_operand(item))}.{name}", options)
         case ast.Tuple(elts=elements):
             return make_brackets("(", tuple(map(_expression, elements)), ",)" if len(elements) == 1 else ")")
         case ast.UnaryOp(op=ast.Invert(), operand=operand):
-            return _with_prefix("~", _operand(operand))
+            return _add_prefix("~", _operand(operand))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return _with_prefix("-", _operand(operand))
+            return _add_prefix("-", _operand(operand))
         case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARISONS:
-            return Chain(_side(left), ((_COMPARISONS[type(operator)], _side(right)),))
+            return Chain(_comparison_side(left), ((_COMPARISONS[type(operator)], _comparison_side(right)),))
         case ast.BinOp(op=operator) if type(operator) in _OPERATORS:
             return _chain(node)
     raise ConditionError(f"{ast.unparse(node)!r} is not in the words of conditions")
@@ -101,18 +101,18 @@ def _operand(node: ast.expr) -> Expression:
     return expression if is_atomic else Grouped("", expression)
 
 
-def _side(node: ast.expr) -> Expression:
+def _comparison_side(node: ast.expr) -> Expression:
     """Return a side of a comparison. Arithmetic needs no parentheses there; others are easier to read with them."""
     is_bare = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _strength(node) > _LOGICAL)
     return _expression(node) if is_bare else _operand(node)
 
 
-def _with_prefix(sign: str, operand: Expression) -> Expression:
+def _add_prefix(sign: str, operand: Expression) -> Expression:
     if isinstance(operand, Brackets):
         return make_brackets(sign + operand.opening, operand.items, operand.closing)
     if isinstance(operand, Grouped):
         return replace(operand, prefix=sign + operand.prefix)
-    return sign + _one_line(operand)
+    return sign + _text_on_one_line(operand)
 
 
 def _chain(node: ast.BinOp) -> Chain:
@@ -146,5 +146,5 @@ def _strength(node: ast.BinOp) -> int:
     return _OPERATORS.get(type(node.op), ("", 0))[1]
 
 
-def _one_line(expression: Expression) -> str:
+def _text_on_one_line(expression: Expression) -> str:
     return lay_out(expression, before=-WIDEST)

@@ -49,20 +49,23 @@ _TYPES: Mapping[Kind, str] = {
 
 def algorithm(branch: Branch, imports: Imports) -> Expression:
     """Return the declaration of a perception algorithm."""
-    declared = branch.algorithm.algorithm
+    declared_algorithm = branch.algorithm.algorithm
     fields = _fields(
         "Algorithm",
         imports,
-        name=literal(declared.name),
-        call=literal(declared.call),
-        parameters=dictionary({text_literal(name): literal(value) for name, value in declared.parameters}),
-        handles=names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
-        slots=names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
-        given=names(reference.name for reference in declared.given),
+        name=literal(declared_algorithm.name),
+        call=literal(declared_algorithm.call),
+        parameters=dictionary({text_literal(name): literal(value) for name, value in declared_algorithm.parameters}),
+        handles=tuple_of_names(usage.resource.name for usage in declared_algorithm.uses if usage.access is Access.READ),
+        slots=tuple_of_names(usage.resource.name for usage in declared_algorithm.uses if usage.access is Access.SLOT),
+        given=tuple_of_names(reference.name for reference in declared_algorithm.given),
         returns=dictionary(
-            {text_literal(returned.name): _result_type(returned, imports) for returned in declared.returns}
+            {text_literal(returned.name): _result_type(returned, imports) for returned in declared_algorithm.returns}
         ),
-        **{setting.field_name: literal(getattr(declared, setting.field_name)) for setting in ALGORITHM_SETTINGS},
+        **{
+            setting.field_name: literal(getattr(declared_algorithm, setting.field_name))
+            for setting in ALGORITHM_SETTINGS
+        },
     )
     return spread_call("Algorithm", **fields)
 
@@ -81,7 +84,7 @@ def variable(declared_variable: Variable, poses: Mapping[str, str], imports: Imp
         name=literal(declared_variable.name),
         type=value_type(declared_variable.type, imports),
         label=literal(declared_variable.label if declared_variable.label != declared_variable.name else ""),
-        sources=names([reference.name for reference in declared_variable.sources] or ["observer"]),
+        sources=tuple_of_names([reference.name for reference in declared_variable.sources] or ["observer"]),
         valid_for_s=literal(declared_variable.valid_for_s),
         when_unobservable=text_literal(declared_variable.when_unobservable),
         refresh=text_literal(declared_variable.refresh),
@@ -97,7 +100,7 @@ def observer(tree: Tree, imports: Imports) -> Expression:
         "ObserverModel",
         imports,
         name=literal(tree.name),
-        identifies=names(tree.identifies),
+        identifies=tuple_of_names(tree.identifies),
         build=tree.function,
         period_s=literal(tree.period_s),
         priority=literal(tree.priority),
@@ -111,9 +114,9 @@ def skill(declared_skill: Skill, expectations: Iterable[CheckedExpectation], imp
         "SkillModel",
         imports,
         name=literal(declared_skill.name),
-        preview=names(reference.name for reference in declared_skill.preview),
-        monitor=names(expectation.variable.name for expectation in declared_skill.monitor),
-        changes=names(reference.name for reference in declared_skill.changes),
+        preview=tuple_of_names(reference.name for reference in declared_skill.preview),
+        monitor=tuple_of_names(expectation.variable.name for expectation in declared_skill.monitor),
+        changes=tuple_of_names(reference.name for reference in declared_skill.changes),
         expects=tuple_of(_expectation(expectation, imports) for expectation in expectations),
     )
     return call("SkillModel", **fields)
@@ -153,9 +156,9 @@ def non_default_fields(
     return kept_fields
 
 
-def names(items: Iterable[str]) -> Expression:
+def tuple_of_names(element_names: Iterable[str]) -> Expression:
     """Return a tuple of names without duplicates."""
-    return tuple_of(text_literal(name) for name in dict.fromkeys(items))
+    return tuple_of(text_literal(name) for name in dict.fromkeys(element_names))
 
 
 def _result_type(returned: Returned, imports: Imports) -> Expression:

@@ -8,8 +8,8 @@ from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import camel_case, entry_names, knowledge_class
 from codra_dsl.generation.emit.access import Values, alias, methods
 from codra_dsl.generation.emit.declarations import resource
-from codra_dsl.generation.emit.handles import IGNORE_OVERRIDE, handle_signatures, literals, named_handles
-from codra_dsl.generation.emit.imports import Imports, statement
+from codra_dsl.generation.emit.handles import IGNORE_OVERRIDE, agents_with_handles, handle_signatures, literals
+from codra_dsl.generation.emit.imports import Imports, import_statement
 from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.generation.emit.literals import text_literal
 from codra_dsl.generation.emit.rendering import made_by, render
@@ -67,21 +67,21 @@ def _values(plan: BuildPlan) -> list[Values]:
         elif kind is Kind.ENUM:
             kind, members = Kind.STR, ()
         variables_by_type.setdefault((kind, members), []).append(variable.name)
-    taken = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handle_names(plan)}
-    return [_named_values(kind, members, names, taken) for (kind, members), names in variables_by_type.items()]
+    taken_names = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handle_names(plan)}
+    return [_values_of_type(kind, members, names, taken_names) for (kind, members), names in variables_by_type.items()]
 
 
 def _handle_names(plan: BuildPlan) -> list[str]:
     """Return the names of the types of agents' handles."""
     knowledge = plan.checked.knowledge
-    return [] if knowledge is None else [handle for _, handle in named_handles(knowledge)]
+    return [] if knowledge is None else [handle for _, handle in agents_with_handles(knowledge)]
 
 
 def _agent_signatures(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
     """Yield the signatures of the method `agent`, which returns the handle of an agent."""
-    handle_names = named_handles(knowledge)
-    other_agents = knowledge.writers[len(handle_names) :]
-    agent_types = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in handle_names]
+    agents_and_handles = agents_with_handles(knowledge)
+    other_agents = knowledge.writers[len(agents_and_handles) :]
+    agent_types = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in agents_and_handles]
     agent_types += [(literals(other_agents), "Agent[VariableName, AgentHandle]")] if other_agents else []
     imports.use(*(["Agent", "Literal"] if agent_types else []), *(["AgentHandle"] if other_agents else []))
     imports.use(*(["overload", "Any"] if len(agent_types) > 1 else []))
@@ -97,7 +97,7 @@ def _agent_signatures(knowledge: CheckedKnowledge, imports: Imports) -> Iterator
             )
 
 
-def _named_values(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
+def _values_of_type(kind: Kind, members: tuple[str, ...], variables: list[str], taken_names: set[str]) -> Values:
     """Return variables of one type, with names for that type. Those for an enum are derived from its first variable."""
     if kind in _PLAIN:
         python_type = _PLAIN[kind]
@@ -106,9 +106,9 @@ def _named_values(kind: Kind, members: tuple[str, ...], variables: list[str], ta
             variables=tuple(variables), alias=f"{stem}Name", type=python_type, answer=f"{stem}Answer", members=()
         )
     stem = camel_case(variables[0])
-    while {stem, f"{stem}Name", f"{stem}Answer"} & taken:
+    while {stem, f"{stem}Name", f"{stem}Answer"} & taken_names:
         stem += "_"
-    taken |= {stem, f"{stem}Name", f"{stem}Answer"}
+    taken_names |= {stem, f"{stem}Name", f"{stem}Answer"}
     return Values(variables=tuple(variables), alias=f"{stem}Name", type=stem, answer=f"{stem}Answer", members=members)
 
 
@@ -135,12 +135,12 @@ def _union(name: str, types: list[str]) -> str:
 
 def _counts_text(plan: BuildPlan) -> str:
     """Return the number of elements of each kind, for the docstring."""
-    counts = (
+    counts_and_nouns = (
         (len(plan.forest), "observer"),
         (len(plan.checked.variables), "context-variable"),
         (len(plan.checked.spec.skills), "skill"),
     )
-    return ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts)
+    return ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts_and_nouns)
 
 
 def _local_imports(plan: BuildPlan) -> str:
@@ -148,7 +148,7 @@ def _local_imports(plan: BuildPlan) -> str:
     flat = f"from . import {', '.join(names)}"
     statements = []
     if plan.checked.knowledge is not None:
-        statements = [statement(".knowledge", ["KNOWLEDGE", knowledge_class(plan.name), *_handle_names(plan)])]
+        statements = [import_statement(".knowledge", ["KNOWLEDGE", knowledge_class(plan.name), *_handle_names(plan)])]
     statements += [] if plan.checked.mape is None else ["from .mape import MAPE"]
     if not names:
         return "\n".join(statements)
@@ -168,5 +168,5 @@ def _model(plan: BuildPlan, imports: Imports) -> Expression:
     )
 
 
-def _elements_of_modules(plan: BuildPlan, what: str) -> Expression:
-    return tuple_of(f"*{module.name}.{what}" for module in plan.modules)
+def _elements_of_modules(plan: BuildPlan, constant: str) -> Expression:
+    return tuple_of(f"*{module.name}.{constant}" for module in plan.modules)

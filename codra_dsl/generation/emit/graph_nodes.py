@@ -34,9 +34,9 @@ def knowledge_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tu
     for agent in knowledge.agents:
         yield Node(NodeKind.AGENT, agent.name), _agent_entry(agent)
     for name in node_type_names(world):
-        declared = world.types.get(name)
-        attributes = [attribute.name for attribute in declared.attributes] if declared is not None else []
-        label = declared.label if declared is not None else ""
+        declared_type = world.types.get(name)
+        attributes = [attribute.name for attribute in declared_type.attributes] if declared_type is not None else []
+        label = declared_type.label if declared_type is not None else ""
         yield Node(NodeKind.TYPE, name), {"label": label or name, "attributes": attributes}
     for edge in world.edges.values():
         yield Node(NodeKind.EDGE, edge.name), {"label": edge.name, "carries": edge.label}
@@ -56,19 +56,19 @@ def knowledge_places(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[t
     """Yield the name in files and the place of each element of knowledge, and of each rule and pattern of agents."""
     world, name = knowledge.world, plan.name
     for kind in node_type_names(world):
-        declared = world.types.get(kind)
-        yield f"{name}/type/{kind}", declared.place if declared is not None else _first_node(knowledge, kind)
+        declared_type = world.types.get(kind)
+        yield f"{name}/type/{kind}", declared_type.place if declared_type is not None else _first_node(knowledge, kind)
     yield from ((f"{name}/node/{node.name}", node.place) for node in world.nodes.values())
     yield from ((f"{name}/edge/{edge.name}", edge.place) for edge in world.edges.values())
     yield from ((f"{name}/task/{task.name}", task.place) for task in world.tasks.values())
     for agent in knowledge.agents:
-        agent_name = f"{name}/agent/{agent.name}"
-        yield agent_name, agent.agent.place
-        yield from _numbered_places(f"{agent_name}/wakes", agent.wakes)
+        agent_path = f"{name}/agent/{agent.name}"
+        yield agent_path, agent.agent.place
+        yield from _numbered_places(f"{agent_path}/wakes", agent.wakes)
         for rule in agent.rules:
-            yield f"{agent_name}/rules/{rule.name}", rule.place
+            yield f"{agent_path}/rules/{rule.name}", rule.place
             for moment in ("before", "during", "after"):
-                yield from _numbered_places(f"{agent_name}/rules/{rule.name}/{moment}", getattr(rule, moment))
+                yield from _numbered_places(f"{agent_path}/rules/{rule.name}/{moment}", getattr(rule, moment))
 
 
 def _numbered_places(name: str, patterns: tuple[CheckedPattern, ...]) -> Iterator[tuple[str, Place]]:

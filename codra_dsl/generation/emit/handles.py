@@ -93,10 +93,10 @@ def aliases(knowledge: CheckedKnowledge) -> Iterator[str]:
     yield alias("TaskName", world.tasks)
 
 
-def named_handles(knowledge: CheckedKnowledge) -> list[tuple[str, str]]:
+def agents_with_handles(knowledge: CheckedKnowledge) -> list[tuple[str, str]]:
     """Return the agents whose handles have their own type, each with the name of that type."""
-    taken = {"AgentHandle"}
-    return [(agent, _handle_name(agent, taken)) for agent in knowledge.writers[:MOST_HANDLES]]
+    taken_names = {"AgentHandle"}
+    return [(agent, _handle_name(agent, taken_names)) for agent in knowledge.writers[:MOST_HANDLES]]
 
 
 def handle_signatures(method: str, handle_types: Sequence[tuple[Expression, str]], definition: str) -> Iterator[str]:
@@ -117,28 +117,31 @@ def handle_signatures(method: str, handle_types: Sequence[tuple[Expression, str]
 
 def handles(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imports) -> list[Class]:
     """Return the classes of a spec's graph and of its agents' handles."""
-    named_agents = named_handles(knowledge)
+    agents_and_handles = agents_with_handles(knowledge)
     classes = [
         class_
-        for agent, name in named_agents
+        for agent, name in agents_and_handles
         for class_ in _handle_classes(agent, name, _accepted_names(agent, knowledge))
     ]
     other_agents = knowledge.writers[MOST_HANDLES:]
-    classes = [*classes, *_graph_classes(plan, named_agents, other_agents)]
+    classes = [*classes, *_graph_classes(plan, agents_and_handles, other_agents)]
     imports.use_in((text for class_ in classes for text in (class_.head, class_.stands_for, *class_.methods)), _TYPES)
     return classes
 
 
-def _handle_name(agent: str, taken: set[str]) -> str:
+def _handle_name(agent: str, taken_names: set[str]) -> str:
     name = f"{camel_case(agent)}Handle"
-    while name in taken:
+    while name in taken_names:
         name = f"{name.removesuffix('Handle')}_Handle"
-    taken.add(name)
+    taken_names.add(name)
     return name
 
 
 def _handle_classes(agent: str, name: str, names: _Names) -> Iterator[Class]:
-    writes_class, transaction = f"_{name.removesuffix('Handle')}Writes", f"{name.removesuffix('Handle')}Transaction"
+    write_methods_class, transaction = (
+        f"_{name.removesuffix('Handle')}Writes",
+        f"{name.removesuffix('Handle')}Transaction",
+    )
     methods = (
         _method("insert_node", "None", ("name: str", _typed_argument("type", names.types), "/", "**values: object")),
         _method("set", "None", ("name: str", _typed_argument("attribute", names.attributes), *_VALUE)),
@@ -175,7 +178,10 @@ def _handle_classes(agent: str, name: str, names: _Names) -> Iterator[Class]:
         _method("finish", "None", ("request: Request", _typed_argument("result", names.results))),
     )
     yield Class(
-        name=writes_class, head=f"{writes_class}:", docstring=f"What agent '{agent}' may write.", methods=methods
+        name=write_methods_class,
+        head=f"{write_methods_class}:",
+        docstring=f"What agent '{agent}' may write.",
+        methods=methods,
     )
     transaction_method = _method("transaction", f"AbstractContextManager[{transaction}]", ()).removesuffix(" ...")
     transaction_method += f'\n{" " * (_INDENT + _STEP)}"""Begin changes that become visible together, or not at all."""'
@@ -187,32 +193,32 @@ def _handle_classes(agent: str, name: str, names: _Names) -> Iterator[Class]:
     acting_method += f'\n{" " * (_INDENT + _STEP)}"""Begin an action that a rule describes, for a `with` statement."""'
     yield Class(
         name=transaction,
-        head=_head(transaction, writes_class, "Transaction"),
+        head=_head(transaction, write_methods_class, "Transaction"),
         docstring=f"Changes of agent '{agent}' that become visible together.",
         methods=(),
         stands_for="Transaction",
     )
     yield Class(
         name=name,
-        head=_head(name, writes_class, "AgentHandle"),
+        head=_head(name, write_methods_class, "AgentHandle"),
         docstring=f"The handle of agent '{agent}'.",
         methods=(transaction_method, acting_method),
         stands_for="AgentHandle",
     )
 
 
-def _head(name: str, writes_class: str, base: str) -> str:
+def _head(name: str, mixin: str, base: str) -> str:
     """Return the head of a class that accepts fewer names than its base, as `ruff format` writes it."""
-    flat, step = f"{name}({writes_class}, {base}):", _STEP * " "
-    fits = len("    class ") + len(flat) <= WIDTH
-    return f"{flat if fits else f'{name}({chr(10)}{2 * step}{writes_class}, {base}{chr(10)}{step}):'}{_IGNORE_SUBCLASS}"
+    flat, step = f"{name}({mixin}, {base}):", _STEP * " "
+    is_short = len("    class ") + len(flat) <= WIDTH
+    return f"{flat if is_short else f'{name}({chr(10)}{2 * step}{mixin}, {base}{chr(10)}{step}):'}{_IGNORE_SUBCLASS}"
 
 
 _VALUE = ("value: object", "*", "evidence_s: float | None = None")
 
 
 def _graph_classes(
-    plan: BuildPlan, named_agents: list[tuple[str, str]], other_agents: Sequence[str]
+    plan: BuildPlan, agents_and_handles: list[tuple[str, str]], other_agents: Sequence[str]
 ) -> Iterator[Class]:
     """Yield the classes of the graph and its snapshots."""
     graph, snapshot = knowledge_class(plan.name), f"{plan.class_name}Snapshot"
@@ -240,11 +246,15 @@ def _graph_classes(
         stands_for="Snapshot",
     )
     handle_types = [
-        *((literals([agent]), handle) for agent, handle in named_agents),
+        *((literals([agent]), handle) for agent, handle in agents_and_handles),
         *([(literals(other_agents), "AgentHandle")] if other_agents else []),
     ]
-    last = _method("as_agent", "Any", ("name: Any",))
-    methods = (*handle_signatures("as_agent", handle_types, last), _method("snapshot", snapshot, ()), get)
+    fallback_definition = _method("as_agent", "Any", ("name: Any",))
+    methods = (
+        *handle_signatures("as_agent", handle_types, fallback_definition),
+        _method("snapshot", snapshot, ()),
+        get,
+    )
     docstring = "Access for agents, and the methods that read."
     yield Class(name="_Graph", head="_Graph:", docstring=docstring, methods=methods)
     yield Class(
@@ -322,12 +332,12 @@ def _typed_argument(argument: str, type_: Expression) -> Expression:
 def _method(name: str, returns: str, arguments: Iterable[Expression]) -> str:
     """Return a method as `ruff format` writes it: on one line, or with all arguments on one, or one argument a line."""
     before, after = f"def {name}(", f") -> {returns}: ..."
-    given: tuple[Expression, ...] = ("self", *arguments)
-    flat = ", ".join(lay_out(argument, before=-WIDEST) for argument in given)
+    all_arguments: tuple[Expression, ...] = ("self", *arguments)
+    flat = ", ".join(lay_out(argument, before=-WIDEST) for argument in all_arguments)
     if _INDENT + len(before) + len(flat) + len(after) <= WIDTH:
         return f"{before}{flat}{after}"
     inner = " " * (_INDENT + _STEP)
     if len(inner) + len(flat) <= WIDTH:
         return f"{before}\n{inner}{flat}\n{' ' * _INDENT}{after}"
-    lines = (lay_out(argument, indent=len(inner), before=len(inner), after=1) for argument in given)
+    lines = (lay_out(argument, indent=len(inner), before=len(inner), after=1) for argument in all_arguments)
     return f"{before}\n{inner}{f',{chr(10)}{inner}'.join(lines)},\n{' ' * _INDENT}{after}"

@@ -9,7 +9,7 @@ from codra_dsl.generation.emit.conditions import POSES, WORDS
 from codra_dsl.generation.emit.layout import WIDTH, Expression, lay_out, spread_tuple
 from codra_dsl.language.project import GENERATED_API
 
-_NAMES_OF_MODULES: Mapping[str, Iterable[str]] = {
+_NAMES_BY_MODULE: Mapping[str, Iterable[str]] = {
     "collections.abc": ["Callable", "Mapping"],
     "contextlib": ["AbstractContextManager"],
     "typing": ["TYPE_CHECKING", "Any", "Literal", "Never", "TypeVar", "overload"],
@@ -44,7 +44,7 @@ _NAMES_OF_MODULES: Mapping[str, Iterable[str]] = {
         *["Bounds", "End", "Leaves", "terms"],
     ],
 }
-_MODULE_OF_NAME = {name: module for module, names in _NAMES_OF_MODULES.items() for name in names}
+_MODULE_BY_NAME = {name: module for module, names in _NAMES_BY_MODULE.items() for name in names}
 _TEXT = re.compile(r"""(["'])(?:(?!\1)[^\\]|\\.)*\1""")
 _WORD = re.compile(r"\w+")
 _SECTIONS = (("collections.abc", "contextlib", "typing"), ("py_trees",), ("codra_dsl",))
@@ -71,19 +71,22 @@ class Imports:
 
     def lines(self) -> str:
         """Return the import statements: of Python, then of py_trees, then of codra, separated by blank lines."""
-        names_of_modules: dict[str, list[str]] = {}
+        names_by_module: dict[str, list[str]] = {}
         for name in self._names:
-            names_of_modules.setdefault(_MODULE_OF_NAME[name], []).append(name)
-        statements = [(module, statement(module, names_of_modules[module])) for module in sorted(names_of_modules)]
+            names_by_module.setdefault(_MODULE_BY_NAME[name], []).append(name)
+        statements = [(module, import_statement(module, names_by_module[module])) for module in sorted(names_by_module)]
         math_import = ["import math"] if self._math else []
         sections = [
-            [*(math_import if number == 0 else []), *(text for home, text in statements if home.startswith(modules))]
+            [
+                *(math_import if number == 0 else []),
+                *(text for module_name, text in statements if module_name.startswith(modules)),
+            ]
             for number, modules in enumerate(_SECTIONS)
         ]
         return "\n\n".join("\n".join(section) for section in sections if section)
 
 
-def statement(module: str, names: Iterable[str]) -> str:
+def import_statement(module: str, names: Iterable[str]) -> str:
     """Return the statement that imports names from a module."""
     before = f"from {module} import "
     flat = ", ".join(sorted(names, key=_sort_key))

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.dependencies import node_type_names
 from codra_dsl.generation.emit.conditions import condition
-from codra_dsl.generation.emit.declarations import names, non_default_fields, value_type
+from codra_dsl.generation.emit.declarations import non_default_fields, tuple_of_names, value_type
 from codra_dsl.generation.emit.handles import aliases, handles
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import Expression, call, dictionary, lay_out, spread_call, spread_tuple, tuple_of
@@ -125,8 +125,8 @@ class _Writer:
             "EdgeTypeModel",
             name=literal(edge.name),
             label=_label(edge.label, edge.name),
-            origins=names(end.name for end in edge.origins),
-            targets=names(end.name for end in edge.targets),
+            origins=tuple_of_names(end.name for end in edge.origins),
+            targets=tuple_of_names(end.name for end in edge.targets),
             sources=self._sources(self._world.writers(KnowledgeElement("edges", edge.name))),
             attributes=tuple_of(
                 self._attribute(attribute, KnowledgeElement("edges", edge.name, attribute.name))
@@ -167,8 +167,8 @@ class _Writer:
             name=literal(task.name),
             origin=literal(task.origin.name),
             by=literal(task.by.name),
-            requesters=names(requester.name for requester in task.requesters),
-            results=names(result.name for result in task.results),
+            requesters=tuple_of_names(requester.name for requester in task.requesters),
+            results=tuple_of_names(result.name for result in task.results),
             acknowledge_s=literal(task.acknowledge_s),
             finish_s=literal(task.finish_s),
             attributes=self._variables_of(task.name),
@@ -185,8 +185,8 @@ class _Writer:
             name=literal(agent.name),
             phase="None" if phase is None else f"Phase.{phase.name}",
             wakes=tuple_of(map(self._pattern, agent.wakes)),
-            owns=names(self._runtime_name(element) for element in agent.owns),
-            reads=names(self._runtime_name(element) for element in agent.reads),
+            owns=tuple_of_names(self._runtime_name(element) for element in agent.owns),
+            reads=tuple_of_names(self._runtime_name(element) for element in agent.reads),
             rules=tuple_of(map(self._rule, agent.rules)),
             label=_label(agent.agent.conduct.label, agent.name),
         )
@@ -258,12 +258,12 @@ class _Writer:
         )
 
     def _motion(self, motion: Motion) -> Expression:
-        set_limits = {
+        declared_limits = {
             name: literal(value)
             for name in ("history_s", "extrapolate_s", "valid_for_s")
             if (value := getattr(motion, name)) is not None
         }
-        return self._declaration("Motion", **set_limits, is_static=literal(motion.is_static))
+        return self._declaration("Motion", **declared_limits, is_static=literal(motion.is_static))
 
     def _pose(self, pose: StartingPose) -> Expression:
         self._imports.use("Pose")

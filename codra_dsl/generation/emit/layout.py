@@ -44,10 +44,10 @@ class Chain:
     @property
     def flat(self) -> str | None:
         """Return the chain on one line, or None if part of it always takes several lines."""
-        parts = [_one_line(self.first), *(_one_line(operand) for _, operand in self.rest)]
+        operand_texts = [_flat_text(self.first), *(_flat_text(operand) for _, operand in self.rest)]
         operators = ["", *(f" {operator} " for operator, _ in self.rest)]
-        texts = [text for pair in zip(operators, parts, strict=True) for text in pair if text is not None]
-        return None if None in parts else "".join(texts)
+        texts = [text for pair in zip(operators, operand_texts, strict=True) for text in pair if text is not None]
+        return None if None in operand_texts else "".join(texts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Grouped:
     @property
     def flat(self) -> str | None:
         """Return the expression on one line, or None if part of it always takes several lines."""
-        inner = _one_line(self.inner)
+        inner = _flat_text(self.inner)
         return None if inner is None else f"{self.prefix}({inner})"
 
 
@@ -69,31 +69,31 @@ Expression = str | Brackets | Chain | Grouped
 
 def make_brackets(opening: str, items: tuple[Expression, ...], closing: str) -> Brackets:
     """Return items in brackets."""
-    return Brackets(opening, items, closing, _on_one_line(opening, items, closing))
+    return Brackets(opening, items, closing, _flat_brackets_text(opening, items, closing))
 
 
-def _on_one_line(opening: str, items: tuple[Expression, ...], closing: str) -> str | None:
+def _flat_brackets_text(opening: str, items: tuple[Expression, ...], closing: str) -> str | None:
     try:
         return f"{opening}{', '.join(items)}{closing}"  # type: ignore[arg-type]  # most often all items are texts
     except TypeError:
-        texts = [text for text in map(_one_line, items) if text is not None]
+        texts = [text for text in map(_flat_text, items) if text is not None]
         return f"{opening}{', '.join(texts)}{closing}" if len(texts) == len(items) else None
 
 
 def call(function: str, *arguments: Expression, **keywords: Expression) -> Expression:
     """Return a call."""
-    return _short_brackets(f"{function}(", (*arguments, *_with_names(keywords, "=")) if keywords else arguments, ")")
+    return _brackets_or_text(f"{function}(", (*arguments, *_named_items(keywords, "=")) if keywords else arguments, ")")
 
 
 def spread_call(function: str, *arguments: Expression, **keywords: Expression) -> Brackets:
     """Return a call with one argument a line."""
-    return Brackets(f"{function}(", (*arguments, *_with_names(keywords, "=")), ")", None)
+    return Brackets(f"{function}(", (*arguments, *_named_items(keywords, "=")), ")", None)
 
 
 def tuple_of(items: Iterable[Expression]) -> Expression:
     """Return a tuple; a single item is followed by a comma."""
     elements = tuple(items)
-    return _short_brackets("(", elements, ",)" if len(elements) == 1 else ")")
+    return _brackets_or_text("(", elements, ",)" if len(elements) == 1 else ")")
 
 
 def spread_tuple(items: Iterable[Expression]) -> Brackets:
@@ -111,38 +111,38 @@ def spread_list(items: Iterable[Expression]) -> Brackets:
 
 def spread_dictionary(items: Mapping[str, Expression]) -> Brackets:
     """Return a dictionary with one item a line; keys are literals."""
-    return Brackets("{", tuple(_with_names(items, ": ")), "}", None if items else "{}")
+    return Brackets("{", tuple(_named_items(items, ": ")), "}", None if items else "{}")
 
 
 def dictionary(items: Mapping[str, Expression]) -> Expression:
     """Return a dictionary; keys are literals."""
-    return _short_brackets("{", tuple(_with_names(items, ": ")), "}")
+    return _brackets_or_text("{", tuple(_named_items(items, ": ")), "}")
 
 
-def _with_names(items: Mapping[str, Expression], sign: str) -> list[Expression]:
+def _named_items(items: Mapping[str, Expression], separator: str) -> list[Expression]:
     """Return items, each with its name and a sign in front."""
     return [
-        f"{name}{sign}{item}" if isinstance(item, str) else _with_text_in_front(f"{name}{sign}", item)
+        f"{name}{separator}{item}" if isinstance(item, str) else _add_prefix(f"{name}{separator}", item)
         for name, item in items.items()
     ]
 
 
-def _with_text_in_front(text: str, item: Expression) -> Expression:
+def _add_prefix(prefix_text: str, item: Expression) -> Expression:
     """Return an item whose first line has a text in front."""
     match item:
         case str():
-            return text + item
+            return prefix_text + item
         case Brackets(opening, items, closing, flat):
-            return Brackets(text + opening, items, closing, None if flat is None else text + flat)
+            return Brackets(prefix_text + opening, items, closing, None if flat is None else prefix_text + flat)
         case Grouped(prefix, inner):
-            return Grouped(text + prefix, inner)
+            return Grouped(prefix_text + prefix, inner)
         case Chain(first, rest):
-            return Chain(_with_text_in_front(text, first), rest)
+            return Chain(_add_prefix(prefix_text, first), rest)
 
 
-def _short_brackets(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
+def _brackets_or_text(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
     """Return items in brackets; as plain text, if this text is so short that it fits everywhere."""
-    flat = _on_one_line(opening, items, closing)
+    flat = _flat_brackets_text(opening, items, closing)
     return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT else flat
 
 
@@ -155,11 +155,11 @@ def lay_out(expression: Expression, *, indent: int = 0, before: int = 0, after: 
         before: the columns before the expression on its first line, including `indent`.
         after: the columns that the following text needs on the last line of the expression.
     """
-    flat = _one_line(expression)
+    flat = _flat_text(expression)
     if flat is not None and before + len(flat) + after <= WIDTH:
         return flat
     if isinstance(expression, Brackets) and expression.items:
-        return _open_brackets(expression, indent)
+        return _break_brackets(expression, indent)
     if isinstance(expression, Chain):
         return _break_chain(expression, indent, before, after)
     if isinstance(expression, Grouped):
@@ -168,28 +168,32 @@ def lay_out(expression: Expression, *, indent: int = 0, before: int = 0, after: 
     return flat or ""
 
 
-def _one_line(expression: Expression) -> str | None:
+def _flat_text(expression: Expression) -> str | None:
     """Return an expression on one line, or None if part of it always takes several lines."""
     return expression if isinstance(expression, str) else expression.flat
 
 
-def _open_brackets(expression: Brackets, indent: int) -> str:
-    inner = indent + _STEP
-    width = WIDTH - inner - len(",")
+def _break_brackets(expression: Brackets, indent: int) -> str:
+    inner_indent = indent + _STEP
+    available_width = WIDTH - inner_indent - len(",")
     lines: list[str] = []
     for item in expression.items:
         flat = item if isinstance(item, str) else item.flat
-        fits = flat is not None and len(flat) <= width
-        lines.append(flat if flat is not None and fits else lay_out(item, indent=inner, before=inner, after=len(",")))
-    separator = ",\n" + " " * inner
+        is_within_width = flat is not None and len(flat) <= available_width
+        lines.append(
+            flat
+            if flat is not None and is_within_width
+            else lay_out(item, indent=inner_indent, before=inner_indent, after=len(","))
+        )
+    separator = ",\n" + " " * inner_indent
     closing = f",\n{' ' * indent}{expression.closing.lstrip(',')}"
-    return f"{expression.opening}\n{' ' * inner}{separator.join(lines)}{closing}"
+    return f"{expression.opening}\n{' ' * inner_indent}{separator.join(lines)}{closing}"
 
 
 def _break_chain(expression: Chain, indent: int, before: int, after: int) -> str:
     lines = [lay_out(expression.first, indent=indent, before=before)]
     for number, (operator, operand) in enumerate(expression.rest, start=1):
-        following = after if number == len(expression.rest) else 0
+        following_width = after if number == len(expression.rest) else 0
         column = indent + len(operator) + 1
-        lines.append(f"{operator} {lay_out(operand, indent=indent, before=column, after=following)}")
+        lines.append(f"{operator} {lay_out(operand, indent=indent, before=column, after=following_width)}")
     return f"\n{' ' * indent}".join(lines)

@@ -22,8 +22,8 @@ def loop_nodes(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[Node, dict[
         for output in outputs:
             yield Node(kind, output.name), {"label": output.label or output.name}
     for adaptation in spec.adaptation:
-        chooses = isinstance(adaptation.does, Course)
-        entry = {"label": adaptation.label or adaptation.name, "does": "choose" if chooses else "set"}
+        is_course = isinstance(adaptation.does, Course)
+        entry = {"label": adaptation.label or adaptation.name, "does": "choose" if is_course else "set"}
         yield Node(NodeKind.ADAPTATION, adaptation.name), dict[str, object](entry)
     for tree in mape.trees:
         file = tree.forest.forest.files[0].file
@@ -34,14 +34,14 @@ def loop_nodes(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[Node, dict[
 
 def _variable_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
     loop_kinds = {NodeKind.METRIC, NodeKind.ACTION, NodeKind.ADAPTATION, NodeKind.LOOP}
-    targets = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
-    other_targets = {
+    target_names = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
+    targets_outside_loops = {
         edge.target.name
         for edge in plan.edges
         if edge.target.kind is NodeKind.CONTEXT and edge.source.kind not in loop_kinds
     }
     for variable in plan.checked.variables.values():
-        if variable.name in targets - other_targets and variable.name not in plan.in_force:
+        if variable.name in target_names - targets_outside_loops and variable.name not in plan.in_force:
             yield Node(NodeKind.CONTEXT, variable.name), variable_entry(variable)
 
 
@@ -54,9 +54,9 @@ def loop_places(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, Place
             for number, rule in enumerate(output.rules):
                 yield f"{name}/{kind}/{output.name}/rules/{number}", rule.place
     for checked in mape.adaptation:
-        adaptation_name, does = f"{name}/adaptation/{checked.name}", checked.adaptation.does
-        yield adaptation_name, checked.adaptation.place
+        adaptation_path, does = f"{name}/adaptation/{checked.name}", checked.adaptation.does
+        yield adaptation_path, checked.adaptation.place
         for number, hard_rule in enumerate(does.always if isinstance(does, Course) else ()):
-            yield f"{adaptation_name}/always/{number}", hard_rule.condition.place
+            yield f"{adaptation_path}/always/{number}", hard_rule.condition.place
     yield from ((f"{name}/tree/{tree.name}", tree.element.place) for tree in mape.trees)
     yield from ((f"{name}/loop/{loop.name}", loop.place) for loop in spec.loops)

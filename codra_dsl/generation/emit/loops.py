@@ -8,7 +8,7 @@ from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import ACTION_ENGINE, MAPE_MODULE, METRIC_ENGINE, tree_module_name
 from codra_dsl.generation.emit.behaviour_trees import tree_module
 from codra_dsl.generation.emit.conditions import condition
-from codra_dsl.generation.emit.declarations import names, non_default_fields
+from codra_dsl.generation.emit.declarations import non_default_fields, tuple_of_names
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import (
     WIDTH,
@@ -143,10 +143,10 @@ class _Writer:
         fields = self.fields(
             "LoopModel",
             name=literal(loop.name),
-            rates=names(checked.rates),
-            analyse=names(reference.name for reference in loop.analyse),
-            adapt=names(reference.name for reference in loop.adapt),
-            execute=names(reference.name for reference in loop.execute),
+            rates=tuple_of_names(checked.rates),
+            analyse=tuple_of_names(reference.name for reference in loop.analyse),
+            adapt=tuple_of_names(reference.name for reference in loop.adapt),
+            execute=tuple_of_names(reference.name for reference in loop.execute),
             period_s=literal(loop.period_s),
         )
         return call("LoopModel", **fields)
@@ -172,23 +172,26 @@ class _Writer:
                 call(
                     "StageRuleModel",
                     **self.fields(
-                        "StageRuleModel", text=literal(rule.text), concludes=names([rule.output]), reads=names(read)
+                        "StageRuleModel",
+                        text=literal(rule.text),
+                        concludes=tuple_of_names([rule.output]),
+                        reads=tuple_of_names(read_variables),
                     ),
                 )
-                for rule, read in zip(stage.rules, variables_of_rules, strict=True)
+                for rule, read_variables in zip(stage.rules, variables_of_rules, strict=True)
             ),
         )
         return spread_call("StageModel", **fields)
 
     def _input(self, checked_input: CheckedInput) -> Expression:
         self._imports.use("Bounds")
-        is_bare = checked_input.variable.type.kind in (Kind.BOOL, Kind.ENUM)
+        is_discrete = checked_input.variable.type.kind in (Kind.BOOL, Kind.ENUM)
         terms = {literal(term.name): self._membership(term) for term in checked_input.terms}
         fields = self.fields(
             "InputModel",
             variable=literal(checked_input.variable.name),
             range=call("Bounds", literal(float(checked_input.minimum)), literal(float(checked_input.maximum))),
-            members=names(checked_input.members) if is_bare else "()",
+            members=tuple_of_names(checked_input.members) if is_discrete else "()",
             terms=dictionary(terms),
         )
         return call("InputModel", **fields)
@@ -221,7 +224,7 @@ class _Writer:
         fields = self.fields(
             "CourseModel",
             name=literal(adaptation.name),
-            choose=names(action.name for action in course.choose),
+            choose=tuple_of_names(action.name for action in course.choose),
             otherwise=literal(course.otherwise.name),
             variable=literal(adaptation.name),
             smooth_s=literal(course.smooth_s),
@@ -235,11 +238,11 @@ class _Writer:
         return call("CourseModel", **fields)
 
     def _hard_rule(self, rule: HardRule, python: str) -> Expression:
-        hard_condition, words = condition(python)
+        condition_expression, words = condition(python)
         self._imports.use(*words)
         fields = self.fields(
             "HardRuleModel",
-            condition=hard_condition,
+            condition=condition_expression,
             action=literal(rule.action.name),
             text=literal(rule.condition.text),
         )
@@ -273,7 +276,7 @@ class _Writer:
             course=literal(tree.course),
             entry=literal(tree.entry),
             branches=dictionary({text_literal(action): literal(value) for action, value in tree.branches.items()}),
-            tasks=names(tree.tasks),
+            tasks=tuple_of_names(tree.tasks),
             agent=literal("" if element.agent is None else element.agent.name),
             period_s=literal(element.period_s),
             repeat=f"Repeat.{element.repeat.name}",

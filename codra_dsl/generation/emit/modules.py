@@ -17,7 +17,7 @@ from codra_dsl.language.model import Skill
 def module_texts(plan: BuildPlan) -> Iterator[tuple[str, str]]:
     """Yield the path and text of each generated module."""
     forest = {tree.name: tree for tree in plan.forest}
-    skills = {skill_.name: skill_ for skill_ in plan.checked.spec.skills}
+    skills = {declared_skill.name: declared_skill for declared_skill in plan.checked.spec.skills}
     for module in plan.modules:
         trees = [forest[name] for name in module.trees]
         yield f"{module.name}.py", _module_text(plan, module, trees, [skills[name] for name in module.skills])
@@ -33,11 +33,15 @@ def _module_text(plan: BuildPlan, module: Module, trees: list[Tree], skills: lis
         "algorithms": [f"{branch.constant} = {lay_out(algorithm(branch, imports))}" for branch in branches],
         "trees": [tree_text(tree, imports) for tree in trees],
         "variables": _tuple_statement(
-            "VARIABLES", "VariableModel", (variable(declaration, poses, imports) for declaration in variables)
+            "VARIABLES",
+            "VariableModel",
+            (variable(declared_variable, poses, imports) for declared_variable in variables),
         ),
         "observers": _tuple_statement("OBSERVERS", "ObserverModel", (observer(tree, imports) for tree in trees)),
         "skills": _tuple_statement(
-            "SKILLS", "SkillModel", (skill(item, expectations.get(item.name, ()), imports) for item in skills)
+            "SKILLS",
+            "SkillModel",
+            (skill(declared_skill, expectations.get(declared_skill.name, ()), imports) for declared_skill in skills),
         ),
     }
     return render("module.py.j2", title=_title(module), made_by=made_by(plan), imports=imports.lines(), **texts)
@@ -52,5 +56,5 @@ def _tuple_statement(name: str, kind: str, declarations: Iterable[Expression]) -
 def _title(module: Module) -> str:
     """Return a one-line description of the module's contents."""
     use = [] if module.use is None else [f"'{module.use.instance}' (template '{module.use.template}')"]
-    sources = " and ".join([*use, *map(prose, module.files)])
-    return f"{'Observers' if module.trees else 'Context'} of {sources}."
+    sources_text = " and ".join([*use, *map(prose, module.files)])
+    return f"{'Observers' if module.trees else 'Context'} of {sources_text}."

@@ -98,8 +98,13 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
 
 def _type_entries(variable: Variable) -> dict[str, object]:
     """Return the type of a variable, for tools that read the manifest alone."""
-    declared = variable.type
-    entry = {"type": declared.kind.value, "unit": declared.unit, "range": declared.range, "values": declared.values}
+    declared_type = variable.type
+    entry = {
+        "type": declared_type.kind.value,
+        "unit": declared_type.unit,
+        "range": declared_type.range,
+        "values": declared_type.values,
+    }
     return {key: value for key, value in entry.items() if value}
 
 
@@ -133,11 +138,11 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
 
 
 def _place_text(place: Place) -> str:
-    use = "" if place.use is None else f', "use": {{{_line_entries(place.use)}}}'
-    return f"{{{_line_entries(place.span)}{use}}}"
+    use = "" if place.use is None else f', "use": {{{_span_entries(place.use)}}}'
+    return f"{{{_span_entries(place.span)}{use}}}"
 
 
-def _line_entries(span: Span) -> str:
+def _span_entries(span: Span) -> str:
     return f'"file": {json_text(span.file)}, "line": {span.line}'
 
 
@@ -199,17 +204,17 @@ def model_digest(plan: BuildPlan) -> str:
 def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:
     """Return the values that are the meaning of a spec's loops, including the contents of its trees' files."""
     spec = checked.spec
-    terms = tuple((variable.terms, variable.rate) for variable in spec.context)
+    terms_and_rates = tuple((variable.terms, variable.rate) for variable in spec.context)
     trees = tuple(tree.forest for tree in checked.mape.trees) if checked.mape is not None else ()
-    return (spec.metrics, spec.actions, spec.adaptation, spec.trees, spec.loops, terms, trees)
+    return (spec.metrics, spec.actions, spec.adaptation, spec.trees, spec.loops, terms_and_rates, trees)
 
 
 def _meaning(value: Any) -> str:
     """Return a value as the text of tuples and plain values; different meanings give different texts."""
-    return _WRITERS.get(type(value), _meaning_of_new_type)(value)
+    return _WRITERS.get(type(value), _meaning_with_new_writer)(value)
 
 
-def _meaning_of_new_type(value: Any) -> str:
+def _meaning_with_new_writer(value: Any) -> str:
     """Return the meaning of a value whose type occurs for the first time, and keep the writer of this type."""
     kind = type(value)
     _WRITERS[kind] = _make_writer(kind)
@@ -226,9 +231,9 @@ def _make_writer(kind: Any) -> Callable[[Any], str]:
         for name in names
         if name not in _FIELDS_WITHOUT_MEANING and (kind, name) not in _REPEATED_FIELDS | _SEPARATELY_DIGESTED_FIELDS
     ]
-    shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in relevant_names)])}{'' if relevant_names else ','})"
+    template = f"({', '.join([ascii(kind.__name__), *('%s' for _ in relevant_names)])}{'' if relevant_names else ','})"
     fields = [attrgetter(name) for name in relevant_names]
-    return lambda value: shape % tuple([_meaning(field(value)) for field in fields])
+    return lambda value: template % tuple([_meaning(field(value)) for field in fields])
 
 
 def _tuple_meaning(values: tuple[Any, ...]) -> str:

@@ -22,8 +22,10 @@ _MISLEADING_MARKS = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrR
 _WORDS_ACROSS_PIECES = ("__future__", "global")
 """Words of statements whose validity in one piece depends on other pieces."""
 
-_CHOSEN_NAMES = tuple(re.compile(before + r"([A-Za-z][A-Za-z0-9_]*)\b") for before in ("\ndef ", r"branch\(", "build="))
-_CHOSEN_ALGORITHM_NAME = re.compile(r"\n([A-Za-z][A-Za-z0-9_]*) = Algorithm\(")
+_CHOSEN_NAME_PATTERNS = tuple(
+    re.compile(before + r"([A-Za-z][A-Za-z0-9_]*)\b") for before in ("\ndef ", r"branch\(", "build=")
+)
+_ALGORITHM_NAME_PATTERN = re.compile(r"\n([A-Za-z][A-Za-z0-9_]*) = Algorithm\(")
 _LONG_TUPLE = re.compile(r"\w+: tuple\[\w+, \.\.\.\] = \(\n    \w+\(")
 _NEXT_ITEM = re.compile(r"\n    (?![ )])")
 
@@ -51,11 +53,11 @@ def prove(files: Mapping[str, str]) -> None:
 
 def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
     """Compile the pieces of a module that are not in `proven`, and return whether this proves the whole module."""
-    code_before, _, rest = text.partition('"""')
+    code_before_docstring, _, rest = text.partition('"""')
     docstring, closing, statements = rest.partition('"""')
     docstring_line = docstring.replace("\n", "")
     is_plain = docstring_line.isascii() and docstring_line.isprintable() and "\\" not in docstring_line
-    if code_before or not closing or not is_plain or not statements.startswith("\n"):
+    if code_before_docstring or not closing or not is_plain or not statements.startswith("\n"):
         return False
     shape = _shape(statements)
     if shape is None:
@@ -78,14 +80,14 @@ def _shape(statements: str) -> str | None:
     shape = _PLAIN_STRING.sub('""', shape)
     if any(mark in shape for mark in (*_MISLEADING_MARKS, *_WORDS_ACROSS_PIECES)):
         return None
-    for names in _CHOSEN_NAMES:
-        shape = names.sub(_with_fixed_name, shape)
-    return _CHOSEN_ALGORITHM_NAME.sub(_with_fixed_name, shape)
+    for pattern in _CHOSEN_NAME_PATTERNS:
+        shape = pattern.sub(_replace_name, shape)
+    return _ALGORITHM_NAME_PATTERN.sub(_replace_name, shape)
 
 
-def _with_fixed_name(name: re.Match[str]) -> str:
+def _replace_name(match: re.Match[str]) -> str:
     """Return a match whose name is replaced by a fixed name, unless the name is a keyword."""
-    return name[0] if keyword.iskeyword(name[1]) else name[0].replace(name[1], "name", 1)
+    return match[0] if keyword.iskeyword(match[1]) else match[0].replace(match[1], "name", 1)
 
 
 def _pieces(shape: str) -> Iterator[str]:

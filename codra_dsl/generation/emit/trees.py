@@ -18,7 +18,7 @@ from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_list
 from codra_dsl.generation.emit.literals import literal
 
-_SINGLE_BRANCH = "perception"
+_SINGLE_BRANCH_NAME = "perception"
 _BODY = "    return "
 
 
@@ -43,7 +43,7 @@ def tree_text(tree: Tree, imports: Imports) -> TreeText:
     return TreeText(
         function=tree.function,
         docstring=_docstring(tree),
-        branches=tuple((writer.local(branch), branch.constant) for branch in tree.branches),
+        branches=tuple((writer.local_name(branch), branch.constant) for branch in tree.branches),
         body=lay_out(writer.body(), indent=4, before=len(_BODY)),
     )
 
@@ -67,9 +67,9 @@ class _TreeWriter:
         self._tree = tree
         self._imports = imports
 
-    def local(self, branch: Branch) -> str:
+    def local_name(self, branch: Branch) -> str:
         """Return the name of a branch within the function."""
-        return branch.local if len(self._tree.branches) > 1 else _SINGLE_BRANCH
+        return branch.local_name if len(self._tree.branches) > 1 else _SINGLE_BRANCH_NAME
 
     def body(self) -> Expression:
         """Return the whole tree."""
@@ -83,10 +83,10 @@ class _TreeWriter:
             return [*self._preconditions(branches), self._parallel(groups)]
         (group,) = groups
         if len(group) > 1:
-            return [self._selector((branch.name, self._guarded_branch(branch)) for branch in group)]
-        return self._guarded_branch(group[0])
+            return [self._selector((branch.name, self._guarded_branch_nodes(branch)) for branch in group)]
+        return self._guarded_branch_nodes(group[0])
 
-    def _guarded_branch(self, branch: Branch) -> list[Expression]:
+    def _guarded_branch_nodes(self, branch: Branch) -> list[Expression]:
         return [*self._preconditions((branch,)), *self._perception_nodes(branch)]
 
     def _parallel(self, groups: Iterable[tuple[Branch, ...]]) -> Expression:
@@ -114,7 +114,7 @@ class _TreeWriter:
 
     def _preconditions(self, branches: tuple[Branch, ...]) -> Iterator[Expression]:
         """Yield the precondition nodes of Algorithm 2. Joined branches have the same preconditions."""
-        local_names = [self.local(branch) for branch in branches]
+        local_names = [self.local_name(branch) for branch in branches]
         algorithm = branches[0].algorithm
         for checked in algorithm.observable_when:
             yield self._behaviour("Precondition", literal(checked.text), self._condition(checked.python), *local_names)
@@ -124,16 +124,16 @@ class _TreeWriter:
 
     def _perception_nodes(self, branch: Branch) -> list[Expression]:
         """Return perception and the nodes that process its result."""
-        local, algorithm = self.local(branch), branch.algorithm
+        local_name, algorithm = self.local_name(branch), branch.algorithm
         return [
-            self._behaviour("DueOrRunning", local),
-            self._behaviour("Perceive", local),
+            self._behaviour("DueOrRunning", local_name),
+            self._behaviour("Perceive", local_name),
             *(
-                self._behaviour("Accept", literal(checked.text), self._condition(checked.python), local)
+                self._behaviour("Accept", literal(checked.text), self._condition(checked.python), local_name)
                 for checked in algorithm.accept_when
             ),
             *(
-                self._behaviour("Identify", literal(variable), self._condition(checked.python), local)
+                self._behaviour("Identify", literal(variable), self._condition(checked.python), local_name)
                 for variable, checked in algorithm.identifies
             ),
         ]

@@ -16,7 +16,7 @@ from codra_dsl.language.behavior_trees.catalogue import (
     BuiltInPort,
     PortContent,
 )
-from codra_dsl.language.behavior_trees.ports import EntryKey, first_refused_letter, is_key, parse_port_value
+from codra_dsl.language.behavior_trees.ports import EntryKey, first_refused_character, is_key, parse_port_value
 from codra_dsl.language.behavior_trees.rules import TreeFindings
 from codra_dsl.language.behavior_trees.scripts import ScriptProblem, parse_condition, parse_script
 from codra_dsl.language.behavior_trees.values import (
@@ -103,7 +103,7 @@ class _Checker:
                 "no-tree-file", "the file has no trees", first.place, help='write <BehaviorTree ID="...">'
             )
         if first.main is not None and first.main not in self._trees:
-            help_text = self._findings.help_for(first.main, self._trees, "name one of the trees")
+            help_text = self._findings.name_help(first.main, self._trees, "name one of the trees")
             self._findings.add("unknown-subtree", f"there is no tree '{first.main}'", first.main_place, help=help_text)
         for model in models:
             if model.kind not in (*_ROBOT_KINDS, NodeKind.SUBTREE) and model.id not in BUILT_IN:
@@ -115,28 +115,28 @@ class _Checker:
                 )
 
     def _check_name(self, name: str, place: Place) -> None:
-        letter = first_refused_letter(name)
-        if letter is not None:
-            message = f"{letter!r} in the name {name!r}: newer versions of BehaviorTree.CPP refuse the file"
+        character = first_refused_character(name)
+        if character is not None:
+            message = f"{character!r} in the name {name!r}: newer versions of BehaviorTree.CPP refuse the file"
             self._findings.add("library-refuses-name", message, place, help="use letters, digits, '_' and '-'")
 
-    def _check_unique(self, noun: str, named: Iterable[tuple[str, Place]]) -> None:
-        first: dict[str, Place] = {}
-        for name, place in named:
-            before = first.setdefault(name, place)
-            if before is not place:
+    def _check_unique(self, noun: str, names_and_places: Iterable[tuple[str, Place]]) -> None:
+        first_places: dict[str, Place] = {}
+        for name, place in names_and_places:
+            first_place = first_places.setdefault(name, place)
+            if first_place is not place:
                 self._findings.add(
                     "duplicate-tree",
                     f"there is already a {noun} '{name}'",
                     place,
                     help="rename or remove one of the two",
-                    related=[Related("the first one", before)],
+                    related=[Related("the first one", first_place)],
                 )
 
     def check_sizes(self) -> None:
         """Check that no tree contains itself, and that no tree is too large with its subtrees."""
-        uses = {name: _uses(tree, self._trees) for name, tree in self._trees.items()}
-        needs: Needs = {name: tuple(used) for name, used in uses.items()}
+        uses = {name: _nodes_by_subtree(tree, self._trees) for name, tree in self._trees.items()}
+        needs: Needs = {name: tuple(subtree_nodes) for name, subtree_nodes in uses.items()}
         if strong_components(needs):
             cycle = shortest_cycle(needs)
             node = uses[cycle[0]][cycle[1 % len(cycle)]]
@@ -144,9 +144,9 @@ class _Checker:
             help_text = "a tree cannot contain itself: repeat with Repeat or KeepRunningUntilFailure"
             self._findings.add("subtree-recursion", f"subtrees form a cycle: {path}", node.place, help=help_text)
             return
-        counts: dict[str, tuple[int, int]] = {}
-        for name in _leaves_first(needs):
-            counts[name] = nodes, levels = _size(self._trees[name].root, counts)
+        sizes: dict[str, tuple[int, int]] = {}
+        for name in _order_leaves_first(needs):
+            sizes[name] = nodes, levels = _size(self._trees[name].root, sizes)
             if nodes > MAX_NODES or levels > MAX_LEVELS:
                 self._findings.add(
                     "too-many-tree-nodes",
@@ -167,11 +167,11 @@ class _Checker:
             message = f"'{node.id}' cannot be compiled"
             self._findings.add("unsupported-tree-node", message, node.place, help=REFUSED_NODES[node.id], path=path)
         elif node.subtree is not None:
-            self._check_children(node, 0, 0, path)
+            self._check_child_count(node, 0, 0, path)
             self._check_subtree(node, path)
         elif node.id in BUILT_IN and node.id != "SubTree":
             built_in = BUILT_IN[node.id]
-            self._check_children(node, built_in.least, built_in.most, path)
+            self._check_child_count(node, built_in.least, built_in.most, path)
             self._check_ports(node, [port.name for port in built_in.ports], path)
             self._check_built_in(node, built_in, path)
         else:
@@ -180,15 +180,13 @@ class _Checker:
     def _check_robot_node(self, node: TreeNode, path: str) -> None:
         model = self._models.get((False, node.id))
         if model is None and node.kind not in _ROBOT_KINDS:
-            otherwise = f'declare it: <TreeNodesModel><Action ID="{node.id}"/></TreeNodesModel>'
+            fallback = f'declare it: <TreeNodesModel><Action ID="{node.id}"/></TreeNodesModel>'
             if node.id in self._trees:
-                otherwise = f'write <SubTree ID="{node.id}"/>'
-            help_text = (
-                otherwise if node.id in self._trees else self._findings.help_for(node.id, self._known, otherwise)
-            )
+                fallback = f'write <SubTree ID="{node.id}"/>'
+            help_text = fallback if node.id in self._trees else self._findings.name_help(node.id, self._known, fallback)
             self._findings.add("unknown-tree-node", f"unknown node '{node.id}'", node.place, help=help_text, path=path)
             return
-        self._check_children(node, 0, 0, path)
+        self._check_child_count(node, 0, 0, path)
         if model is None:
             for attribute in node.ports:
                 self._read_port(attribute, path)
@@ -199,25 +197,25 @@ class _Checker:
             if port.direction is not Direction.OUT and port.default is None and port.name not in attributes:
                 self._report_missing_port(node, port.name, path)
         for attribute in node.ports:
-            declared = model.port(attribute.name)
-            setting = self._read_port(attribute, path)
-            if declared is not None and isinstance(setting, str):
-                self._check_declared(attribute, declared.direction, declared.type, path)
+            port_model = model.port(attribute.name)
+            port_value = self._read_port(attribute, path)
+            if port_model is not None and isinstance(port_value, str):
+                self._check_declared_port(attribute, port_model.direction, port_model.type, path)
 
-    def _check_declared(self, attribute: Attribute, direction: Direction, type_: str | None, path: str) -> None:
+    def _check_declared_port(self, attribute: Attribute, direction: Direction, type_: str | None, path: str) -> None:
         """Check a text that is given to a port with a declared direction and type."""
         if direction is not Direction.IN:
             name = attribute.value if is_key(attribute.value) else "entry"
-            self._report_value(attribute, "an entry, since the node writes it", f"write {{{name}}}", path)
+            self._report_unfit_value(attribute, "an entry, since the node writes it", f"write {{{name}}}", path)
         elif not _is_value_of(type_, attribute.value):
-            self._report_value(attribute, f"a value of the type {type_}", "write one, or an entry {name}", path)
+            self._report_unfit_value(attribute, f"a value of the type {type_}", "write one, or an entry {name}", path)
 
-    def _check_children(self, node: TreeNode, least: int, most: int | None, path: str) -> None:
+    def _check_child_count(self, node: TreeNode, least: int, most: int | None, path: str) -> None:
         count = len(node.children)
         if least <= count and (most is None or count <= most):
             return
-        wanted = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
-        message = f"'{node.id}' has {count or 'no'} {'child' if count == 1 else 'children'}, not {wanted}"
+        expected_text = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
+        message = f"'{node.id}' has {count or 'no'} {'child' if count == 1 else 'children'}, not {expected_text}"
         help_text = (
             "put several below one node, e.g. <Sequence>" if least == most == 1 else "add or remove nodes below it"
         )
@@ -225,11 +223,13 @@ class _Checker:
             help_text = "close it at once: <.../>"
         self._findings.add("wrong-children", message, node.place, help=help_text, path=path)
 
-    def _check_ports(self, node: TreeNode, known: Sequence[str], path: str) -> None:
+    def _check_ports(self, node: TreeNode, port_names: Sequence[str], path: str) -> None:
         for attribute in node.ports:
-            if attribute.name not in known:
-                listed = f"its ports are {', '.join(known)}" if known else "it has none"
-                help_text = self._findings.help_for(attribute.name, [*known, *PRECONDITIONS, *POST_SCRIPTS], listed)
+            if attribute.name not in port_names:
+                port_list = f"its ports are {', '.join(port_names)}" if port_names else "it has none"
+                help_text = self._findings.name_help(
+                    attribute.name, [*port_names, *PRECONDITIONS, *POST_SCRIPTS], port_list
+                )
                 message = f"'{node.id}' has no port '{attribute.name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
 
@@ -242,7 +242,7 @@ class _Checker:
     def _check_extras(self, node: TreeNode, path: str) -> None:
         conditions = [*PRECONDITIONS, *POST_SCRIPTS, AUTOREMAP]
         for attribute in node.extras:
-            help_text = self._findings.help_for(attribute.name, conditions, "")
+            help_text = self._findings.name_help(attribute.name, conditions, "")
             if help_text:
                 message = f"unknown condition '{attribute.name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
@@ -254,13 +254,13 @@ class _Checker:
     # Values
 
     def _read_port(self, attribute: Attribute, path: str) -> EntryKey | str | None:
-        setting = parse_port_value(attribute.name, attribute.value)
-        if setting is None:
-            self._report_value(attribute, "a text or an entry", "write {name}: letters, digits and _", path)
-        return setting
+        port_value = parse_port_value(attribute.name, attribute.value)
+        if port_value is None:
+            self._report_unfit_value(attribute, "a text or an entry", "write {name}: letters, digits and _", path)
+        return port_value
 
-    def _report_value(self, attribute: Attribute, wanted: str, help_text: str, path: str) -> None:
-        message = f"'{attribute.name}' is {attribute.value[:60]!r}, not {wanted}"
+    def _report_unfit_value(self, attribute: Attribute, expected_text: str, help_text: str, path: str) -> None:
+        message = f"'{attribute.name}' is {attribute.value[:60]!r}, not {expected_text}"
         self._findings.add("port-value", message, attribute.value_place, help=help_text, path=path)
 
     def _check_built_in(self, node: TreeNode, built_in: BuiltIn, path: str) -> None:
@@ -268,50 +268,52 @@ class _Checker:
         for port in built_in.ports:
             attribute = attributes.get(port.name)
             if attribute is not None:
-                self._check_content(attribute, port, node, path)
+                self._check_port_content(attribute, port, node, path)
             elif port.default is None:
                 self._report_missing_port(node, port.name, path)
 
-    def _check_content(self, attribute: Attribute, port: BuiltInPort, node: TreeNode, path: str) -> None:
+    def _check_port_content(self, attribute: Attribute, port: BuiltInPort, node: TreeNode, path: str) -> None:
         if port.content is PortContent.CONDITION:
             self._check_script(attribute, parse_condition(attribute.value), path)
             return
         if port.content is PortContent.SCRIPT:
             self._check_script(attribute, parse_script(attribute.value), path)
             return
-        setting = self._read_port(attribute, path)
-        if setting is None:
+        port_value = self._read_port(attribute, path)
+        if port_value is None:
             return
-        if isinstance(setting, EntryKey):
+        if isinstance(port_value, EntryKey):
             if port.content is PortContent.KEY:
-                self._report_value(attribute, port.content, f"write {setting.key}", path)
-        elif not _is_valid_content(port.content, setting):
-            self._report_value(attribute, port.content, "correct it", path)
-        elif port.name.endswith(("_count", "_failures")) and int(setting) > len(node.children):
-            self._report_value(attribute, f"at most {len(node.children)}, the number of children", "correct it", path)
+                self._report_unfit_value(attribute, port.content, f"write {port_value.key}", path)
+        elif not _is_valid_content(port.content, port_value):
+            self._report_unfit_value(attribute, port.content, "correct it", path)
+        elif port.name.endswith(("_count", "_failures")) and int(port_value) > len(node.children):
+            self._report_unfit_value(
+                attribute, f"at most {len(node.children)}, the number of children", "correct it", path
+            )
 
     def _check_scripts(self, node: TreeNode, path: str) -> None:
         for attribute in node.conditions:
             parse = parse_condition if attribute.name in PRECONDITIONS else parse_script
             self._check_script(attribute, parse(attribute.value), path)
 
-    def _check_script(self, attribute: Attribute, parsed: object, path: str) -> None:
-        if not isinstance(parsed, ScriptProblem):
+    def _check_script(self, attribute: Attribute, script: object, path: str) -> None:
+        if not isinstance(script, ScriptProblem):
             return
         place = attribute.value_place
         if attribute.is_literal and place.span.line == place.span.end_line:
             span = place.span
-            begin = span.column + parsed.start
-            end = max(span.column + parsed.end, begin + 1)
+            begin = span.column + script.start
+            end = max(span.column + script.end, begin + 1)
             place = Place(type(span)(span.file, span.line, begin, span.line, end))
-        self._findings.add(parsed.rule, f"{attribute.name}: {parsed.message}", place, help=parsed.help, path=path)
+        self._findings.add(script.rule, f"{attribute.name}: {script.message}", place, help=script.help, path=path)
 
     # Subtrees
 
     def _check_subtree(self, node: TreeNode, path: str) -> None:
         tree = self._trees.get(str(node.subtree))
         if tree is None:
-            help_text = self._findings.help_for(
+            help_text = self._findings.name_help(
                 str(node.subtree), self._trees, "write the tree, or include the file that has it"
             )
             message = f"there is no tree '{node.subtree}'"
@@ -321,57 +323,61 @@ class _Checker:
         remappings = [attribute for attribute in node.ports if attribute.name != AUTOREMAP]
         for attribute in node.ports:
             if attribute.name == AUTOREMAP and not _is_valid_content(PortContent.TRUTH, attribute.value):
-                self._report_value(attribute, PortContent.TRUTH, "correct it", path)
+                self._report_unfit_value(attribute, PortContent.TRUTH, "correct it", path)
         for attribute in remappings:
             self._read_port(attribute, path)
         if model is not None:
             self._check_subtree_ports(node, model, remappings, path)
             return
-        used = self._entries.get(tree.id)
-        if used is None:
-            names = (_entries_of_node(part, self._models.get((False, part.id))) for part in tree.root.walk())
-            used = self._entries[tree.id] = frozenset(chain.from_iterable(names))
+        entries = self._entries.get(tree.id)
+        if entries is None:
+            names = (
+                _entries_of_node(tree_node, self._models.get((False, tree_node.id))) for tree_node in tree.root.walk()
+            )
+            entries = self._entries[tree.id] = frozenset(chain.from_iterable(names))
         for attribute in remappings:
-            if attribute.name not in used:
-                help_text = self._findings.help_for(attribute.name, used, "remove it, or use the entry in the tree")
+            if attribute.name not in entries:
+                help_text = self._findings.name_help(attribute.name, entries, "remove it, or use the entry in the tree")
                 message = f"the tree '{tree.id}' does not use the entry '{attribute.name}'"
                 self._findings.add("unused-remap", message, attribute.place, help=help_text, path=path)
 
     def _check_subtree_ports(self, node: TreeNode, model: NodeModel, remappings: list[Attribute], path: str) -> None:
-        known = [port.name for port in model.ports]
+        port_names = [port.name for port in model.ports]
         attributes = {attribute.name: attribute for attribute in remappings}
         for name, attribute in attributes.items():
-            if name not in known:
-                help_text = self._findings.help_for(name, known, f"its ports are {', '.join(known) or 'none'}")
+            if name not in port_names:
+                help_text = self._findings.name_help(
+                    name, port_names, f"its ports are {', '.join(port_names) or 'none'}"
+                )
                 message = f"the tree '{model.id}' has no port '{name}'"
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
-        remaps_all = any(attribute.name == AUTOREMAP and attribute.value in ("true", "1") for attribute in node.ports)
+        is_autoremap = any(attribute.name == AUTOREMAP and attribute.value in ("true", "1") for attribute in node.ports)
         for port in model.ports:
-            if port.name not in attributes and port.default is None and not remaps_all:
+            if port.name not in attributes and port.default is None and not is_autoremap:
                 self._report_missing_port(node, port.name, path)
             is_text = port.name in attributes and isinstance(
                 parse_port_value(port.name, attributes[port.name].value), str
             )
             if is_text and port.direction is not Direction.IN:
-                self._check_declared(attributes[port.name], port.direction, port.type, path)
+                self._check_declared_port(attributes[port.name], port.direction, port.type, path)
 
     # Entries
 
     def check_types(self, tree: BehaviorTree) -> None:
         """Check that each entry of a tree has the same type in all ports of the robot's nodes that read or write it."""
-        first: dict[str, tuple[str, Place]] = {}
+        first_types: dict[str, tuple[str, Place]] = {}
         for node in tree.root.walk():
             model = self._models.get((False, node.id))
             for attribute in node.ports if model is not None else ():
                 port = model.port(attribute.name) if model is not None else None
-                setting = parse_port_value(attribute.name, attribute.value)
-                if port is None or not isinstance(setting, EntryKey) or _accepts_any_value(port.type):
+                port_value = parse_port_value(attribute.name, attribute.value)
+                if port is None or not isinstance(port_value, EntryKey) or _accepts_any_value(port.type):
                     continue
-                type_, place = first.setdefault(setting.key, (str(port.type), attribute.place))
-                if _family(type_) != _family(str(port.type)):
+                type_, place = first_types.setdefault(port_value.key, (str(port.type), attribute.place))
+                if _type_family(type_) != _type_family(str(port.type)):
                     self._findings.add(
                         "entry-types-differ",
-                        f"the entry '{setting.key}' is {port.type} here, and {type_} elsewhere",
+                        f"the entry '{port_value.key}' is {port.type} here, and {type_} elsewhere",
                         attribute.place,
                         help="use two entries, or correct the types in TreeNodesModel",
                         related=[Related(f"{type_} here", place)],
@@ -383,15 +389,15 @@ _NUMBER_TYPES = frozenset(
     {"int", "unsigned", "double", "float", "bool", "int64_t", "uint64_t", "unsigned int", "std::size_t"}
 )
 _INTEGER_TYPES = frozenset({"int", "unsigned", "int64_t", "uint64_t", "unsigned int", "std::size_t"})
-_ANY_TYPES = frozenset({"", "BT::Any", "BT::AnyTypeAllowed", "AnyTypeAllowed", "std::string", "string"})
+_ANY_VALUE_TYPES = frozenset({"", "BT::Any", "BT::AnyTypeAllowed", "AnyTypeAllowed", "std::string", "string"})
 
 
 def _accepts_any_value(type_: str | None) -> bool:
     """Return whether a port accepts any value, as do ports for texts: a text can be read as any type."""
-    return type_ is None or type_ in _ANY_TYPES
+    return type_ is None or type_ in _ANY_VALUE_TYPES
 
 
-def _family(type_: str) -> str:
+def _type_family(type_: str) -> str:
     return "number" if type_ in _NUMBER_TYPES else type_
 
 
@@ -428,7 +434,7 @@ def _is_valid_content(content: PortContent, text: str) -> bool:
     return True
 
 
-def _uses(tree: BehaviorTree, trees: Mapping[str, BehaviorTree]) -> dict[str, TreeNode]:
+def _nodes_by_subtree(tree: BehaviorTree, trees: Mapping[str, BehaviorTree]) -> dict[str, TreeNode]:
     """Return the subtrees of a tree, each with the first node that uses it."""
     uses: dict[str, TreeNode] = {}
     for node in tree.root.walk():
@@ -437,7 +443,7 @@ def _uses(tree: BehaviorTree, trees: Mapping[str, BehaviorTree]) -> dict[str, Tr
     return uses
 
 
-def _leaves_first(needs: Needs) -> list[str]:
+def _order_leaves_first(needs: Needs) -> list[str]:
     """Return all names, each of them after the names that it needs; there must be no cycle."""
     ordered_names: dict[str, None] = {}
     pending = [(name, False) for name in reversed(list(needs))]
@@ -453,31 +459,31 @@ def _leaves_first(needs: Needs) -> list[str]:
     return list(ordered_names)
 
 
-def _size(root: TreeNode, counts: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
+def _size(root: TreeNode, sizes: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
     """Return the number of nodes and the number of levels in a tree with its subtrees."""
     nodes = levels = 0
     pending = [(root, 1)]
     while pending:
         node, level = pending.pop()
-        below, deeper = counts.get(node.subtree or "", (0, 0))
-        nodes += 1 + below
-        levels = max(levels, level + deeper)
+        inner_nodes, inner_levels = sizes.get(node.subtree or "", (0, 0))
+        nodes += 1 + inner_nodes
+        levels = max(levels, level + inner_levels)
         pending.extend((child, level + 1) for child in node.children)
     return nodes, levels
 
 
 def _entries_of_node(node: TreeNode, model: NodeModel | None) -> Iterator[str]:
     """Yield the names of all entries that occur in a node."""
-    holds = {port.name: port.content for port in BUILT_IN[node.id].ports} if node.id in BUILT_IN else {}
+    port_contents = {port.name: port.content for port in BUILT_IN[node.id].ports} if node.id in BUILT_IN else {}
     defaults = {port.name: port.default for port in model.ports if port.default is not None} if model else {}
     values = defaults | {attribute.name: attribute.value for attribute in node.ports}
     for name, value in values.items():
-        setting = parse_port_value(name, value)
-        if holds.get(name) in (PortContent.CONDITION, PortContent.SCRIPT):
-            yield from _entries_in_script(value, is_condition=holds[name] is PortContent.CONDITION)
-        elif isinstance(setting, EntryKey):
-            yield setting.key
-        elif holds.get(name) in (PortContent.KEY, PortContent.ENTRY):
+        port_value = parse_port_value(name, value)
+        if port_contents.get(name) in (PortContent.CONDITION, PortContent.SCRIPT):
+            yield from _entries_in_script(value, is_condition=port_contents[name] is PortContent.CONDITION)
+        elif isinstance(port_value, EntryKey):
+            yield port_value.key
+        elif port_contents.get(name) in (PortContent.KEY, PortContent.ENTRY):
             yield value
     for attribute in node.conditions:
         yield from _entries_in_script(attribute.value, is_condition=attribute.name in PRECONDITIONS)

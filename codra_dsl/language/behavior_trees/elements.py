@@ -57,7 +57,7 @@ class _RefusedError(Exception):
     """Stops the reading of a file; the finding has been added."""
 
 
-def elements(source: Source, findings: TreeFindings) -> Element | None:
+def read_root(source: Source, findings: TreeFindings) -> Element | None:
     """Return the root element of a text, or None after a finding if its XML cannot be accepted."""
     data = source.text.encode("utf-8")
     if len(data) > MAX_BYTES:
@@ -105,7 +105,7 @@ class _Reader:
         self._findings = findings
         self._open_elements: list[Element] = []
         self._comments: list[str] = []
-        self._count = 0
+        self._element_count = 0
         self._last_position = (0, 0)
         self._parser = expat.ParserCreate("utf-8")
 
@@ -132,23 +132,30 @@ class _Reader:
     def _offset(self) -> int:
         """Return the position of expat in the text, in code points. The position only increases."""
         byte, offset = self._last_position
-        now = self._parser.CurrentByteIndex
-        if now < byte:
+        current_byte = self._parser.CurrentByteIndex
+        if current_byte < byte:
             byte = offset = 0
-        offset += len(self._data[byte:now].decode("utf-8", "replace"))
-        self._last_position = now, offset
+        offset += len(self._data[byte:current_byte].decode("utf-8", "replace"))
+        self._last_position = current_byte, offset
         return offset
 
-    def _start_element(self, tag: str, pairs: list[str]) -> None:
+    def _start_element(self, tag: str, names_and_values: list[str]) -> None:
         start = self._offset()
-        self._count += 1
+        self._element_count += 1
         place = self._source.place(start, start + 1 + len(tag))
         self._limit(
             len(self._open_elements) < MAX_DEPTH, "tree-too-deep", f"more than {MAX_DEPTH} elements deep", place
         )
-        self._limit(self._count <= MAX_ELEMENTS, "too-many-tree-nodes", f"more than {MAX_ELEMENTS:,} elements", place)
-        self._limit(len(pairs) <= 2 * MAX_ATTRIBUTES, "too-many-tree-nodes", f"over {MAX_ATTRIBUTES} attributes", place)
-        element = Element(tag=tag, attributes=self._attributes(start, tag, pairs), place=place)
+        self._limit(
+            self._element_count <= MAX_ELEMENTS, "too-many-tree-nodes", f"more than {MAX_ELEMENTS:,} elements", place
+        )
+        self._limit(
+            len(names_and_values) <= 2 * MAX_ATTRIBUTES,
+            "too-many-tree-nodes",
+            f"over {MAX_ATTRIBUTES} attributes",
+            place,
+        )
+        element = Element(tag=tag, attributes=self._attributes(start, tag, names_and_values), place=place)
         element.comments, self._comments = tuple(self._comments), []
         if self._open_elements:
             self._open_elements[-1].children.append(element)
@@ -156,14 +163,14 @@ class _Reader:
             self.root = element
         self._open_elements.append(element)
 
-    def _attributes(self, start: int, tag: str, pairs: list[str]) -> tuple[Attribute, ...]:
+    def _attributes(self, start: int, tag: str, names_and_values: list[str]) -> tuple[Attribute, ...]:
         """Return attributes with their places.
 
         Expat has accepted the tag, so a pattern is enough to find each attribute.
         """
         attributes: list[Attribute] = []
         position = start + 1 + len(tag)
-        for name, value in zip(pairs[::2], pairs[1::2], strict=True):
+        for name, value in zip(names_and_values[::2], names_and_values[1::2], strict=True):
             match = _ATTRIBUTE.match(self._source.text, position) or _ATTRIBUTE.search(self._source.text, position)
             if match is None:
                 raise AssertionError(f"expat read an attribute {name!r} that is not in the text")
@@ -185,8 +192,8 @@ class _Reader:
             position = match.end()
         return tuple(attributes)
 
-    def _limit(self, holds: bool, rule: str, excess: str, place: Place) -> None:
-        if not holds:
+    def _limit(self, is_within_limit: bool, rule: str, excess: str, place: Place) -> None:
+        if not is_within_limit:
             self._findings.add(rule, f"{excess}: too large for a tree", place, help="split it into subtrees")
             raise _RefusedError
 

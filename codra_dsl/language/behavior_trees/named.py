@@ -17,15 +17,15 @@ from codra_dsl.language.behavior_trees.values import CheckedForest
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.model import Spec
 
-Read = tuple[CheckedForest | None, tuple[Diagnostic, ...]]
+ReadResult = tuple[CheckedForest | None, tuple[Diagnostic, ...]]
 """The trees of a file, or None if an error prevents their compilation; and the findings about the file."""
 
 
-UNREAD: Read = (None, ())
+UNREAD_RESULT: ReadResult = (None, ())
 """The result for a tree whose file has not been read."""
 
 
-def read_trees(spec: Spec, root: Path) -> Mapping[str, Read]:
+def read_trees(spec: Spec, root: Path) -> Mapping[str, ReadResult]:
     """Return the result of reading the file of each tree in a spec. The key is the name of the tree.
 
     Each file is read once, and only the first tree that names a file has the findings about it.
@@ -34,38 +34,40 @@ def read_trees(spec: Spec, root: Path) -> Mapping[str, Read]:
         spec: the spec as it was loaded.
         root: the folder of the project. Paths in findings are relative to it, and files outside of it are not read.
     """
-    results_by_file: dict[Path, Read] = {}
-    results: dict[str, Read] = {}
+    results_by_file: dict[Path, ReadResult] = {}
+    results_by_tree: dict[str, ReadResult] = {}
     for tree in spec.trees:
         spec_file = root / tree.file.place.span.file
         path = Path(os.path.normpath(spec_file.parent / tree.file.name)) if tree.file.name else root
-        is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root))
-        if not tree.file.name or not is_inside or not os.path.isfile(path):  # noqa: PTH113 - it never raises
+        is_inside_project = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root))
+        if not tree.file.name or not is_inside_project or not os.path.isfile(path):  # noqa: PTH113 - it never raises
             findings = TreeFindings()
             message = (
-                f"there is no file '{tree.file.name}'" if is_inside else f"'{tree.file.name}' is outside of the project"
+                f"there is no file '{tree.file.name}'"
+                if is_inside_project
+                else f"'{tree.file.name}' is outside of the project"
             )
             help_text = "name a file of the project, by a path relative to this one"
             findings.add("tree-include", message, tree.file.place, help=help_text, path=f"trees.{tree.name}.file")
-            results[tree.name] = None, findings.all() if tree.file.name else ()
+            results_by_tree[tree.name] = None, findings.all() if tree.file.name else ()
         elif path in results_by_file:
-            results[tree.name] = results_by_file[path][0], ()
+            results_by_tree[tree.name] = results_by_file[path][0], ()
         else:
-            results[tree.name] = results_by_file[path] = _read(path, root)
-    return results
+            results_by_tree[tree.name] = results_by_file[path] = _read_and_check(path, root)
+    return results_by_tree
 
 
-def files_read(spec: Spec, trees: Mapping[str, Read]) -> Iterator[str]:
+def named_tree_files(spec: Spec, trees: Mapping[str, ReadResult]) -> Iterator[str]:
     """Yield the files from which trees of a spec were read, and the files that it names, even if they do not exist."""
     for tree in spec.trees:
-        forest, _ = trees.get(tree.name, UNREAD)
+        forest, _ = trees.get(tree.name, UNREAD_RESULT)
         path = os.path.normpath(PurePosixPath(tree.file.place.span.file).parent / tree.file.name)
         yield from [file.file for file in forest.forest.files] if forest is not None else []
         if not path.startswith("..") and not PurePosixPath(path).is_absolute():
             yield path
 
 
-def _read(path: Path, root: Path) -> Read:
+def _read_and_check(path: Path, root: Path) -> ReadResult:
     forest, findings = read(path, root)
-    checked, problems = check(forest) if forest is not None else (None, ())
-    return checked, (*findings, *problems)
+    checked_forest, check_findings = check(forest) if forest is not None else (None, ())
+    return checked_forest, (*findings, *check_findings)

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 _KEY = re.compile(r"@?[A-Za-z_][A-Za-z0-9_.]*")
-_SAME = ("{=}", "=")
+_SAME_NAME_VALUES = ("{=}", "=")
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,13 +16,13 @@ class EntryKey:
     key: str
 
 
-_NOT_IN_NAMES = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f\x7f]""")
+_REFUSED_CHARACTER = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f\x7f]""")
 
 
-def first_refused_letter(name: str) -> str | None:
+def first_refused_character(name: str) -> str | None:
     """Return the first letter that BehaviorTree.CPP refuses in the name of a tree, a node or a port, or None."""
-    letter = _NOT_IN_NAMES.search(name)
-    return None if letter is None else letter[0]
+    match = _REFUSED_CHARACTER.search(name)
+    return None if match is None else match[0]
 
 
 def is_key(text: str) -> bool:
@@ -32,10 +32,10 @@ def is_key(text: str) -> bool:
 
 def parse_port_value(port: str, value: str) -> EntryKey | str | None:
     """Return the entry or text that a port gets, or None for invalid braces. `{=}` is the entry named as the port."""
-    inside = value.strip(" ")
-    if inside in _SAME:
+    stripped_value = value.strip(" ")
+    if stripped_value in _SAME_NAME_VALUES:
         return EntryKey(port)
-    if not inside.startswith("{") and not inside.endswith("}"):
+    if not stripped_value.startswith("{") and not stripped_value.endswith("}"):
         return value
-    key = inside[1:-1]
-    return EntryKey(key) if inside.startswith("{") and inside.endswith("}") and is_key(key) else None
+    key = stripped_value[1:-1]
+    return EntryKey(key) if stripped_value.startswith("{") and stripped_value.endswith("}") and is_key(key) else None

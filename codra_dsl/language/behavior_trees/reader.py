@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from codra_dsl.language.behavior_trees.catalogue import POST_SCRIPTS, PRECONDITIONS
-from codra_dsl.language.behavior_trees.elements import MAX_ATTRIBUTES, Element, elements
+from codra_dsl.language.behavior_trees.elements import MAX_ATTRIBUTES, Element, read_root
 from codra_dsl.language.behavior_trees.rules import TreeFindings
 from codra_dsl.language.behavior_trees.values import (
     Attribute,
@@ -30,8 +30,8 @@ from codra_dsl.language.project import relative
 FORMAT = "4"
 MAX_FILES = 100
 _MODELS = "TreeNodesModel"
-_EXPLICIT = frozenset(kind.value for kind in NodeKind)
-_CONDITIONS = frozenset({*PRECONDITIONS, *POST_SCRIPTS})
+_EXPLICIT_TAGS = frozenset(kind.value for kind in NodeKind)
+_CONDITION_ATTRIBUTES = frozenset({*PRECONDITIONS, *POST_SCRIPTS})
 
 
 def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]:
@@ -45,12 +45,12 @@ def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]
     files: dict[Path, TreeFile | None] = {}
     pending: list[tuple[Path, Place | None]] = [(path, None)]
     while pending:
-        current_path, included_at = pending.pop(0)
+        current_path, include_place = pending.pop(0)
         real_path = Path(os.path.realpath(current_path))
         if real_path in files:
             continue
-        if len(files) == MAX_FILES and included_at is not None:
-            findings.add("tree-include", f"more than {MAX_FILES} files", included_at, help="include fewer")
+        if len(files) == MAX_FILES and include_place is not None:
+            findings.add("tree-include", f"more than {MAX_FILES} files", include_place, help="include fewer")
             break
         files[real_path] = file = _read_file(current_path, root, findings)
         pending += [] if file is None else _included_files(file, current_path, root, findings)
@@ -60,16 +60,16 @@ def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]
 
 def read_text(data: bytes, file: str) -> tuple[TreeFile | None, tuple[Diagnostic, ...]]:
     """Return the trees in the bytes of one file, without the files that it includes; and the findings."""
-    findings, unreadable = TreeFindings(), Findings()
-    source = decode(data, file, unreadable)
-    findings.extend(unreadable.all())
+    findings, source_findings = TreeFindings(), Findings()
+    source = decode(data, file, source_findings)
+    findings.extend(source_findings.all())
     return (None if source is None else _read_source(source, findings)), findings.all()
 
 
 def _read_file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
-    unreadable = Findings()
-    source = read_source(path, relative(path, root), unreadable)
-    findings.extend(unreadable.all())
+    source_findings = Findings()
+    source = read_source(path, relative(path, root), source_findings)
+    findings.extend(source_findings.all())
     return None if source is None else _read_source(source, findings)
 
 
@@ -94,7 +94,7 @@ def _included_files(
 
 
 def _read_source(source: Source, findings: TreeFindings) -> TreeFile | None:
-    root = elements(source, findings)
+    root = read_root(source, findings)
     return None if root is None else _FileBuilder(source.file, findings).file(root)
 
 
@@ -120,10 +120,10 @@ class _FileBuilder:
             return None
         main = root.get("main_tree_to_execute")
         children = [(child.tag, child) for child in root.children]
-        known = ("BehaviorTree", _MODELS, "include")
+        known_tags = ("BehaviorTree", _MODELS, "include")
         for tag, child in children:
-            if tag not in known:
-                self._report_misplaced(child, "<root>", known)
+            if tag not in known_tags:
+                self._report_misplaced_element(child, "<root>", known_tags)
         trees = (self._tree(child) for tag, child in children if tag == "BehaviorTree")
         models = (model for tag, child in children if tag == _MODELS for model in self._models(child))
         includes = (self._include(child) for tag, child in children if tag == "include")
@@ -150,11 +150,11 @@ class _FileBuilder:
                 help="copy the file into the project, and include it by its path",
             )
             return None
-        path = self._required(element, "path")
+        path = self._required_attribute(element, "path")
         return None if path is None else Include(path=path.value, place=path.place)
 
     def _tree(self, element: Element) -> BehaviorTree | None:
-        name = self._required(element, "ID")
+        name = self._required_attribute(element, "ID")
         if len(element.children) != 1:
             self._findings.add(
                 "wrong-children",
@@ -176,17 +176,17 @@ class _FileBuilder:
 
     def _node(self, element: Element) -> TreeNode | None:
         """Return a node with all nodes below it, or None if its id is missing."""
-        is_explicit = element.tag in _EXPLICIT
-        kind = NodeKind(element.tag) if is_explicit else None
-        id_attribute = self._required(element, "ID") if is_explicit else None
+        has_explicit_tag = element.tag in _EXPLICIT_TAGS
+        kind = NodeKind(element.tag) if has_explicit_tag else None
+        id_attribute = self._required_attribute(element, "ID") if has_explicit_tag else None
         children = [self._node(child) for child in element.children]
-        if is_explicit and id_attribute is None:
+        if has_explicit_tag and id_attribute is None:
             return None
         is_subtree = kind is NodeKind.SUBTREE
         other_attributes = [
             attribute
             for attribute in element.attributes
-            if attribute.name not in (("ID", "name") if is_explicit else ("name",))
+            if attribute.name not in (("ID", "name") if has_explicit_tag else ("name",))
         ]
         name = element.get("name")
         return TreeNode(
@@ -199,12 +199,12 @@ class _FileBuilder:
                 for attribute in other_attributes
                 if not attribute.name.startswith("_") or attribute.name == "_autoremap"
             ),
-            conditions=tuple(attribute for attribute in other_attributes if attribute.name in _CONDITIONS),
+            conditions=tuple(attribute for attribute in other_attributes if attribute.name in _CONDITION_ATTRIBUTES),
             extras=tuple(
                 attribute
                 for attribute in other_attributes
                 if attribute.name.startswith("_")
-                and attribute.name not in _CONDITIONS
+                and attribute.name not in _CONDITION_ATTRIBUTES
                 and attribute.name != "_autoremap"
             ),
             children=tuple(child for child in children if child is not None),
@@ -215,10 +215,10 @@ class _FileBuilder:
 
     def _models(self, element: Element) -> Iterable[NodeModel]:
         for child in element.children:
-            if child.tag not in _EXPLICIT:
-                self._report_misplaced(child, f"<{_MODELS}>", sorted(_EXPLICIT))
+            if child.tag not in _EXPLICIT_TAGS:
+                self._report_misplaced_element(child, f"<{_MODELS}>", sorted(_EXPLICIT_TAGS))
                 continue
-            name = self._required(child, "ID")
+            name = self._required_attribute(child, "ID")
             ports = [
                 port
                 for port_element in child.children[:MAX_ATTRIBUTES]
@@ -243,9 +243,9 @@ class _FileBuilder:
             )
             return None
         if element.tag not in set(Direction):
-            self._report_misplaced(element, "the model of a node", list(Direction))
+            self._report_misplaced_element(element, "the model of a node", list(Direction))
             return None
-        name = self._required(element, "name")
+        name = self._required_attribute(element, "name")
         if name is None:
             return None
         values = {attribute.name: attribute.value for attribute in element.attributes}
@@ -258,7 +258,7 @@ class _FileBuilder:
             place=name.value_place,
         )
 
-    def _required(self, element: Element, name: str) -> Attribute | None:
+    def _required_attribute(self, element: Element, name: str) -> Attribute | None:
         attribute = element.get(name)
         if attribute is not None and attribute.value:
             return attribute
@@ -270,9 +270,9 @@ class _FileBuilder:
         )
         return None
 
-    def _report_misplaced(self, element: Element, parent: str, allowed: Iterable[str]) -> None:
-        listed = ", ".join(f"<{tag}>" for tag in allowed)
-        help_text = self._findings.help_for(element.tag, allowed, f"{parent} may contain {listed}")
+    def _report_misplaced_element(self, element: Element, parent: str, allowed: Iterable[str]) -> None:
+        allowed_text = ", ".join(f"<{tag}>" for tag in allowed)
+        help_text = self._findings.name_help(element.tag, allowed, f"{parent} may contain {allowed_text}")
         self._findings.add(
             "misplaced-element", f"<{element.tag}> is not allowed in {parent}", element.place, help=help_text
         )
@@ -286,5 +286,5 @@ def _all_comments(element: Element) -> Iterable[str]:
     yield from element.last_comments
 
 
-def _other_attributes(element: Element, *known: str) -> tuple[Attribute, ...]:
-    return tuple(attribute for attribute in element.attributes if attribute.name not in known)
+def _other_attributes(element: Element, *known_names: str) -> tuple[Attribute, ...]:
+    return tuple(attribute for attribute in element.attributes if attribute.name not in known_names)

@@ -71,10 +71,10 @@ class TreeFindings:
         """Return the findings in the order in which they were added."""
         return tuple(self._findings)
 
-    def help_for(self, name: str, candidates: Iterable[str], otherwise: str) -> str:
-        """Return the help for an unknown name: the name that it most likely means, or `otherwise`."""
-        near = None
+    def name_help(self, name: str, candidates: Iterable[str], fallback: str) -> str:
+        """Return the help for an unknown name: the name that it most likely means, or `fallback`."""
+        suggestion = None
         if self._suggestions_left:
             self._suggestions_left -= 1
-            near = suggest(name, candidates)
-        return f"did you mean '{near}'?" if near else otherwise
+            suggestion = suggest(name, candidates)
+        return f"did you mean '{suggestion}'?" if suggestion else fallback

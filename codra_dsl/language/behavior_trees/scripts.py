@@ -139,7 +139,7 @@ class _Parser:
                 "script-unsupported",
             )
         if token.kind != "end":
-            raise self._unexpected()
+            raise self._unexpected_token_error()
         return node
 
     def statements(self) -> tuple[Statement, ...]:
@@ -153,7 +153,7 @@ class _Parser:
             if self._next.text == ";":
                 self._take()
             elif self._next.kind != "end":
-                raise self._unexpected()
+                raise self._unexpected_token_error()
         if not statements:
             raise _script_error("the script is empty", 0, self._next.end, "write a statement such as done := true")
         return tuple(statements)
@@ -189,7 +189,7 @@ class _Parser:
         if self._depth > MAX_DEPTH:
             at = self._next
             raise _script_error("the script is nested too deeply", at.start, at.end, "split it", "script-unsupported")
-        condition = self._logical()
+        condition = self._logical_expression()
         if self._next.text == "?":
             self._take()
             then = self._choice()
@@ -201,16 +201,16 @@ class _Parser:
         self._depth -= 1
         return condition
 
-    def _logical(self) -> Node:
+    def _logical_expression(self) -> Node:
         """Read operands joined by `&&` or by `||`.
 
         The two cannot be mixed: the library evaluates both from left to right.
         """
         operands = [self._comparison()]
-        sign = self._next.text
+        operator = self._next.text
         while self._next.text in _LOGICAL_OPERATORS:
             token = self._next
-            if token.text != sign:
+            if token.text != operator:
                 message = "'&&' and '||' side by side are evaluated from left to right, not as in C"
                 help_text = "group them with parentheses"
                 raise _script_error(message, token.start, token.end, help_text, "script-unsupported")
@@ -218,32 +218,37 @@ class _Parser:
             operands.append(self._comparison())
         if len(operands) == 1:
             return operands[0]
-        kind = And if sign == "&&" else Or
+        kind = And if operator == "&&" else Or
         return kind(start=operands[0].start, end=operands[-1].end, operands=tuple(operands))
 
     def _comparison(self) -> Node:
-        first = self._left_associative(("+", "-"), lambda: self._left_associative(("*", "/"), self._unary))
+        first = self._arithmetic_chain(("+", "-"), lambda: self._arithmetic_chain(("*", "/"), self._unary_expression))
         rest: list[tuple[Comparison, Node]] = []
         while self._next.text in _COMPARISONS:
             operator = Comparison(self._take().text)
             rest.append(
-                (operator, self._left_associative(("+", "-"), lambda: self._left_associative(("*", "/"), self._unary)))
+                (
+                    operator,
+                    self._arithmetic_chain(
+                        ("+", "-"), lambda: self._arithmetic_chain(("*", "/"), self._unary_expression)
+                    ),
+                )
             )
         return Compare(start=first.start, end=rest[-1][1].end, first=first, rest=tuple(rest)) if rest else first
 
-    def _left_associative(self, signs: Iterable[str], operand: Callable[[], Node]) -> Node:
-        left = operand()
-        count = 0
-        while self._next.text in signs:
+    def _arithmetic_chain(self, operators: Iterable[str], read_operand: Callable[[], Node]) -> Node:
+        left = read_operand()
+        operator_count = 0
+        while self._next.text in operators:
             operator = self._take().text
-            right = operand()
+            right = read_operand()
             left = Arithmetic(start=left.start, end=right.end, operator=operator, left=left, right=right)
-            count += 1
-            if count > MAX_DEPTH:
+            operator_count += 1
+            if operator_count > MAX_DEPTH:
                 raise _script_error("the script is too long", left.start, left.end, "split it", "script-unsupported")
         return left
 
-    def _unary(self) -> Node:
+    def _unary_expression(self) -> Node:
         """Read signs and their operand."""
         signs: list[_Token] = []
         while self._next.text in ("!", "-"):
@@ -272,14 +277,14 @@ class _Parser:
             self._expect(")")
             return node
         self._position -= token.kind != "end"
-        raise self._unexpected()
+        raise self._unexpected_token_error()
 
     def _expect(self, sign: str) -> None:
         if self._next.text != sign:
-            raise self._unexpected()
+            raise self._unexpected_token_error()
         self._take()
 
-    def _unexpected(self) -> _ScriptError:
+    def _unexpected_token_error(self) -> _ScriptError:
         token = self._next
         if token.kind == "end":
             return _script_error("the script ends too early", max(token.start - 1, 0), token.end, "complete it")

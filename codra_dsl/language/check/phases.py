@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from codra_dsl.language.behavior_trees.named import UNREAD, Read
+from codra_dsl.language.behavior_trees.named import UNREAD_RESULT, ReadResult
 from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedCondition, CheckedExpectation, CheckedSpec
 from codra_dsl.language.check.conditions.conditions import parts_of
 from codra_dsl.language.check.conditions.lowering import python_text
@@ -46,7 +46,7 @@ from codra_dsl.language.model import Algorithm, Condition, Expectation, Hysteres
 
 Rule = Callable[[SpecIndex, Silenced], Iterator[Diagnostic]]
 
-NO_TREES: Mapping[str, Read] = {}
+NO_TREES: Mapping[str, ReadResult] = {}
 """The default of `forests`, for a spec without trees."""
 
 PHASES: tuple[tuple[Rule, ...], ...] = (
@@ -59,7 +59,9 @@ PHASES: tuple[tuple[Rule, ...], ...] = (
 """The rules of each phase."""
 
 
-def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
+def check(
+    spec: Spec, forests: Mapping[str, ReadResult] = NO_TREES
+) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
     """Return the checked spec, or None if there is a binding error, and all findings in file order.
 
     `forests` is the result of `codra_dsl.language.behavior_trees.named.read_trees` for the trees that the spec names.
@@ -80,7 +82,9 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
         if scope.corrections:
             scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), forests)
     findings_in_order = in_file_order(once_per_template(findings))
-    is_damaged = any(spec.damaged.values()) or any(forests.get(tree.name, UNREAD)[0] is None for tree in spec.trees)
+    is_damaged = any(spec.damaged.values()) or any(
+        forests.get(tree.name, UNREAD_RESULT)[0] is None for tree in spec.trees
+    )
     return (None if is_damaged or has_binding_errors(findings) else _checked(scope)), findings_in_order
 
 

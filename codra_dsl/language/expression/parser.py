@@ -14,7 +14,7 @@ from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.expression.tokens import (
     FUNCTIONS,
     WORDS,
-    SlipError,
+    ExpressionError,
     SyntaxProblem,
     Token,
     TokenKind,
@@ -92,8 +92,8 @@ def parse(text: str) -> Node | SyntaxProblem:
         return Name(start=0, end=len(text), name=text)
     try:
         return _Parser(tokens(text)).parse()
-    except SlipError as slip:
-        return slip.problem
+    except ExpressionError as error:
+        return error.problem
 
 
 class _Parser:
@@ -110,7 +110,7 @@ class _Parser:
     def parse(self) -> Node:
         """Return the tree of all tokens."""
         if self._ended():
-            raise SlipError("the condition is empty", 0, self._next.end, "write a condition such as x > 3")
+            raise ExpressionError("the condition is empty", 0, self._next.end, "write a condition such as x > 3")
         node = self.expression(Power.CHOICE)
         if not self._ended():
             raise self._unexpected()
@@ -134,7 +134,7 @@ class _Parser:
         opening = self._take()
         condition = self.expression(Power.OR)
         if self._next.text != "else":
-            raise SlipError("'if' without 'else'", opening.start, opening.end, "write A if CONDITION else B")
+            raise ExpressionError("'if' without 'else'", opening.start, opening.end, "write A if CONDITION else B")
         self._take()
         otherwise = self.expression(Power.CHOICE)
         return Choice(start=then.start, end=otherwise.end, then=then, condition=condition, otherwise=otherwise)
@@ -169,10 +169,12 @@ class _Parser:
         self._take()
         if self._next.text != "(":
             at = self._next
-            raise SlipError("a list is missing after 'in'", at.start, at.end, "write x in (1, 2) or x == 1")
-        options, end = self._expressions()
+            raise ExpressionError("a list is missing after 'in'", at.start, at.end, "write x in (1, 2) or x == 1")
+        options, end = self._bracketed_expressions()
         if not options:
-            raise SlipError("the list after 'in' is empty", item.start, end, "list the allowed values: x in (1, 2)")
+            raise ExpressionError(
+                "the list after 'in' is empty", item.start, end, "list the allowed values: x in (1, 2)"
+            )
         if self._next.text in _COMPARISONS:
             raise self._mixed_chain()
         return In(start=item.start, end=end, item=item, options=options, negated=negated)
@@ -235,7 +237,7 @@ class _Parser:
             return Negative(start=token.start, end=operand.end, operand=operand)
         if token.text == "not":
             if power > Power.NOT:
-                raise SlipError("'not' needs parentheses here", token.start, token.end, "write (not x)")
+                raise ExpressionError("'not' needs parentheses here", token.start, token.end, "write (not x)")
             self._take()
             operand = self.expression(Power.NOT)
             return Not(start=token.start, end=operand.end, operand=operand)
@@ -246,19 +248,19 @@ class _Parser:
         node = self.expression(Power.CHOICE)
         if self._next.text == ",":
             at = self._next
-            raise SlipError("a list is allowed only after 'in'", opening.start, at.end, "write x in (1, 2)")
+            raise ExpressionError("a list is allowed only after 'in'", opening.start, at.end, "write x in (1, 2)")
         self._close(opening)
         return node
 
     def _close(self, opening: Token) -> int:
         """Take the closing parenthesis and return its end offset."""
         if self._ended():
-            raise SlipError("'(' is never closed", opening.start, opening.end, "add ')'")
+            raise ExpressionError("'(' is never closed", opening.start, opening.end, "add ')'")
         if self._next.text != ")":
             raise self._unexpected()
         return self._take().end
 
-    def _expressions(self) -> tuple[tuple[Node, ...], int]:
+    def _bracketed_expressions(self) -> tuple[tuple[Node, ...], int]:
         """Return the expressions between parentheses and the end offset; a trailing comma is allowed."""
         opening = self._take()
         expressions: list[Node] = []
@@ -277,60 +279,64 @@ class _Parser:
         token = self._take()
         called = self._next.text == "("
         if not called and token.text in FUNCTIONS:
-            raise SlipError(f"'{token.text}' is a function", token.start, token.end, f"write {token.text}(...)")
+            raise ExpressionError(f"'{token.text}' is a function", token.start, token.end, f"write {token.text}(...)")
         if not called:
             return Name(start=token.start, end=token.end, name=token.text)
         if token.text not in FUNCTIONS:
             raise _unknown_function(token)
-        arguments, end = self._expressions()
-        return _checked_call(Call(start=token.start, end=end, function=token.text, arguments=arguments))
+        arguments, end = self._bracketed_expressions()
+        return _check_call(Call(start=token.start, end=end, function=token.text, arguments=arguments))
 
-    def _missing_operand(self) -> SlipError:
+    def _missing_operand(self) -> ExpressionError:
         token = self._next
         if token.text in ("if", "else"):
-            return SlipError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
+            return ExpressionError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
         if self._position == 0 and token.text != ")":
-            return SlipError(
+            return ExpressionError(
                 f"a value is missing before '{token.text}'", token.start, token.end, "begin the condition with a value"
             )
         if self._position == 0:
-            return SlipError("')' closes nothing", token.start, token.end, "remove it")
+            return ExpressionError("')' closes nothing", token.start, token.end, "remove it")
         before = self._tokens[self._position - 1]
         help_text = "complete the condition" if token.kind is TokenKind.END else f"add a value before '{token.text}'"
-        return SlipError(f"a value is missing after '{before.text}'", before.start, before.end, help_text)
+        return ExpressionError(f"a value is missing after '{before.text}'", before.start, before.end, help_text)
 
-    def _unexpected(self) -> SlipError:
+    def _unexpected(self) -> ExpressionError:
         token = self._next
-        small = token.text.lower()
-        if token.kind is TokenKind.NAME and small in WORDS:
-            return SlipError(f"'{token.text}' is not an operator", token.start, token.end, f"write '{small}'")
+        lower_text = token.text.lower()
+        if token.kind is TokenKind.NAME and lower_text in WORDS:
+            return ExpressionError(
+                f"'{token.text}' is not an operator", token.start, token.end, f"write '{lower_text}'"
+            )
         if token.text == "else":
-            return SlipError("'else' without 'if'", token.start, token.end, "write A if CONDITION else B")
+            return ExpressionError("'else' without 'if'", token.start, token.end, "write A if CONDITION else B")
         if token.text == ")":
-            return SlipError("')' closes nothing", token.start, token.end, "remove it or add '('")
+            return ExpressionError("')' closes nothing", token.start, token.end, "remove it or add '('")
         before, after = self._tokens[self._position - 1], self._tokens[min(self._position + 1, len(self._tokens) - 1)]
-        numbers = before.kind is after.kind is TokenKind.NUMBER
-        if token.text == "," and numbers and (before.end, after.start) == (token.start, token.end):
-            return SlipError("',' is not a decimal point", before.start, after.end, f"write {before.text}.{after.text}")
+        is_between_numbers = before.kind is after.kind is TokenKind.NUMBER
+        if token.text == "," and is_between_numbers and (before.end, after.start) == (token.start, token.end):
+            return ExpressionError(
+                "',' is not a decimal point", before.start, after.end, f"write {before.text}.{after.text}"
+            )
         if token.text == ",":
             help_text = "join the conditions with 'and' or 'or'; or write each condition as an item of its own"
-            return SlipError("unexpected ','", token.start, token.end, help_text)
-        replacement = _OTHER_OPERATORS.get(small) or _OTHER_OPERATORS.get(before.text.lower())
-        help_text = replacement or "join conditions with 'and' or 'or', compare values with '==' or '<'"
+            return ExpressionError("unexpected ','", token.start, token.end, help_text)
+        operator_help = _OTHER_OPERATORS.get(lower_text) or _OTHER_OPERATORS.get(before.text.lower())
+        help_text = operator_help or "join conditions with 'and' or 'or', compare values with '==' or '<'"
         if parse_unit(token.text) is not None and before.kind is TokenKind.NAME:
             help_text = f"remove '{token.text}': {before.text} already has the unit of its declaration"
-        return SlipError(f"an operator is missing before {shown(token.text)}", token.start, token.end, help_text)
+        return ExpressionError(f"an operator is missing before {shown(token.text)}", token.start, token.end, help_text)
 
-    def _missing_comma(self) -> SlipError:
+    def _missing_comma(self) -> ExpressionError:
         token = self._next
-        return SlipError(
+        return ExpressionError(
             f"a ',' is missing before {shown(token.text)}", token.start, token.end, "put ',' between values"
         )
 
-    def _mixed_chain(self) -> SlipError:
+    def _mixed_chain(self) -> ExpressionError:
         token = self._next
         help_text = "put one of the comparisons in parentheses or join them with 'and'"
-        return SlipError("'in' cannot be part of a chain of comparisons", token.start, token.end, help_text)
+        return ExpressionError("'in' cannot be part of a chain of comparisons", token.start, token.end, help_text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -355,30 +361,30 @@ _INFIX: Mapping[str, _Infix] = {
 }
 
 
-def _unknown_function(token: Token) -> SlipError:
-    near = suggest(token.text, FUNCTIONS)
-    usual_help = f"did you mean '{near}'?" if near else f"functions are {', '.join(sorted(FUNCTIONS))}"
-    help_text = _OTHER_FUNCTIONS.get(token.text, usual_help)
-    return SlipError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)
+def _unknown_function(token: Token) -> ExpressionError:
+    suggestion = suggest(token.text, FUNCTIONS)
+    default_help = f"did you mean '{suggestion}'?" if suggestion else f"functions are {', '.join(sorted(FUNCTIONS))}"
+    help_text = _OTHER_FUNCTIONS.get(token.text, default_help)
+    return ExpressionError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)
 
 
-def _checked_call(call: Call) -> Call:
+def _check_call(call: Call) -> Call:
     least, most = FUNCTIONS[call.function]
     count = len(call.arguments)
     if count < least or (most is not None and count > most):
         count_text = f"one value, not {count}" if most == 1 else f"at least {least} values, not {count}"
         help_text = f"write {call.function}(x)" if most == 1 else f"write {call.function}(a, b)"
-        raise SlipError(f"{call.function}() takes {count_text}", call.start, call.end, help_text)
+        raise ExpressionError(f"{call.function}() takes {count_text}", call.start, call.end, help_text)
     argument = call.arguments[0]
     if call.function in ("known", "age") and not isinstance(argument, Name):
         help_text = f"write {call.function}(NAME), without quotes or operators"
-        raise SlipError(f"{call.function}() takes one name", argument.start, argument.end, help_text)
+        raise ExpressionError(f"{call.function}() takes one name", argument.start, argument.end, help_text)
     return call
 
 
-def _too_deep(start: int, end: int) -> SlipError:
+def _too_deep(start: int, end: int) -> ExpressionError:
     help_text = f"at most {MAX_DEPTH} levels are allowed: split the condition"
-    return SlipError("the condition is nested too deeply", start, end, help_text)
+    return ExpressionError("the condition is nested too deeply", start, end, help_text)
 
 
 def _depth(node: Node) -> int:

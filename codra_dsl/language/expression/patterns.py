@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from codra_dsl.language.expression.poses import parse_named
-from codra_dsl.language.expression.tokens import MAX_LENGTH, SlipError, SyntaxProblem, is_name, shown
+from codra_dsl.language.expression.tokens import MAX_LENGTH, ExpressionError, SyntaxProblem, is_name, shown
 from codra_dsl.language.expression.tree import Name, Node
 
 MAX_LINKS = 16
@@ -28,7 +28,7 @@ _NAME = r"[A-Za-z][A-Za-z0-9_]*"
 _THREE_WORDS = re.compile(rf"(?:not\s+)?({_NAME})\s+({_NAME})\s+({_NAME})", re.ASCII)
 _OPEN_ARROW = re.compile(rf"(?:not\s+)?({_NAME})\s+-({_NAME})-\s+({_NAME})", re.ASCII)
 _OPERATORS = frozenset({"and", "or", "in", "if", "else", "not"})
-_SLIPS: Mapping[str, str] = {
+_SYMBOL_HELP: Mapping[str, str] = {
     "→": "write '->'",
     "←": "write '<-'",
     "[": "write the edge without brackets: -EDGE->",
@@ -113,29 +113,29 @@ def parse_pattern(text: str) -> Node | SyntaxProblem:
     try:
         if len(text) > MAX_LENGTH:
             help_text = f"at most {MAX_LENGTH} are allowed: split it into several patterns"
-            raise SlipError(f"a pattern of {len(text)} characters is too long", MAX_LENGTH, len(text), help_text)
+            raise ExpressionError(f"a pattern of {len(text)} characters is too long", MAX_LENGTH, len(text), help_text)
         is_path = any(match["arrow"] for match in _ARROW.finditer(text))
         return _PathParser(text).parse() if is_path else _condition(text)
-    except SlipError as slip:
-        return slip.problem
+    except ExpressionError as error:
+        return error.problem
 
 
 def _condition(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text."""
     if text in _WORDS:
-        raise SlipError(f"{shown(text)} is not a pattern by itself", 0, len(text), _EXAMPLE)
+        raise ExpressionError(f"{shown(text)} is not a pattern by itself", 0, len(text), _EXAMPLE)
     if is_name(text):
         return Name(start=0, end=len(text), name=text)
     words = _THREE_WORDS.fullmatch(text)
     if words is not None and not _OPERATORS & set(words.groups()):
         first, edge, last = words.groups()
-        raise SlipError(
+        raise ExpressionError(
             f"the arrow of edge {shown(edge)} is missing", *words.span(2), f"write {first} -{edge}-> {last}"
         )
     open_arrow = _OPEN_ARROW.fullmatch(text)
     if open_arrow is not None:
         first, edge, last = open_arrow.groups()
-        raise SlipError(f"'->' is missing after '{edge}'", *open_arrow.span(2), f"write {first} -{edge}-> {last}")
+        raise ExpressionError(f"'->' is missing after '{edge}'", *open_arrow.span(2), f"write {first} -{edge}-> {last}")
     return parse_named(text)
 
 
@@ -157,13 +157,13 @@ class _PathParser:
 
     def __init__(self, text: str) -> None:
         self._tokens: list[_Token] = []
-        self._slip: SlipError | None = None
+        self._error: ExpressionError | None = None
         self._position = 0
         try:
             self._tokens.extend(_path_tokens(text))
-        except SlipError as slip:  # raised when the parser reaches this token
-            self._slip = slip
-            self._tokens.append(_Token("", slip.problem.start, slip.problem.end))
+        except ExpressionError as error:  # raised when the parser reaches this token
+            self._error = error
+            self._tokens.append(_Token("", error.problem.start, error.problem.end))
 
     def parse(self) -> Path:
         """Return the path of all tokens."""
@@ -177,13 +177,13 @@ class _PathParser:
             terms.append(self._term())
         if len(links) > MAX_LINKS:
             help_text = f"at most {MAX_LINKS} edges are allowed: split it into several patterns"
-            raise SlipError("the path is too long", links[MAX_LINKS].start, links[-1].end, help_text)
+            raise ExpressionError("the path is too long", links[MAX_LINKS].start, links[-1].end, help_text)
         return Path(start=start, end=terms[-1].end, terms=tuple(terms), links=tuple(links), negated=negated)
 
     @property
     def _next(self) -> _Token:
-        if self._slip is not None and self._position == len(self._tokens) - 1:
-            raise self._slip
+        if self._error is not None and self._position == len(self._tokens) - 1:
+            raise self._error
         return self._tokens[self._position]
 
     @property
@@ -202,7 +202,7 @@ class _PathParser:
             raise self._missing_node()
         self._take()
         if first.text in _QUANTIFIERS and self._next.is_name:
-            raise SlipError(f"{shown(first.text)} is not a node", first.start, first.end, "write 'some'")
+            raise ExpressionError(f"{shown(first.text)} is not a node", first.start, first.end, "write 'some'")
         if first.text not in _WORDS:
             return NodeTerm(start=first.start, end=first.end, name=first.text)
         kind = self._name("a type", "after 'some'", "write some TYPE") if first.text == "some" else ""
@@ -219,14 +219,14 @@ class _PathParser:
             raise self._missing_edge()
         self._take()
         if self._next.text == "-":
-            raise SlipError("one '-' is enough", self._next.start, self._next.end, "write -EDGE->")
+            raise ExpressionError("one '-' is enough", self._next.start, self._next.end, "write -EDGE->")
         edge = self._name("an edge", f"after '{opening.text}'", "write -EDGE->")
         is_backward = opening.text == "<-"
         closing = "-" if is_backward else "->"
         if self._next.text != closing:
             help_text = f"write <-{edge}-" if is_backward else f"write -{edge}->"
             at = self._before
-            raise SlipError(f"'{closing}' is missing after '{edge}'", at.start, at.end, help_text)
+            raise ExpressionError(f"'{closing}' is missing after '{edge}'", at.start, at.end, help_text)
         end = self._take().end
         return EdgeTerm(start=opening.start, end=end, edge=edge, is_backward=is_backward)
 
@@ -234,22 +234,22 @@ class _PathParser:
         token = self._next
         if not token.is_name or token.text in _WORDS:
             at = self._before
-            raise SlipError(f"{noun} is missing {where}", at.start, at.end, help_text)
+            raise ExpressionError(f"{noun} is missing {where}", at.start, at.end, help_text)
         return self._take().text
 
-    def _missing_node(self) -> SlipError:
+    def _missing_node(self) -> ExpressionError:
         at, token = self._before, self._next
         if self._position == 0:
-            return SlipError("a path begins with a node", token.start, max(token.end, 1), _EXAMPLE)
-        return SlipError(f"a node is missing after '{at.text}'", at.start, at.end, _EXAMPLE)
+            return ExpressionError("a path begins with a node", token.start, max(token.end, 1), _EXAMPLE)
+        return ExpressionError(f"a node is missing after '{at.text}'", at.start, at.end, _EXAMPLE)
 
-    def _missing_edge(self) -> SlipError:
+    def _missing_edge(self) -> ExpressionError:
         at, token = self._before, self._next
         if token.text == "->":
             help_text = f"write {at.text} -EDGE->"
-            return SlipError("'->' without an edge", token.start, token.end, help_text)
+            return ExpressionError("'->' without an edge", token.start, token.end, help_text)
         help_text = "write each pattern as an item of its own" if token.text in ("and", "or") else _EXAMPLE
-        return SlipError(f"an edge is missing before {shown(token.text)}", token.start, token.end, help_text)
+        return ExpressionError(f"an edge is missing before {shown(token.text)}", token.start, token.end, help_text)
 
 
 def _path_tokens(text: str) -> Iterator[_Token]:
@@ -257,10 +257,12 @@ def _path_tokens(text: str) -> Iterator[_Token]:
     for match in _TOKEN.finditer(text):
         start, end = match.span()
         if match["other"]:
-            raise SlipError(f"{shown(match[0])} is not part of a path", start, end, _SLIPS.get(match[0], "remove it"))
+            raise ExpressionError(
+                f"{shown(match[0])} is not part of a path", start, end, _SYMBOL_HELP.get(match[0], "remove it")
+            )
         if match["name"] and not match[0].isascii():
             help_text = "names hold only letters A to Z, digits and '_', and start with a letter"
-            raise SlipError(f"{shown(match[0])} is not a name", start, end, help_text)
+            raise ExpressionError(f"{shown(match[0])} is not a name", start, end, help_text)
         if not match["blank"]:
             yield _Token(match[0], start, end)
     yield _Token("", len(text), len(text))

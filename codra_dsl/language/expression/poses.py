@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from codra_dsl.language.expression.parser import parse
 from codra_dsl.language.expression.printer import to_text
-from codra_dsl.language.expression.tokens import SlipError, SyntaxProblem, shown
+from codra_dsl.language.expression.tokens import ExpressionError, SyntaxProblem, shown
 from codra_dsl.language.expression.tree import Call, Compare, In, Name, Node, names_in, walk
 
 NodeT = TypeVar("NodeT", bound=Node)
@@ -24,33 +24,35 @@ GEOMETRY = ("distance", "in_view")
 
 _TEXT = r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'"""
 _NAME = r"[A-Za-z][A-Za-z0-9_]*"
-_OF_POSES = rf"""(?:{_TEXT})
+_POSE_FUNCTION_PATTERN = rf"""(?:{_TEXT})
     | (?P<asked>\b(?:{"|".join(GEOMETRY)})\ *\(\ *(?P<first>{_NAME})\ *,\ *(?P<second>{_NAME})\ *\))
     | (?P<half>\b(?:{"|".join(GEOMETRY)})\ *\()"""
 _FLAGS = re.VERBOSE | re.DOTALL | re.ASCII
-_ASKED = re.compile(rf"{_OF_POSES}|(?P<dotted>(?!))", _FLAGS)
-_READ = re.compile(rf"{_OF_POSES}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS)
-_MAY_ASK = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
+_POSE_FUNCTION = re.compile(rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?!))", _FLAGS)
+_DOTTED_OR_POSE_NAME = re.compile(
+    rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS
+)
+_POSE_FUNCTION_START = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
 
 def parse_named(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text.
 
     Raises:
-        SlipError: if a name with parts is invalid.
+        ExpressionError: if a name with parts is invalid.
     """
-    return _parse_masked(text, _READ)
+    return _parse_masked(text, _DOTTED_OR_POSE_NAME)
 
 
 def parse_over_context(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition over context, in which each comparison with poses is one name. Never raises."""
-    if _MAY_ASK.search(text) is None:
+    if _POSE_FUNCTION_START.search(text) is None:
         return parse(text)
     try:
-        tree = _parse_masked(text, _ASKED)
-        return tree if isinstance(tree, SyntaxProblem) else _name_comparisons(tree)
-    except SlipError as slip:
-        return slip.problem
+        tree = _parse_masked(text, _POSE_FUNCTION)
+        return tree if isinstance(tree, SyntaxProblem) else _replace_comparisons(tree)
+    except ExpressionError as error:
+        return error.problem
 
 
 def spelt_out(tree: Node) -> Node:
@@ -75,34 +77,34 @@ def reads_of(name: str) -> tuple[str, str, str]:
     return ("", node, attribute) if dot else ("", "", name)
 
 
-def _parse_masked(text: str, read: re.Pattern[str]) -> Node | SyntaxProblem:
-    masked, names = _mask(text, read)
-    tree = parse(masked)
+def _parse_masked(text: str, pattern: re.Pattern[str]) -> Node | SyntaxProblem:
+    masked_text, names = _mask(text, pattern)
+    tree = parse(masked_text)
     if isinstance(tree, SyntaxProblem):
         message, help_text = tree.message, tree.help
         for start, name in names.items():
-            match = read.match(text, start)
-            mask = masked[start : start if match is None else match.end()]
+            match = pattern.match(text, start)
+            mask = masked_text[start : start if match is None else match.end()]
             message, help_text = message.replace(mask, name), help_text.replace(mask, name)
         return SyntaxProblem(message, tree.start, tree.end, help_text)
     return _restore_names(tree, names) if names else tree
 
 
-def _mask(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
+def _mask(text: str, pattern: re.Pattern[str]) -> tuple[str, dict[int, str]]:
     """Return the text in which each name with parts is replaced by a plain name of the same length.
 
     Also return the replaced names by their offsets.
     """
     names: dict[int, str] = {}
-    masked = text
-    for match in read.finditer(text):
+    masked_text = text
+    for match in pattern.finditer(text):
         start, end = match.span()
         if match["half"]:
             function = match["half"].rstrip("( ")
-            takes = "write distance(a, b)" if function == "distance" else "write in_view(node, camera)"
-            raise SlipError(f"{function}() takes the names of two nodes", start, end, takes)
+            help_text = "write distance(a, b)" if function == "distance" else "write in_view(node, camera)"
+            raise ExpressionError(f"{function}() takes the names of two nodes", start, end, help_text)
         if match["dotted"] and match["dotted"].count(".") > 1:
-            raise SlipError(f"{shown(match[0])} has too many parts", start, end, "write node.attribute")
+            raise ExpressionError(f"{shown(match[0])} has too many parts", start, end, "write node.attribute")
         if match["asked"]:
             function = match["asked"].partition("(")[0].strip()
             names[start] = f"{function}({match['first']}, {match['second']})"
@@ -110,8 +112,8 @@ def _mask(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
             names[start] = match["dotted"]
         else:
             continue
-        masked = masked[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked[end:]
-    return masked, names
+        masked_text = masked_text[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked_text[end:]
+    return masked_text, names
 
 
 def _restore_names(value: Node, names: Mapping[int, str]) -> Node:
@@ -121,35 +123,38 @@ def _restore_names(value: Node, names: Mapping[int, str]) -> Node:
     return _map_parts(value, lambda part: _restore_names(part, names))
 
 
-def _name_comparisons(value: Node) -> Node:
+def _replace_comparisons(value: Node) -> Node:
     """Return a part of a tree in which each comparison with poses is one name.
 
     Raises:
-        SlipError: if the result of a part with poses cannot be kept as true, false or unknown.
+        ExpressionError: if the result of a part with poses cannot be kept as true, false or unknown.
     """
     if isinstance(value, Compare | In | Call | Name):
         pose_names = [name for name in names_in(value) if reads_of(name.name)[0]]
         if pose_names:
             return _comparison_name(value, pose_names)
-    return _map_parts(value, _name_comparisons)
+    return _map_parts(value, _replace_comparisons)
 
 
 def _comparison_name(part: Compare | In | Call | Name, pose_names: list[Name]) -> Name:
     first, text = pose_names[0], pose_names[0].name
     function = reads_of(text)[0]
-    age_call = next((inner for inner in walk(part) if isinstance(inner, Call) and inner.function == "age"), None)
+    age_call = next((node for node in walk(part) if isinstance(node, Call) and node.function == "age"), None)
     if age_call is not None:
         help_text = "remove age(): poses that are older than the 'valid_for' of their edge are unknown"
-        raise SlipError(f"age() and {text} cannot be in one comparison", age_call.start, age_call.end, help_text)
+        raise ExpressionError(f"age() and {text} cannot be in one comparison", age_call.start, age_call.end, help_text)
     is_truth = isinstance(part, Compare | In) or (isinstance(part, Call) and part.function == "known")
     if not is_truth and (isinstance(part, Call) or function == "distance"):
         help_text = f"compare it, e.g. {text} < 0.9 m" if function == "distance" else "remove the function around it"
-        raise SlipError(f"{text} is not part of a comparison", first.start, first.end, help_text)
-    other = next((name for name in names_in(part) if not reads_of(name.name)[0]), None)
-    if other is not None:
+        raise ExpressionError(f"{text} is not part of a comparison", first.start, first.end, help_text)
+    other_name = next((name for name in names_in(part) if not reads_of(name.name)[0]), None)
+    if other_name is not None:
         help_text = "compare poses only with numbers; write a separate comparison for the variable"
-        raise SlipError(
-            f"{shown(other.name)} cannot be in one comparison with {text}", other.start, other.end, help_text
+        raise ExpressionError(
+            f"{shown(other_name.name)} cannot be in one comparison with {text}",
+            other_name.start,
+            other_name.end,
+            help_text,
         )
     return Name(start=part.start, end=part.end, name=to_text(part), asks=part)
 

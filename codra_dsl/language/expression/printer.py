@@ -36,47 +36,54 @@ def _text(node: Node) -> tuple[str, int]:
         case Number(value=value, unit=unit):
             return (f"{value!r} {unit}" if unit else repr(value)), _TIGHTEST
         case Text(value=value):
-            return _quote(value), _TIGHTEST
+            return _quoted_text(value), _TIGHTEST
         case Truth(value=value):
             return ("true" if value else "false"), _TIGHTEST
         case Call(function=function, arguments=arguments):
-            return f"{function}({_list(arguments)})", _TIGHTEST
+            return f"{function}({_values_text(arguments)})", _TIGHTEST
         case Negative(operand=operand):
-            return f"-{_group(operand, Power.SIGN)}", Power.SIGN
+            return f"-{_operand_text(operand, Power.SIGN)}", Power.SIGN
         case Not(operand=operand):
-            return f"not {_group(operand, Power.NOT)}", Power.NOT
-    return _join(node)
+            return f"not {_operand_text(operand, Power.NOT)}", Power.NOT
+    return _operation_text(node)
 
 
-def _join(node: Node) -> tuple[str, int]:
+def _operation_text(node: Node) -> tuple[str, int]:
     match node:
         case And(operands=operands):
-            return " and ".join(_group(operand, Power.AND + 1) for operand in operands), Power.AND
+            return " and ".join(_operand_text(operand, Power.AND + 1) for operand in operands), Power.AND
         case Or(operands=operands):
-            return " or ".join(_group(operand, Power.OR + 1) for operand in operands), Power.OR
+            return " or ".join(_operand_text(operand, Power.OR + 1) for operand in operands), Power.OR
         case Compare(first=first, rest=rest):
-            links = "".join(f" {operator} {_group(operand, Power.SUM)}" for operator, operand in rest)
-            return _group(first, Power.SUM) + links, Power.COMPARE
+            rest_text = "".join(f" {operator} {_operand_text(operand, Power.SUM)}" for operator, operand in rest)
+            return _operand_text(first, Power.SUM) + rest_text, Power.COMPARE
         case In(item=item, options=options, negated=negated):
-            return f"{_group(item, Power.SUM)} {'not in' if negated else 'in'} ({_list(options)})", Power.COMPARE
+            return (
+                f"{_operand_text(item, Power.SUM)} {'not in' if negated else 'in'} ({_values_text(options)})",
+                Power.COMPARE,
+            )
         case Arithmetic(operator=operator, left=left, right=right):
             power = Power.SUM if operator in "+-" else Power.PRODUCT
-            return f"{_group(left, power)} {operator} {_group(right, power + 1)}", power
+            return f"{_operand_text(left, power)} {operator} {_operand_text(right, power + 1)}", power
         case Choice(then=then, condition=condition, otherwise=otherwise):
-            sides = _group(then, Power.OR), _group(condition, Power.OR), _group(otherwise, Power.CHOICE)
-            return "{} if {} else {}".format(*sides), Power.CHOICE
+            operand_texts = (
+                _operand_text(then, Power.OR),
+                _operand_text(condition, Power.OR),
+                _operand_text(otherwise, Power.CHOICE),
+            )
+            return "{} if {} else {}".format(*operand_texts), Power.CHOICE
     raise TypeError(f"{type(node).__name__} is not a node of a condition")
 
 
-def _group(node: Node, power: int) -> str:
-    text, own = _text(node)
-    return text if own >= power else f"({text})"
+def _operand_text(node: Node, power: int) -> str:
+    text, own_power = _text(node)
+    return text if own_power >= power else f"({text})"
 
 
-def _list(nodes: tuple[Node, ...]) -> str:
+def _values_text(nodes: tuple[Node, ...]) -> str:
     return ", ".join(_text(node)[0] for node in nodes)
 
 
-def _quote(value: str) -> str:
+def _quoted_text(value: str) -> str:
     escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t")
     return f'"{escaped}"'

@@ -67,7 +67,7 @@ class SyntaxProblem:
     help: str
 
 
-class SlipError(Exception):
+class ExpressionError(Exception):
     """Carries a problem to `parse`, which returns it."""
 
     def __init__(self, message: str, start: int, end: int, help_text: str) -> None:
@@ -90,7 +90,7 @@ _TOKEN = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 
-_SLIPS: Mapping[str, str] = {
+_SYMBOL_HELP: Mapping[str, str] = {
     "&&": "write 'and'",
     "&": "write 'and'",
     "||": "write 'or'",
@@ -140,26 +140,26 @@ def tokens(text: str) -> tuple[Token, ...]:
     """Return the tokens of a text, followed by a token of kind END.
 
     Raises:
-        SlipError: if a part of the text is not a token.
+        ExpressionError: if a part of the text is not a token.
     """
     if len(text) > MAX_LENGTH:
-        raise SlipError(
+        raise ExpressionError(
             f"a condition of {len(text)} characters is too long",
             MAX_LENGTH,
             len(text),
             f"at most {MAX_LENGTH} are allowed: split it into several conditions",
         )
-    result: list[Token] = []
+    token_list: list[Token] = []
     position = 0
     while position < len(text):
         match = _TOKEN.match(text, position)
         if match is None:
-            raise _stray_error(text, position)
+            raise _unexpected_character_error(text, position)
         if match.lastgroup != "blank":
-            result.append(_read_token(match))
+            token_list.append(_read_token(match))
         position = match.end()
-    result.append(Token(TokenKind.END, "", len(text), len(text)))
-    return tuple(result)
+    token_list.append(Token(TokenKind.END, "", len(text), len(text)))
+    return tuple(token_list)
 
 
 def is_name(text: str) -> bool:
@@ -184,8 +184,8 @@ def _read_token(match: re.Match[str]) -> Token:
     if kind == "text":
         return Token(TokenKind.TEXT, text, start, end, value=_unescape(text, start))
     if kind == "badnumber":
-        raise SlipError(f"{shown(text)} is not a number", start, end, _number_help(text))
-    raise _slip_error(match.string, text, start, end)
+        raise ExpressionError(f"{shown(text)} is not a number", start, end, _number_help(text))
+    raise _unsupported_symbol_error(match.string, text, start, end)
 
 
 def _read_word(text: str, start: int, end: int) -> Token:
@@ -193,11 +193,11 @@ def _read_word(text: str, start: int, end: int) -> Token:
         return Token(TokenKind.WORD, text, start, end)
     if not _IDENTIFIER.fullmatch(text):
         help_text = "names hold only letters A to Z, digits and '_', and start with a letter"
-        raise SlipError(f"{shown(text)} is not a name", start, end, help_text)
+        raise ExpressionError(f"{shown(text)} is not a name", start, end, help_text)
     if text == "is":
-        raise SlipError("'is' is not an operator", start, end, "write '==' or '!='")
+        raise ExpressionError("'is' is not an operator", start, end, "write '==' or '!='")
     if keyword.iskeyword(text) or text == "null":
-        raise SlipError(f"'{text}' is not a name", start, end, _reserved_help(text))
+        raise ExpressionError(f"'{text}' is not a name", start, end, _reserved_help(text))
     return Token(TokenKind.NAME, text, start, end)
 
 
@@ -212,19 +212,21 @@ def _reserved_help(text: str) -> str:
 def _read_number(match: re.Match[str]) -> Token:
     unit = match["unit"]
     if unit is not None and parse_unit(unit) is None:
-        raise SlipError(f"unknown unit '{unit}'", match.start("unit"), match.end("unit"), _unit_help(unit))
+        raise ExpressionError(f"unknown unit '{unit}'", match.start("unit"), match.end("unit"), _unit_help(unit))
     value = parse_number(match["number"])
     if value is None:
         start, end = match.span("number")
-        raise SlipError(f"the number {shown(match['number'])} is too large", start, end, "at most 1e100 is allowed")
+        raise ExpressionError(
+            f"the number {shown(match['number'])} is too large", start, end, "at most 1e100 is allowed"
+        )
     return Token(TokenKind.NUMBER, match[0], match.start(), match.end(), value=value, unit=unit)
 
 
 def _unit_help(unit: str) -> str:
-    first = re.split(r"[*/]", unit)[0]
-    if first != unit and parse_unit(first) is not None and suggest_unit(unit) is None:
-        sign = unit[len(first)]
-        return f"write blanks around '{sign}' for an operation; without blanks, '{sign}' is part of a unit"
+    first_unit = re.split(r"[*/]", unit)[0]
+    if first_unit != unit and parse_unit(first_unit) is not None and suggest_unit(unit) is None:
+        operator = unit[len(first_unit)]
+        return f"write blanks around '{operator}' for an operation; without blanks, '{operator}' is part of a unit"
     return units_help(unit)
 
 
@@ -248,22 +250,24 @@ def _is_number(text: str) -> bool:
 def _unescape(text: str, start: int) -> str:
     for escape in re.finditer(r"\\(.)", text, re.DOTALL):
         if escape[1] not in _ESCAPES:
-            first = start + escape.start()
+            position = start + escape.start()
             help_text = "a backslash is allowed only before a quote, a backslash, n or t; write \\\\ for a backslash"
-            raise SlipError(f"unknown escape {shown(escape[0])}", first, first + 2, help_text)
+            raise ExpressionError(f"unknown escape {shown(escape[0])}", position, position + 2, help_text)
     return re.sub(r"\\(.)", lambda escape: _ESCAPES[escape[1]], text[1:-1])
 
 
-def _slip_error(condition_text: str, text: str, start: int, end: int) -> SlipError:
+def _unsupported_symbol_error(condition_text: str, text: str, start: int, end: int) -> ExpressionError:
     if text == "." and condition_text[:start][-1:].isidentifier():
-        return SlipError("'.' is not an operator", start, end, "names have no parts: write a name without '.'")
-    noun = "a unit" if text in "%°" else "an operator" if text in _SLIPS else "part of a condition"
-    return SlipError(f"{shown(text)} is not {noun}", start, end, _SLIPS.get(text, "remove it"))
+        return ExpressionError("'.' is not an operator", start, end, "names have no parts: write a name without '.'")
+    noun = "a unit" if text in "%°" else "an operator" if text in _SYMBOL_HELP else "part of a condition"
+    return ExpressionError(f"{shown(text)} is not {noun}", start, end, _SYMBOL_HELP.get(text, "remove it"))
 
 
-def _stray_error(text: str, position: int) -> SlipError:
-    letter = text[position]
-    if letter in "\"'":
-        return SlipError(f"the quote {letter} is never closed", position, len(text), f"add {letter} after the text")
-    help_text = "write an ordinary blank" if letter.isspace() else "remove it"
-    return SlipError(f"{shown(letter)} is not part of a condition", position, position + 1, help_text)
+def _unexpected_character_error(text: str, position: int) -> ExpressionError:
+    character = text[position]
+    if character in "\"'":
+        return ExpressionError(
+            f"the quote {character} is never closed", position, len(text), f"add {character} after the text"
+        )
+    help_text = "write an ordinary blank" if character.isspace() else "remove it"
+    return ExpressionError(f"{shown(character)} is not part of a condition", position, position + 1, help_text)

@@ -127,11 +127,11 @@ class _Reader:
             self.fail(f"expected a variable, found {shown(variable.text)}", variable, "write a variable before it")
         if variable.text not in variables:
             noun = "variable" if side is Side.ANTECEDENT else "output"
-            self.findings.unknown("fll-unknown-name", noun, variable, variables)
+            self.findings.report_unknown("fll-unknown-name", noun, variable, variables)
         self.expect("is")
-        return self.described(variable.text, variables.get(variable.text), side)
+        return self.hedged_term(variable.text, variables.get(variable.text), side)
 
-    def described(self, variable: str, terms: frozenset[str] | None, side: Side) -> Proposition:
+    def hedged_term(self, variable: str, terms: frozenset[str] | None, side: Side) -> Proposition:
         """Read the description of a variable: `hedges term`."""
         hedges: list[Hedge] = []
         while self.peek() in _HEDGES:
@@ -144,7 +144,7 @@ class _Reader:
         if term.text in KEYWORDS or term.text in "()":
             self.fail(f"expected a term, found {shown(term.text)}", term, "write a term before it")
         if terms is not None and term.text not in terms:
-            self.findings.unknown("fll-unknown-name", f"term of '{variable}'", term, terms | _HEDGES)
+            self.findings.report_unknown("fll-unknown-name", f"term of '{variable}'", term, terms | _HEDGES)
         return Proposition(variable=variable, term=term.text, hedges=tuple(hedges))
 
     def conclusions(self) -> tuple[Proposition, ...]:
@@ -161,11 +161,11 @@ class _Reader:
         if self.peek() == "with":
             self.take()
             word = self.take()
-            value = number(word, self.findings)
-            if value is not None and not 0.0 <= value < float("inf"):
+            parsed_weight = number(word, self.findings)
+            if parsed_weight is not None and not 0.0 <= parsed_weight < float("inf"):
                 help = "write a weight of 0 or more"
                 self.findings.add("fll-wrong-value", f"{shown(word.text)} is not a weight", word.place, help)
-            weight = value or 0.0
+            weight = parsed_weight or 0.0
         if self.peek():
             word = self.take()
             self.fail(f"unexpected {shown(word.text)}", word, "end the rule before it")
@@ -207,7 +207,7 @@ def parse_rule_about(
         if reader.peek() == output:
             reader.take()
             reader.expect("is")
-        conclusion = reader.described(output, terms, Side.CONSEQUENT)
+        conclusion = reader.hedged_term(output, terms, Side.CONSEQUENT)
         return Rule(antecedent=antecedent, conclusions=(conclusion,), weight=reader.weight())
     except _Wrong:
         return None

@@ -45,10 +45,10 @@ class Body:
         self._names = Names(taken)
         self._locals = {variable.name: self._names.claim(variable.name) for variable in engine.inputs}
         self._inputs = list(self._locals.values())
-        self._results = {output.name: self._names.claim(output.name) for output in engine.outputs}
+        self._result_names = {output.name: self._names.claim(output.name) for output in engine.outputs}
         self._memberships: dict[tuple[str, str], str] = {}
         self._lines: list[str] = []
-        self._strengths: list[str] = []
+        self._strength_names: list[str] = []
         self._previous_names: dict[str, int] = {}
         self._acting: dict[str, list[tuple[str, str]]] = {output.name: [] for output in engine.outputs}
         self.conclusions: dict[str, list[tuple[int, str]]] = {output.name: [] for output in engine.outputs}
@@ -63,16 +63,16 @@ class Body:
         for output in self._engine.outputs:
             self._write_output(output)
         dialect, count = self._dialect, len(self._engine.outputs)
-        unknown = "math.nan" if dialect.is_of_numbers else "bounds.UNKNOWN"
+        unknown_value = "math.nan" if dialect.has_numbers else "bounds.UNKNOWN"
         inputs = "".join(f"    {argument}: {dialect.value_type},\n" for argument in self._inputs)
-        previous = f"    *,\n    previous: tuple[{dialect.value_type}, ...] = ({unknown},) * {count},\n"
-        values = tuple_of([self._results[output.name] for output in self._engine.outputs])
-        strengths = tuple_of(self._strengths) if self._strengths else "()"
+        previous = f"    *,\n    previous: tuple[{dialect.value_type}, ...] = ({unknown_value},) * {count},\n"
+        values = tuple_of([self._result_names[output.name] for output in self._engine.outputs])
+        strengths = tuple_of(self._strength_names) if self._strength_names else "()"
         lines = [*self._lines, f"return {dialect.inference_type}({values}, {strengths})"]
         docstring = (
             '    """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""\n'
         )
-        body = "".join(f"    {line}\n" for line in self._without_unused(lines))
+        body = "".join(f"    {line}\n" for line in self._drop_unused_lines(lines))
         return f"def {name}(\n{inputs}{previous}) -> {dialect.inference_type}:\n{docstring}{body}".rstrip()
 
     def _assign(self, name: str, source: str) -> str:
@@ -84,19 +84,20 @@ class Body:
             if variable.is_locked:
                 name = self._locals[variable.name]
                 self._assign(
-                    name, f"{self._dialect.clip_function}({name}, {_range_ends(variable.minimum, variable.maximum)})"
+                    name,
+                    f"{self._dialect.clip_function}({name}, {_range_arguments(variable.minimum, variable.maximum)})",
                 )
         for index, output in enumerate(self._engine.outputs):
             if self._needs_previous(output):
-                before = self._names.claim(f"{self._results[output.name]}_before")
-                self._previous_names[before] = index
-                self._locals[output.name] = self._assign(before, f"previous[{index}]")
+                previous_name = self._names.claim(f"{self._result_names[output.name]}_before")
+                self._previous_names[previous_name] = index
+                self._locals[output.name] = self._assign(previous_name, f"previous[{index}]")
 
-    def _without_unused(self, lines: list[str]) -> list[str]:
+    def _drop_unused_lines(self, lines: list[str]) -> list[str]:
         """Return the lines, but leave out each one that reads a previous value which no other line uses."""
-        before = {f"{name} = previous[{at}]": name for name, at in self._previous_names.items()}
-        words = Counter(word for line in lines for word in re.findall(r"\w+", line))
-        return [line for line in lines if line not in before or words[before[line]] > 1]
+        names_by_line = {f"{name} = previous[{index}]": name for name, index in self._previous_names.items()}
+        word_counts = Counter(word for line in lines for word in re.findall(r"\w+", line))
+        return [line for line in lines if line not in names_by_line or word_counts[names_by_line[line]] > 1]
 
     def _needs_previous(self, output: OutputVariable) -> bool:
         formulas = [
@@ -111,10 +112,10 @@ class Body:
     def _assign_memberships(self, blocks: Iterable[RuleBlock]) -> None:
         """Compute all degrees that some rule reads, each of them only once."""
         needed_terms = {
-            (part.variable, part.term): None
+            (proposition.variable, proposition.term): None
             for block in blocks
             for rule in block.rules
-            for part in propositions(rule.antecedent)
+            for proposition in propositions(rule.antecedent)
         }
         for variable in self._engine.inputs:
             for term in variable.terms:
@@ -130,16 +131,18 @@ class Body:
 
     def _write_block(self, block: RuleBlock) -> None:
         assert block.activation is not None
-        method, count = block.activation.method, len(self._strengths)
-        rules = [(rule, self._names.claim(f"rule_{count + at}")) for at, rule in enumerate(block.rules, start=1)]
-        self._strengths += [name for _, name in rules]
+        method, count = block.activation.method, len(self._strength_names)
+        rules = [
+            (rule, self._names.claim(f"rule_{count + number}")) for number, rule in enumerate(block.rules, start=1)
+        ]
+        self._strength_names += [name for _, name in rules]
         if method in (Method.HIGHEST, Method.LOWEST, Method.PROPORTIONAL):
             self._activate_together(block, rules)
             return
         gate = ""
         if method in (Method.FIRST, Method.LAST):
-            limits = f"{block.activation.rules}, {literal(block.activation.threshold)}"
-            gate = self._assign(self._names.claim("gate"), f"{self._dialect.activations}.Gate({limits})")
+            gate_arguments = f"{block.activation.rules}, {literal(block.activation.threshold)}"
+            gate = self._assign(self._names.claim("gate"), f"{self._dialect.activations}.Gate({gate_arguments})")
         for rule, name in reversed(rules) if method is Method.LAST else rules:
             self._assign(name, self._strength(rule, block))
             self._conclude(rule, self._acting_degree(name, block, gate), block)
@@ -160,12 +163,14 @@ class Body:
             self._assign(name, self._strength(rule, block))
         if not rules:
             return
-        acting = [self._names.claim(f"acting_{name}") for _, name in rules]
+        acting_names = [self._names.claim(f"acting_{name}") for _, name in rules]
         method = block.activation.method
-        limit = "" if method is Method.PROPORTIONAL else f", {block.activation.rules}"
+        limit_argument = "" if method is Method.PROPORTIONAL else f", {block.activation.rules}"
         degrees = tuple_of([name for _, name in rules])
-        self._assign(tuple_of(acting), f"{self._dialect.activations}.{snake_case(method)}({degrees}{limit})")
-        for (rule, _), degree in zip(rules, acting, strict=True):
+        self._assign(
+            tuple_of(acting_names), f"{self._dialect.activations}.{snake_case(method)}({degrees}{limit_argument})"
+        )
+        for (rule, _), degree in zip(rules, acting_names, strict=True):
             self._conclude(rule, degree, block)
 
     def _strength(self, rule: Rule, block: RuleBlock) -> str:
@@ -198,8 +203,8 @@ class Body:
             return self._memberships[part.variable, part.term]
         degrees = [degree for term, degree in self._acting[part.variable] if term == part.term]
         aggregation = f"norms.{snake_case(variable.aggregation or 'UnboundedSum')}"
-        listed = tuple_of(degrees) if degrees else "()"
-        return f"{self._dialect.outputs}.degree_so_far({aggregation}, {listed})"
+        degrees_tuple = tuple_of(degrees) if degrees else "()"
+        return f"{self._dialect.outputs}.degree_so_far({aggregation}, {degrees_tuple})"
 
     def _conclude(self, rule: Rule, degree: str, block: RuleBlock) -> None:
         """Record the conclusions of a rule; hedges of one conclusion also apply to the next ones, as in FuzzyLite."""
@@ -220,24 +225,27 @@ class Body:
     # Outputs
 
     def _write_output(self, output: OutputVariable) -> None:
-        result, dialect = self._results[output.name], self._dialect
+        result_name, dialect = self._result_names[output.name], self._dialect
         if not output.is_enabled:
-            self._locals[output.name] = self._assign(result, self._locals[output.name])
+            self._locals[output.name] = self._assign(result_name, self._locals[output.name])
             return
         assert output.defuzzifier is not None
         is_weighted = output.defuzzifier.method.is_weighted
-        self._assign(result, self._weighted(output) if is_weighted else self._integral(output))
+        self._assign(result_name, self._weighted(output) if is_weighted else self._integral(output))
         substitutes = [self._locals[output.name]] if output.keeps_previous else []
         substitutes += [] if output.default is None else [dialect.number(output.default)]
         if substitutes:
-            self._assign(result, f"{dialect.first_known_function}({', '.join([result, *substitutes])})")
+            self._assign(result_name, f"{dialect.first_known_function}({', '.join([result_name, *substitutes])})")
         if output.is_locked:
-            self._assign(result, f"{dialect.clip_function}({result}, {_range_ends(output.minimum, output.maximum)})")
-        self._locals[output.name] = result
+            self._assign(
+                result_name,
+                f"{dialect.clip_function}({result_name}, {_range_arguments(output.minimum, output.maximum)})",
+            )
+        self._locals[output.name] = result_name
 
     def _degrees(self, output: OutputVariable) -> str:
-        acting = [degree for _, degree in self._acting[output.name]]
-        return tuple_of(acting) if acting else "()"
+        degree_names = [degree for _, degree in self._acting[output.name]]
+        return tuple_of(degree_names) if degree_names else "()"
 
     def _integral(self, output: OutputVariable) -> str:
         constant, degrees = self._constants[output.name], self._degrees(output)
@@ -245,7 +253,7 @@ class Body:
         dynamic = ""
         if depends_on_inputs(output, self._engine):
             dynamic = tuple_of([f"lambda x: {self._membership(term, 'x')}" for term in terms])
-        if self._dialect.is_of_numbers:
+        if self._dialect.has_numbers:
             shaped = f"outputs.shaped({constant}, {dynamic})" if dynamic else constant
             return f"{shaped}.value({degrees})"
         return f"bounded_outputs.integral({', '.join([constant, degrees, *([dynamic] if dynamic else [])])})"
@@ -255,7 +263,7 @@ class Body:
         terms = concluded_terms(output, self._engine)
         values = tuple_of([self._number(term, output) for term in terms]) if terms else "()"
         is_average = output.defuzzifier and output.defuzzifier.method is Defuzzification.WEIGHTED_AVERAGE
-        if self._dialect.is_of_numbers:
+        if self._dialect.has_numbers:
             return f"{constant}.{'average' if is_average else 'sum'}({degrees}, {values})"
         return f"bounded_outputs.{'average' if is_average else 'total'}({constant}, {degrees}, {values})"
 
@@ -276,5 +284,5 @@ class Body:
         return f"lambda x: {source}" if needs_x else source
 
 
-def _range_ends(minimum: float, maximum: float) -> str:
+def _range_arguments(minimum: float, maximum: float) -> str:
     return f"{literal(minimum)}, {literal(maximum)}"

@@ -26,11 +26,12 @@ class EngineProblem:
     """One mistake in an engine.
 
     Attributes:
-        at: the faulty part: `("engine",)`, `("variable", name)`, `("term", variable, name)` or `("block", index)`.
+        location: the faulty part: `("engine",)`, `("variable", name)`, `("term", variable, name)` or
+            `("block", index)`.
         rule: the name of the rule of the finding.
     """
 
-    at: tuple[object, ...]
+    location: tuple[object, ...]
     rule: str
     message: str
     help: str
@@ -52,23 +53,27 @@ def engine_problems(engine: Engine) -> Iterator[EngineProblem]:
 
 
 def _output_problems(output: OutputVariable, engine: Engine) -> Iterator[EngineProblem]:
-    at = ("variable", output.name)
+    location = ("variable", output.name)
     if output.defuzzifier is None:
-        yield EngineProblem(at, "fll-missing", "the output has no defuzzifier", "write one, such as 'Centroid 100'")
+        yield EngineProblem(
+            location, "fll-missing", "the output has no defuzzifier", "write one, such as 'Centroid 100'"
+        )
         return
     if not output.defuzzifier.method.is_weighted:
         if output.aggregation is None:
-            yield EngineProblem(at, "fll-missing", "an integral needs an aggregation", "write one, such as 'Maximum'")
+            yield EngineProblem(
+                location, "fll-missing", "an integral needs an aggregation", "write one, such as 'Maximum'"
+            )
         if output.maximum - output.minimum == float("inf"):
-            yield EngineProblem(at, "fll-missing", "an integral needs a finite range", "write its 'range'")
+            yield EngineProblem(location, "fll-missing", "an integral needs a finite range", "write its 'range'")
         return
-    concluded = concluded_terms(output, engine)
-    kinds = {natural_weighting(term) for term in concluded}
-    if output.defuzzifier.weighting is Weighting.AUTOMATIC and len(kinds) > 1:
+    terms = concluded_terms(output, engine)
+    weightings = {natural_weighting(term) for term in terms}
+    if output.defuzzifier.weighting is Weighting.AUTOMATIC and len(weightings) > 1:
         help = "write TakagiSugeno or Tsukamoto after the defuzzifier"
-        yield EngineProblem(at, "fll-unfit-term", "terms of several kinds are concluded", help)
+        yield EngineProblem(location, "fll-unfit-term", "terms of several kinds are concluded", help)
     if output.defuzzifier.weighting is Weighting.TSUKAMOTO:
-        for term in concluded:
+        for term in terms:
             if natural_weighting(term) is not Weighting.TSUKAMOTO:
                 place = ("term", output.name, term.name)
                 help = "use Arc, Concave, Ramp, Sigmoid, SShape or ZShape"
@@ -96,41 +101,47 @@ def natural_weighting(term: AnyTerm) -> Weighting:
 
 
 def _block_problems(index: int, block: RuleBlock, engine: Engine) -> Iterator[EngineProblem]:
-    at = ("block", index)
+    location = ("block", index)
     if block.activation is None:
-        yield EngineProblem(at, "fll-missing", "the block has no activation", "write 'activation: General'")
-    kinds = {kind for rule in block.rules for kind in _connectives(rule.antecedent)}
-    if And in kinds and block.conjunction is None:
-        yield EngineProblem(at, "fll-missing", "'and' needs a conjunction", "write a 'conjunction', such as Minimum")
-    if Or in kinds and block.disjunction is None:
-        yield EngineProblem(at, "fll-missing", "'or' needs a disjunction", "write a 'disjunction', such as Maximum")
-    integrals = {
+        yield EngineProblem(location, "fll-missing", "the block has no activation", "write 'activation: General'")
+    connectives = {kind for rule in block.rules for kind in _connectives(rule.antecedent)}
+    if And in connectives and block.conjunction is None:
+        yield EngineProblem(
+            location, "fll-missing", "'and' needs a conjunction", "write a 'conjunction', such as Minimum"
+        )
+    if Or in connectives and block.disjunction is None:
+        yield EngineProblem(
+            location, "fll-missing", "'or' needs a disjunction", "write a 'disjunction', such as Maximum"
+        )
+    integral_outputs = {
         output.name for output in engine.outputs if output.defuzzifier and not output.defuzzifier.method.is_weighted
     }
-    concluded = {conclusion.variable for rule in block.rules for conclusion in rule.conclusions}
-    if concluded & integrals and block.implication is None:
-        yield EngineProblem(at, "fll-missing", "'then' needs an implication", "write an 'implication', such as Minimum")
+    concluded_variables = {conclusion.variable for rule in block.rules for conclusion in rule.conclusions}
+    if concluded_variables & integral_outputs and block.implication is None:
+        yield EngineProblem(
+            location, "fll-missing", "'then' needs an implication", "write an 'implication', such as Minimum"
+        )
 
 
 def _connectives(antecedent: Antecedent) -> Iterator[type]:
-    waiting = [antecedent]
-    while waiting:
-        part = waiting.pop()
+    pending = [antecedent]
+    while pending:
+        part = pending.pop()
         if isinstance(part, And | Or):
             yield type(part)
-            waiting += [part.left, part.right]
+            pending += [part.left, part.right]
 
 
-def _term_problems(at: tuple[object, ...], term: AnyTerm, engine: Engine) -> Iterator[EngineProblem]:
+def _term_problems(location: tuple[object, ...], term: AnyTerm, engine: Engine) -> Iterator[EngineProblem]:
     if isinstance(term, FormulaTerm):
-        known = {"x"} | {variable.name for variable in engine.variables}
-        for name in sorted(names_in(term.formula) - known):
+        known_names = {"x"} | {variable.name for variable in engine.variables}
+        for name in sorted(names_in(term.formula) - known_names):
             help = "a formula may use x and the variables of the engine"
-            yield EngineProblem(at, "fll-unknown-name", f"unknown variable '{name}' in the formula", help)
+            yield EngineProblem(location, "fll-unknown-name", f"unknown variable '{name}' in the formula", help)
     elif term.shape is Shape.Linear and len(term.parameters) - len(engine.inputs) not in (0, 1):
         count = len(engine.inputs)
         help = f"write {count} coefficients, one for each input, and optionally a constant"
-        yield EngineProblem(at, "fll-wrong-term", f"{len(term.parameters)} coefficients for {count} inputs", help)
+        yield EngineProblem(location, "fll-wrong-term", f"{len(term.parameters)} coefficients for {count} inputs", help)
 
 
 def names_in(formula: Formula) -> frozenset[str]:

@@ -72,8 +72,14 @@ def _names_source(constant: str, values: list[str]) -> str:
 
 
 def _ranges_source(engine: Engine) -> str:
-    ends = [f"    Bounds({literal(variable.minimum)}, {literal(variable.maximum)}),\n" for variable in engine.inputs]
-    return f"RANGES: tuple[Bounds, ...] = (\n{''.join(ends)})" if ends else "RANGES: tuple[Bounds, ...] = ()"
+    bounds_lines = [
+        f"    Bounds({literal(variable.minimum)}, {literal(variable.maximum)}),\n" for variable in engine.inputs
+    ]
+    return (
+        f"RANGES: tuple[Bounds, ...] = (\n{''.join(bounds_lines)})"
+        if bounds_lines
+        else "RANGES: tuple[Bounds, ...] = ()"
+    )
 
 
 def _imports(body: str) -> str:
@@ -83,8 +89,8 @@ def _imports(body: str) -> str:
     if "math." in body:
         lines.append("import math\n")
     line = f"from {GENERATED_API} import {', '.join(names)}"
-    wrapped = f"from {GENERATED_API} import (\n" + "".join(f"    {name},\n" for name in names) + ")"
-    lines.append(line if len(line) <= _LONGEST_LINE else wrapped)
+    wrapped_line = f"from {GENERATED_API} import (\n" + "".join(f"    {name},\n" for name in names) + ")"
+    lines.append(line if len(line) <= _LONGEST_LINE else wrapped_line)
     return "\n".join(lines)
 
 

@@ -64,27 +64,27 @@ class Dialect:
     outputs: str
     clip_function: str
     first_known_function: str
-    is_of_numbers: bool
+    has_numbers: bool
 
     def call(self, kind: Kind, function: str, *operands: str) -> str:
         """Return the source that calls a function of `terms`, `norms` or `hedges`."""
-        if self.is_of_numbers:
+        if self.has_numbers:
             return f"{function}({', '.join(operands)})"
         return f"bounds.{kind.name.lower()}({', '.join((function, *operands))})"
 
     def number(self, value: float) -> str:
         """Return the source of a constant."""
-        return literal(value) if self.is_of_numbers else f"bounds.point({literal(value)})"
+        return literal(value) if self.has_numbers else f"bounds.point({literal(value)})"
 
     def times(self, factor: float, value: str) -> str:
         """Return the source of a product with a constant."""
-        if self.is_of_numbers:
+        if self.has_numbers:
             return f"{literal(factor)} * {value}"
         return f"bounds.times({literal(factor)}, {value})"
 
     def linear(self, inputs: list[str], coefficients: tuple[float, ...]) -> str:
         """Return the source of a sum of inputs times coefficients."""
-        module = "terms" if self.is_of_numbers else "bounds"
+        module = "terms" if self.has_numbers else "bounds"
         return f"{module}.linear({tuple_of(inputs)}, {tuple_of([literal(value) for value in coefficients])})"
 
     def formula(self, part: Formula, names: dict[str, str]) -> str:
@@ -95,9 +95,9 @@ class Dialect:
             return names[part.name]
         assert isinstance(part, Call)
         operands = [self.formula(operand, names) for operand in part.operands]
-        if self.is_of_numbers and part.function in _INLINE:
+        if self.has_numbers and part.function in _INLINE:
             return f"({operands[0]} {part.function} {operands[1]})"
-        module = "formulas" if self.is_of_numbers else "bounded_formulas"
+        module = "formulas" if self.has_numbers else "bounded_formulas"
         return f"{module}.calculate({', '.join([literal(part.function), *operands])})"
 
 
@@ -108,7 +108,7 @@ NUMBERS = Dialect(
     outputs="outputs",
     clip_function="outputs.clipped",
     first_known_function="outputs.known",
-    is_of_numbers=True,
+    has_numbers=True,
 )
 BOUNDS = Dialect(
     value_type="Bounds",
@@ -117,5 +117,5 @@ BOUNDS = Dialect(
     outputs="bounded_outputs",
     clip_function="bounds.clipped",
     first_known_function="bounds.known",
-    is_of_numbers=False,
+    has_numbers=False,
 )

@@ -20,17 +20,17 @@ class Operator:
 
     operands: int
     precedence: int
-    is_from_right: bool = False
+    is_right_associative: bool = False
 
 
 OPERATORS: Mapping[str, Operator] = MappingProxyType(
     {
-        "!": Operator(1, 100, is_from_right=True),
-        "~": Operator(1, 100, is_from_right=True),
-        "^": Operator(2, 90, is_from_right=True),
-        "**": Operator(2, 90, is_from_right=True),
-        ".-": Operator(1, 90, is_from_right=True),
-        ".+": Operator(1, 90, is_from_right=True),
+        "!": Operator(1, 100, is_right_associative=True),
+        "~": Operator(1, 100, is_right_associative=True),
+        "^": Operator(2, 90, is_right_associative=True),
+        "**": Operator(2, 90, is_right_associative=True),
+        ".-": Operator(1, 90, is_right_associative=True),
+        ".+": Operator(1, 90, is_right_associative=True),
         "*": Operator(2, 80),
         "/": Operator(2, 80),
         "%": Operator(2, 80),
@@ -42,12 +42,12 @@ OPERATORS: Mapping[str, Operator] = MappingProxyType(
 )
 """The operators of formulas. A minus sign before a number is written as `~` or `.-`."""
 
-_ONE_OPERAND = (
+_UNARY_FUNCTIONS = (
     "acos asin atan ceil cos cosh exp abs fabs floor log log10 round sin sinh sqrt tan tanh log1p acosh asinh atanh"
 )
-_TWO_OPERANDS = "gt ge eq neq le lt min max pow atan2 fmod"
+_BINARY_FUNCTIONS = "gt ge eq neq le lt min max pow atan2 fmod"
 FUNCTIONS: Mapping[str, int] = MappingProxyType(
-    {"pi": 0} | dict.fromkeys(_ONE_OPERAND.split(), 1) | dict.fromkeys(_TWO_OPERANDS.split(), 2)
+    {"pi": 0} | dict.fromkeys(_UNARY_FUNCTIONS.split(), 1) | dict.fromkeys(_BINARY_FUNCTIONS.split(), 2)
 )
 """The functions of formulas, each with its number of operands."""
 
@@ -81,14 +81,14 @@ def _postfix(tokens: list[Word], findings: Findings) -> list[Word] | None:
                 output.append(stack.pop())
             stack.append(token)
         elif token.text in (",", ")"):
-            if not _close(token, output, stack):
-                _report_unmatched(token, findings)
+            if not _close_parenthesis(token, output, stack):
+                _report_unmatched_parenthesis(token, findings)
                 return None
         else:
             output.append(token)
-    opened = next((token for token in stack if token.text == "("), None)
-    if opened:
-        _report_unmatched(opened, findings)
+    open_parenthesis = next((token for token in stack if token.text == "("), None)
+    if open_parenthesis:
+        _report_unmatched_parenthesis(open_parenthesis, findings)
         return None
     return [*output, *reversed(stack)]
 
@@ -97,10 +97,10 @@ def _binds_before(top: str, operator: Operator) -> bool:
     if top == "(":
         return False
     precedence = OPERATORS[top].precedence if top in OPERATORS else _TIGHTEST
-    return precedence > operator.precedence or (precedence == operator.precedence and not operator.is_from_right)
+    return precedence > operator.precedence or (precedence == operator.precedence and not operator.is_right_associative)
 
 
-def _close(token: Word, output: list[Word], stack: list[Word]) -> bool:
+def _close_parenthesis(token: Word, output: list[Word], stack: list[Word]) -> bool:
     while stack and stack[-1].text != "(":
         output.append(stack.pop())
     if not stack:
@@ -112,32 +112,32 @@ def _close(token: Word, output: list[Word], stack: list[Word]) -> bool:
     return True
 
 
-def _report_unmatched(token: Word, findings: Findings) -> None:
+def _report_unmatched_parenthesis(token: Word, findings: Findings) -> None:
     findings.add("fll-wrong-formula", f"{shown(token.text)} is unmatched", token.place, "match each parenthesis")
 
 
 def _tree(word: Word, postfix: list[Word], findings: Findings) -> Formula | None:
     stack: list[tuple[Formula, int]] = []
     for token in postfix:
-        count = FUNCTIONS.get(token.text) if token.text in FUNCTIONS else None
+        operand_count = FUNCTIONS.get(token.text) if token.text in FUNCTIONS else None
         if token.text in OPERATORS:
-            count = OPERATORS[token.text].operands
-        if count is None:
+            operand_count = OPERATORS[token.text].operands
+        if operand_count is None:
             leaf = _leaf(token, findings)
             if leaf is None:
                 return None
             stack.append((leaf, 1))
             continue
-        if count > len(stack):
-            help = f"it takes {count} operands; write a minus before a number as '~' or '.-'"
+        if operand_count > len(stack):
+            help = f"it takes {operand_count} operands; write a minus before a number as '~' or '.-'"
             findings.add("fll-wrong-formula", f"{shown(token.text)} lacks operands", token.place, help)
             return None
-        operands = stack[len(stack) - count :]
+        operands = stack[len(stack) - operand_count :]
         depth = 1 + max((operand_depth for _, operand_depth in operands), default=0)
         if depth > MAX_DEPTH:
             findings.add("fll-too-large", f"a formula nested deeper than {MAX_DEPTH}", word.place, "split it")
             return None
-        stack[len(stack) - count :] = [(Call(token.text, tuple(operand for operand, _ in operands)), depth)]
+        stack[len(stack) - operand_count :] = [(Call(token.text, tuple(operand for operand, _ in operands)), depth)]
     if len(stack) != 1:
         findings.add(
             "fll-wrong-formula", "this is not one formula", word.place, "join the parts of the formula by operators"

@@ -23,7 +23,7 @@ _MODULE_NAMES = frozenset(
 _NAMES_OF_FUNCTIONS_AND_CLASSES = frozenset(
     {"infer", "infer_bounds", "previous", "x", "y", "Bounds", "BoundedInference", "Inference"}
 )
-_TAKEN = (
+_RESERVED_NAMES = (
     _MODULE_NAMES | _NAMES_OF_FUNCTIONS_AND_CLASSES | {"INPUTS", "OUTPUTS", "RANGES", "RULES", "annotations", "math"}
 )
 
@@ -32,7 +32,7 @@ class Names:
     """Assigns unique Python names, as close to the names in the engine as possible."""
 
     def __init__(self, taken: frozenset[str] = frozenset()) -> None:
-        self._taken = set(_TAKEN | taken | set(keyword.kwlist) | set(dir(builtins)))
+        self._taken = set(_RESERVED_NAMES | taken | set(keyword.kwlist) | set(dir(builtins)))
 
     def claim(self, wanted: str) -> str:
         """Return an unused name. A character that an ASCII identifier cannot contain becomes `u` and its code point."""

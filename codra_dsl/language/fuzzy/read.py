@@ -73,8 +73,8 @@ class _Section:
     """The lines of one engine, variable or block, as written."""
 
     head: Line
-    single: dict[str, Word] = field(default_factory=dict)
-    repeated: list[Line] = field(default_factory=list)
+    single_values: dict[str, Word] = field(default_factory=dict)
+    repeated_lines: list[Line] = field(default_factory=list)
 
 
 def read_fll(data: bytes, file: str) -> Read:
@@ -109,13 +109,13 @@ def _sections(definitions: Iterable[Line], findings: Findings) -> list[_Section]
 def _add_line(line: Line, section: _Section, findings: Findings) -> None:
     key, kind = line.key, section.head.key.text
     if key.text not in _KEYS[kind]:
-        findings.unknown("fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS))
+        findings.report_unknown("fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS))
     elif key.text in _REPEATABLE:
-        section.repeated.append(line)
-    elif key.text in section.single:
+        section.repeated_lines.append(line)
+    elif key.text in section.single_values:
         findings.add("fll-repeated", f"'{key.text}' occurs twice here", key.place, "remove one of them")
     else:
-        section.single[key.text] = line.value
+        section.single_values[key.text] = line.value
 
 
 class _Builder:
@@ -128,27 +128,27 @@ class _Builder:
 
     def engine(self, sections: list[_Section]) -> Engine | None:
         """Return the engine, or None after a finding."""
-        sections_of_kind: dict[str, list[_Section]] = {kind: [] for kind in _KEYS}
+        sections_by_kind: dict[str, list[_Section]] = {kind: [] for kind in _KEYS}
         for section in sections:
-            sections_of_kind[section.head.key.text].append(section)
-        for other in sections_of_kind["Engine"][1:]:
+            sections_by_kind[section.head.key.text].append(section)
+        for other in sections_by_kind["Engine"][1:]:
             self._findings.add("fll-repeated", "a second engine", other.head.key.place, "write one engine per file")
-        if not sections_of_kind["Engine"]:
+        if not sections_by_kind["Engine"]:
             place = sections[0].head.key.place if sections else Place(Span(self._file, 1, 1, 1, 1))
             self._findings.add("fll-missing", "there is no engine", place, "begin with 'Engine: NAME'")
             return None
-        head = sections_of_kind["Engine"][0]
+        head = sections_by_kind["Engine"][0]
         self._places[("engine",)] = head.head.key.place
-        inputs = tuple(self._input(section) for section in sections_of_kind["InputVariable"])
-        outputs = tuple(self._output(section) for section in sections_of_kind["OutputVariable"])
-        self._report_repeated(
-            [section.head.value for kind in _KEYS if "Var" in kind for section in sections_of_kind[kind]], "variable"
+        inputs = tuple(self._input(section) for section in sections_by_kind["InputVariable"])
+        outputs = tuple(self._output(section) for section in sections_by_kind["OutputVariable"])
+        self._report_repeated_names(
+            [section.head.value for kind in _KEYS if "Var" in kind for section in sections_by_kind[kind]], "variable"
         )
-        output_terms = _names(sections_of_kind["OutputVariable"])
-        all_terms = _names(sections_of_kind["InputVariable"]) | output_terms
+        output_terms = _names(sections_by_kind["OutputVariable"])
+        all_terms = _names(sections_by_kind["InputVariable"]) | output_terms
         blocks = tuple(
             self._block(section, index, all_terms, output_terms)
-            for index, section in enumerate(sections_of_kind["RuleBlock"])
+            for index, section in enumerate(sections_by_kind["RuleBlock"])
         )
         engine = Engine(
             name=head.head.value.text,
@@ -157,14 +157,14 @@ class _Builder:
             blocks=blocks,
             description=self._text(head, "description"),
         )
-        self._complain(engine)
+        self._report_engine_problems(engine)
         return engine
 
-    def _complain(self, engine: Engine) -> None:
+    def _report_engine_problems(self, engine: Engine) -> None:
         if self._findings.all():
             return  # a part that seems to be missing may be one that could not be read
         for problem in engine_problems(engine):
-            self._findings.add(problem.rule, problem.message, self._places[problem.at], problem.help)
+            self._findings.add(problem.rule, problem.message, self._places[problem.location], problem.help)
 
     def _input(self, section: _Section) -> InputVariable:
         name, (minimum, maximum) = self._name(section.head.value, "variable"), self._range(section)
@@ -182,7 +182,7 @@ class _Builder:
     def _output(self, section: _Section) -> OutputVariable:
         name, (minimum, maximum) = self._name(section.head.value, "variable"), self._range(section)
         self._places[("variable", name)] = section.head.value.place
-        default = section.single.get("default")
+        default = section.single_values.get("default")
         value = None if default is None else number(default, self._findings)
         return OutputVariable(
             name=name,
@@ -193,7 +193,7 @@ class _Builder:
             keeps_previous=self._flag(section, "lock-previous", default=False),
             default=None if value is None or value != value else value,
             aggregation=self._choice(section, "aggregation", SNorm),
-            defuzzifier=self._defuzzifier(section.single.get("defuzzifier")),
+            defuzzifier=self._defuzzifier(section.single_values.get("defuzzifier")),
             terms=self._terms(section, name),
             description=self._text(section, "description"),
         )
@@ -201,7 +201,7 @@ class _Builder:
     def _block(self, section: _Section, index: int, all_terms: Names, output_terms: Names) -> RuleBlock:
         self._places[("block", index)] = section.head.key.place
         rules: list[Rule] = []
-        for line in section.repeated:
+        for line in section.repeated_lines:
             self._places[("rule", index, len(rules))] = line.value.place
             rule = parse_rule(line.value, all_terms, output_terms, self._findings)
             if rule is not None:
@@ -212,7 +212,7 @@ class _Builder:
             conjunction=self._choice(section, "conjunction", TNorm),
             disjunction=self._choice(section, "disjunction", SNorm),
             implication=self._choice(section, "implication", TNorm),
-            activation=self._activation(section.single.get("activation")),
+            activation=self._activation(section.single_values.get("activation")),
             rules=tuple(rules),
             description=self._text(section, "description"),
         )
@@ -228,20 +228,20 @@ class _Builder:
             self._findings.add("fll-wrong-value", f"{shown(word.text)} is not a name", word.place, help)
         return word.text
 
-    def _report_repeated(self, words: Iterable[Word], noun: str) -> None:
-        seen: set[str] = set()
+    def _report_repeated_names(self, words: Iterable[Word], noun: str) -> None:
+        seen_names: set[str] = set()
         for word in words:
-            if word.text in seen:
+            if word.text in seen_names:
                 message = f"a second {noun} {shown(word.text)}"
                 self._findings.add("fll-repeated", message, word.place, "rename one of them")
-            seen.add(word.text)
+            seen_names.add(word.text)
 
     def _text(self, section: _Section, key: str) -> str:
-        word = section.single.get(key)
+        word = section.single_values.get(key)
         return "" if word is None else word.text
 
     def _flag(self, section: _Section, key: str, *, default: bool) -> bool:
-        word = section.single.get(key)
+        word = section.single_values.get(key)
         if word is None:
             return default
         if word.text not in ("true", "false"):
@@ -251,7 +251,7 @@ class _Builder:
         return word.text == "true"
 
     def _range(self, section: _Section) -> tuple[float, float]:
-        word = section.single.get("range")
+        word = section.single_values.get("range")
         ends = [] if word is None else [quantity(end, self._findings) for end in split(word, r"\S+")]
         if word is None or None in ends:
             return (float("-inf"), float("inf"))
@@ -262,15 +262,15 @@ class _Builder:
         return (ends[0] or 0.0, ends[1] or 0.0)
 
     def _choice(self, section: _Section, key: str, kind: Iterable[_T]) -> _T | None:
-        return self._word(section.single.get(key), key, kind)
+        return self._word(section.single_values.get(key), key, kind)
 
     def _word(self, word: Word | None, noun: str, kind: Iterable[_T]) -> _T | None:
         if word is None or word.text in ("", "none"):
             return None
-        known = {str(member): member for member in kind}
-        if word.text not in known:
-            self._findings.unknown("fll-unknown-word", noun, word, known)
-        return known.get(word.text)
+        members_by_text = {str(member): member for member in kind}
+        if word.text not in members_by_text:
+            self._findings.report_unknown("fll-unknown-word", noun, word, members_by_text)
+        return members_by_text.get(word.text)
 
     def _defuzzifier(self, word: Word | None) -> Defuzzifier | None:
         words = [] if word is None else list(split(word, r"\S+"))
@@ -312,8 +312,8 @@ class _Builder:
             self._findings.add("fll-wrong-value", f"unexpected {shown(words[0].text)}", words[0].place, "remove it")
 
     def _terms(self, section: _Section, variable: str) -> tuple[AnyTerm, ...]:
-        terms = [self._term(line, variable) for line in section.repeated]
-        self._report_repeated([line.words()[0] for line in section.repeated if line.words()], "term")
+        terms = [self._term(line, variable) for line in section.repeated_lines]
+        self._report_repeated_names([line.words()[0] for line in section.repeated_lines if line.words()], "term")
         return tuple(term for term in terms if term is not None)
 
     def _term(self, line: Line, variable: str) -> AnyTerm | None:
@@ -327,7 +327,7 @@ class _Builder:
         if words[1].text == FORMULA:
             return self._formula(name, line.value, words)
         if words[1].text not in Shape.__members__:
-            self._findings.unknown("fll-unknown-word", "shape", words[1], (*Shape.__members__, FORMULA))
+            self._findings.report_unknown("fll-unknown-word", "shape", words[1], (*Shape.__members__, FORMULA))
             return None
         shape = Shape[words[1].text]
         values = [quantity(word, self._findings) for word in words[2:]]
@@ -376,6 +376,6 @@ def _names(sections: Iterable[_Section]) -> dict[str, frozenset[str]]:
     Terms that could not be read are included, so that a mistake in a term causes no findings in rules.
     """
     return {
-        section.head.value.text: frozenset(line.words()[0].text for line in section.repeated if line.words())
+        section.head.value.text: frozenset(line.words()[0].text for line in section.repeated_lines if line.words())
         for section in sections
     }

@@ -66,12 +66,18 @@ class Findings:
         """Return the findings in the order of the text."""
         return tuple(sorted(self._findings, key=lambda finding: finding.place.span))
 
-    def unknown(self, rule: str, noun: str, word: Word, known: Iterable[str]) -> None:
+    def report_unknown(self, rule: str, noun: str, word: Word, known: Iterable[str]) -> None:
         """Report a word that is not one of the known words."""
         names = sorted(known)
-        near = suggest(word.text, names)
-        listed = ", ".join(names[:MAX_LISTED]) + (", ..." if len(names) > MAX_LISTED else "")
-        help = f"did you mean '{near}'?" if near else f"allowed: {listed}" if names else "none is declared"
+        suggestion = suggest(word.text, names)
+        allowed_names = ", ".join(names[:MAX_LISTED]) + (", ..." if len(names) > MAX_LISTED else "")
+        help = (
+            f"did you mean '{suggestion}'?"
+            if suggestion
+            else f"allowed: {allowed_names}"
+            if names
+            else "none is declared"
+        )
         self.add(rule, f"unknown {noun} {shown(word.text)}", word.place, help)
 
 

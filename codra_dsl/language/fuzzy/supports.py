@@ -41,8 +41,8 @@ class Extent:
     @property
     def ends(self) -> tuple[float, ...]:
         """Return the numbers between which neither the support nor the core begins or ends."""
-        numbers = {end for interval in (*self.open, *self.full, *self.peak) for end in interval}
-        return tuple(sorted(end for end in numbers if math.isfinite(end)))
+        endpoints = {end for interval in (*self.open, *self.full, *self.peak) for end in interval}
+        return tuple(sorted(end for end in endpoints if math.isfinite(end)))
 
 
 def extent(term: Term) -> Extent:

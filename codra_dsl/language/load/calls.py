@@ -35,12 +35,12 @@ class DeclaredNames:
         damaged = self.damaged_keys.get(("perception", algorithm.name), frozenset())
         if not damaged.isdisjoint({"with", "uses", "given"}):
             return False
-        used_names = {usage.resource.name for usage in algorithm.uses}
-        return used_names <= self.resources and {reference.name for reference in algorithm.given} <= self.context
+        used_resources = {usage.resource.name for usage in algorithm.uses}
+        return used_resources <= self.resources and {reference.name for reference in algorithm.given} <= self.context
 
 
 def check_calls(
-    algorithms: Iterable[Algorithm], declared: DeclaredNames, root: Path, findings: Findings
+    algorithms: Iterable[Algorithm], declared_names: DeclaredNames, root: Path, findings: Findings
 ) -> tuple[str, ...]:
     """Report calls of missing functions, arguments that a function does not accept, and arguments that are missing.
 
@@ -48,17 +48,17 @@ def check_calls(
         The files, relative to `root`, on which the result depends.
     """
     checker = _Checker(root, findings)
-    algorithms_of_calls: dict[str, list[Algorithm]] = {}
+    algorithms_by_call: dict[str, list[Algorithm]] = {}
     for algorithm in algorithms:
-        if "call" not in declared.damaged_keys.get(("perception", algorithm.name), ()):
-            algorithms_of_calls.setdefault(algorithm.call, []).append(algorithm)
-    for call, callers in algorithms_of_calls.items():
+        if "call" not in declared_names.damaged_keys.get(("perception", algorithm.name), ()):
+            algorithms_by_call.setdefault(algorithm.call, []).append(algorithm)
+    for call, callers in algorithms_by_call.items():
         signature = checker.signature(call, callers)
         for caller in callers if signature is not None else ():
-            if signature is not None and declared.has_all_arguments(caller):
+            if signature is not None and declared_names.has_all_arguments(caller):
                 checker.check_arguments(caller, signature)
     checker.report_modules()
-    return tuple(checker.modules.consulted)
+    return tuple(checker.modules.consulted_files)
 
 
 class _Checker:
@@ -76,8 +76,8 @@ class _Checker:
         if isinstance(module, Missing):
             suggestion = self._suggestion(name, function, module)
             if suggestion is not None or module.at > 0:
-                known = self._missing_modules.setdefault(name, (suggestion or "", []))
-                known[1].extend(callers)
+                entry = self._missing_modules.setdefault(name, (suggestion or "", []))
+                entry[1].extend(callers)
             return None
         if module is None:
             return None
@@ -107,12 +107,14 @@ class _Checker:
 
     def _report_function(self, call: str, callers: list[Algorithm], module: Module) -> None:
         name, _, function = call.partition(":")
-        near = self._findings.nearest(function, module.names)
-        has = f"the module has {list_names(module.functions)}" if module.functions else "the module has no functions"
-        help_text = f"did you mean '{near}'?" if near else has
+        suggestion = self._findings.nearest(function, module.names)
+        functions_text = (
+            f"the module has {list_names(module.functions)}" if module.functions else "the module has no functions"
+        )
+        help_text = f"did you mean '{suggestion}'?" if suggestion else functions_text
         first, *others = callers
         message = f"module {shown(name)} has no function {shown(function)}, but algorithm '{first.name}' calls it"
-        self._report(first, message, help_text, near and f"{name}:{near}", others)
+        self._report(first, message, help_text, suggestion and f"{name}:{suggestion}", others)
 
     def _report_class(self, call: str, callers: list[Algorithm]) -> None:
         name, _, function = call.partition(":")
@@ -133,17 +135,17 @@ class _Checker:
 
     def _suggestion(self, name: str, function: str, missing: Missing) -> str | None:
         """Return the module that an unknown name probably means, preferably a module that has the function."""
-        steps = name.split(".")
-        unknown_step, before, after = steps[missing.at], steps[: missing.at], steps[missing.at + 1 :]
-        near_modules = self.modules.near(missing.folder)
-        nearest_name = self._findings.nearest(unknown_step, near_modules)
-        split_steps = [
-            [prefix, unknown_step[len(prefix) :]]
-            for prefix in near_modules
-            if unknown_step.startswith(prefix) and len(prefix) < len(unknown_step)
+        name_parts = name.split(".")
+        unknown_part, before, after = name_parts[missing.at], name_parts[: missing.at], name_parts[missing.at + 1 :]
+        sibling_modules = self.modules.module_names(missing.folder)
+        nearest_name = self._findings.nearest(unknown_part, sibling_modules)
+        split_parts = [
+            [prefix, unknown_part[len(prefix) :]]
+            for prefix in sibling_modules
+            if unknown_part.startswith(prefix) and len(prefix) < len(unknown_part)
         ]
-        for steps_instead in (*([[nearest_name]] if nearest_name else []), *split_steps):
-            dotted_name = ".".join((*before, *steps_instead, *after))
+        for replacement_parts in (*([[nearest_name]] if nearest_name else []), *split_parts):
+            dotted_name = ".".join((*before, *replacement_parts, *after))
             module = self.modules.find(dotted_name)
             if isinstance(module, Module) and (function in module.names or module.is_open):
                 return dotted_name
@@ -151,40 +153,56 @@ class _Checker:
 
     def check_arguments(self, algorithm: Algorithm, signature: Signature) -> None:
         """Report passed arguments that a function does not take, and required arguments that are not passed."""
-        given = _argument_names(algorithm)
-        missing = [name for name in signature.needed if name not in given or name not in signature.accepted]
-        untaken_names = [name for name in given if name not in signature.accepted and not signature.takes_any]
+        given_arguments = _argument_names(algorithm)
+        missing_arguments = [
+            name
+            for name in signature.required_names
+            if name not in given_arguments or name not in signature.accepted_names
+        ]
+        unaccepted_arguments = [
+            name for name in given_arguments if name not in signature.accepted_names and not signature.accepts_any_name
+        ]
         # positional-only arguments are reported as missing
-        untaken_names = [name for name in untaken_names if name not in missing]
-        only_missing = missing[0] if len(untaken_names) == len(missing) == 1 and untaken_names != [JOB] else None
+        unaccepted_arguments = [name for name in unaccepted_arguments if name not in missing_arguments]
+        only_missing_argument = (
+            missing_arguments[0]
+            if len(unaccepted_arguments) == len(missing_arguments) == 1 and unaccepted_arguments != [JOB]
+            else None
+        )
         others: list[str] = []
-        for name in untaken_names:
-            near = None if name == JOB else self._findings.nearest(name, missing)
-            missing = [argument for argument in missing if argument not in (near, only_missing)]
-            if near is not None:
-                self._report_untaken_arguments(algorithm, [name], f"did you mean '{near}'?", near)
-            elif only_missing is not None:
-                self._report_untaken_arguments(algorithm, [name], f"did you mean '{only_missing}', which is missing?")
+        for name in unaccepted_arguments:
+            similar_argument = None if name == JOB else self._findings.nearest(name, missing_arguments)
+            missing_arguments = [
+                argument for argument in missing_arguments if argument not in (similar_argument, only_missing_argument)
+            ]
+            if similar_argument is not None:
+                self._report_unaccepted_arguments(
+                    algorithm, [name], f"did you mean '{similar_argument}'?", similar_argument
+                )
+            elif only_missing_argument is not None:
+                self._report_unaccepted_arguments(
+                    algorithm, [name], f"did you mean '{only_missing_argument}', which is missing?"
+                )
             elif name == JOB:
-                self._report_untaken_arguments(
+                self._report_unaccepted_arguments(
                     algorithm, [name], "add the parameter 'job': every perception function gets it"
                 )
             else:
                 others.append(name)
         if others:
-            accepted_text = list_names(sorted(signature.accepted)) if signature.accepted else "no arguments"
-            self._report_untaken_arguments(algorithm, others, f"the function takes {accepted_text}")
-        for name in missing:
+            accepted_text = list_names(sorted(signature.accepted_names)) if signature.accepted_names else "no arguments"
+            self._report_unaccepted_arguments(algorithm, others, f"the function takes {accepted_text}")
+        for name in missing_arguments:
             self._report_missing(algorithm, name)
 
-    def _report_untaken_arguments(
-        self, algorithm: Algorithm, names: list[str], help_text: str, near: str | None = None
+    def _report_unaccepted_arguments(
+        self, algorithm: Algorithm, names: list[str], help_text: str, replacement: str | None = None
     ) -> None:
         call, place = shown(algorithm.call), _place_of_argument(algorithm, names[0])
         noun, pronoun = ("argument", "it") if len(names) == 1 else ("arguments", "them")
-        not_taken = f"function {call} does not take the {noun} {list_names(names)}"
-        message = f"{not_taken}, but algorithm '{algorithm.name}' gives {pronoun}"
-        fix = replacing(place, names[0], near, safe=False) if near is not None else None
+        fault_text = f"function {call} does not take the {noun} {list_names(names)}"
+        message = f"{fault_text}, but algorithm '{algorithm.name}' gives {pronoun}"
+        fix = replacing(place, names[0], replacement, safe=False) if replacement is not None else None
         path = f"perception.{algorithm.name}.call"
         self._findings.add("call-arguments", message, place, help=help_text, path=path, fix=fix)
 

@@ -37,25 +37,25 @@ def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
     """
     if not spec.adapts:
         return spec
-    declared = tuple(_with_source(variable) for variable in spec.context)
-    variables_by_name = {variable.name.casefold(): variable for variable in declared}
+    declared_variables = tuple(_with_source(variable) for variable in spec.context)
+    variables_by_name = {variable.name.casefold(): variable for variable in declared_variables}
     origins = dict(spec.origins)
-    derived: list[Variable] = []
+    implied_variables: list[Variable] = []
     for section, variable in _derived_variables(spec):
-        other = variables_by_name.setdefault(variable.name.casefold(), variable)
-        if other is variable:
-            derived.append(variable)
+        existing_variable = variables_by_name.setdefault(variable.name.casefold(), variable)
+        if existing_variable is variable:
+            implied_variables.append(variable)
             origins["context", variable.name] = spec.origins[section, _element_name(section, variable.name)]
         else:
-            _report(section, variable, other, findings)
-    context = (*declared, *derived)
+            _report(section, variable, existing_variable, findings)
+    context = (*declared_variables, *implied_variables)
     needed_agents = {
         source.name for variable in context if variable.is_derived or variable.rate for source in variable.sources
     }
     sources = {source.name for variable in context for source in variable.sources}
     needed_agents |= {ADAPTER} & sources if spec.adaptation or spec.damaged.get("adaptation") else set()
-    agents = {agent.name for agent in spec.agents} | spec.damaged.get("agents", frozenset())
-    writers = [Agent(name=name, place=spec.place) for name in (ANALYST, ADAPTER) if name in needed_agents - agents]
+    agent_names = {agent.name for agent in spec.agents} | spec.damaged.get("agents", frozenset())
+    writers = [Agent(name=name, place=spec.place) for name in (ANALYST, ADAPTER) if name in needed_agents - agent_names]
     origins |= {("agents", writer.name): next(iter(spec.origins.values())) for writer in writers}
     return replace(spec, context=context, agents=(*spec.agents, *writers), origins=origins)
 
@@ -108,11 +108,11 @@ def _element_name(section: str, variable: str) -> str:
     return variable.removeprefix(weight_name("")) if section == "actions" else variable
 
 
-def _report(section: str, variable: Variable, other: Variable, findings: Findings) -> None:
+def _report(section: str, variable: Variable, existing_variable: Variable, findings: Findings) -> None:
     name = _element_name(section, variable.name)
     noun = {"metrics": "metric", "actions": "action", "adaptation": "adaptation"}[section]
     message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which already exists"
-    related = [Related("declared here", other.place)]
+    related = [Related("declared here", existing_variable.place)]
     findings.add(
         "duplicate-name", message, variable.place, help="rename one of them", path=f"{section}.{name}", related=related
     )

@@ -20,10 +20,10 @@ from codra_dsl.language.load.yaml.rules import RULES
 from codra_dsl.language.load.yaml.source import MAX_BYTES, file_place
 from codra_dsl.language.project import yaml_files
 
-_MAY_HAVE_NAME = re.compile(rb"\bname[\"']?[ \t]*:")
-_VERSION_KEY = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
-_OUR_KEYS = frozenset({"codra", "templates", "use", *KEYS})
-_WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_NAME_KEY_PATTERN = re.compile(rb"\bname[\"']?[ \t]*:")
+_VERSION_KEY_PATTERN = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
+_LANGUAGE_KEYS = frozenset({"codra", "templates", "use", *KEYS})
+_UTF16_BYTE_ORDER_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,20 +76,20 @@ def find_files(paths: Sequence[Path], root: Path) -> Files:
 
 def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: Findings) -> Iterator[Path]:
     """Yield the specs below a folder, and add its parts to `parts`."""
-    name, has_results = _relative_name(folder, root), False
+    name, has_spec_or_error = _relative_name(folder, root), False
     for file in yaml_files(folder):
         if file.is_dir():
             place = file_place(_relative_name(file, root))
             message = f"cannot read the folder {shown(place.span.file)}"
             findings.add("cannot-read", message, place, help="check its permissions")
-            has_results = True
+            has_spec_or_error = True
         elif _is_spec(data := _read_beginning(file)):
-            has_results = True
+            has_spec_or_error = True
             yield file
-        elif data and (version_key := _VERSION_KEY.search(data)):
-            line = data.count(b"\n", 0, version_key.start()) + 1
+        elif data and (version_match := _VERSION_KEY_PATTERN.search(data)):
+            line = data.count(b"\n", 0, version_match.start()) + 1
             parts[file.resolve()] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
-    if not has_results:
+    if not has_spec_or_error:
         help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...'"
         findings.add("no-spec", f"there is no spec in {shown(name)} or below", file_place(name), help=help_text)
 
@@ -114,23 +114,23 @@ def _read_beginning(file: Path) -> bytes | None:
             data = stream.read(MAX_BYTES)
     except OSError:
         return None
-    return data.decode("utf-16", "replace").encode() if data.startswith(_WIDE_MARKS) else data
+    return data.decode("utf-16", "replace").encode() if data.startswith(_UTF16_BYTE_ORDER_MARKS) else data
 
 
 def _is_spec(data: bytes | None) -> bool:
     """Return whether to read a file as a spec: it has a `name` and a key of this language, or this is unknown."""
     if data is None:
         return True
-    if not _MAY_HAVE_NAME.search(data):
+    if not _NAME_KEY_PATTERN.search(data):
         return False
     keys = set()
     try:
         for key in _top_keys(data.decode("utf-8", "replace")):
             keys.add(key)
-            if "name" in keys and keys & _OUR_KEYS:
+            if "name" in keys and keys & _LANGUAGE_KEYS:
                 return True
     except yaml.YAMLError:
-        return bool(keys & _OUR_KEYS) or not keys
+        return bool(keys & _LANGUAGE_KEYS) or not keys
     return False
 
 

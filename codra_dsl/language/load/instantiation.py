@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from codra_dsl.language.diagnostics import Place, Related, replacing, surely_means
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.elements.elements import Elements, report_taken
+from codra_dsl.language.load.elements.elements import Elements, report_duplicate_name
 from codra_dsl.language.load.schema.document import Document
 from codra_dsl.language.load.schema.keys_and_values import explain
 from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_declarations
@@ -21,7 +21,7 @@ from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries
 from codra_dsl.language.model import DeclaredTemplate, Use
 
-_AROUND_ARGUMENTS = ("parameters", "arguments", "with")
+_ARGUMENT_WRAPPER_KEYS = ("parameters", "arguments", "with")
 MAX_CREATED_VALUES = 1_500_000
 """The maximum number of values that all uses of a spec may create."""
 
@@ -30,15 +30,15 @@ class Uses:
     """The templates of a spec and their uses.
 
     Attributes:
-        made: the valid uses, in file order.
-        complete: whether the names of all created elements are known.
+        valid_uses: the valid uses, in file order.
+        is_complete: whether the names of all created elements are known.
     """
 
-    def __init__(self, findings: Findings, *, blind: bool) -> None:
-        """Initialize; `blind` means that templates may be missing because a part could not be read."""
-        self.made: list[Use] = []
-        self.complete = not blind
-        self._blind = blind
+    def __init__(self, findings: Findings, *, may_lack_templates: bool) -> None:
+        """Initialize; `may_lack_templates` means that templates may be missing because a part could not be read."""
+        self.valid_uses: list[Use] = []
+        self.is_complete = not may_lack_templates
+        self._may_lack_templates = may_lack_templates
         self._findings = findings
         self._templates: dict[str, Template] = {}
         self._corrections: dict[str, str] = {}
@@ -48,37 +48,41 @@ class Uses:
 
     def declare(self, documents: Iterable[Document]) -> None:
         """Add the templates that the documents declare."""
-        known = [entry for document in documents for entry in _entries(document, "templates")]
+        declarations = [entry for document in documents for entry in _entries(document, "templates")]
         uses = _UsedNames(use for document in documents for use in _entries(document, "use"))
-        self._corrections = self._report_misspelt(known, uses)
+        self._corrections = self._report_misspelt_templates(declarations, uses)
         names = {declared: used for used, declared in self._corrections.items()}
-        for subject, node in known:
+        for subject, node in declarations:
             if not isinstance(node, MappingNode):
                 explain("template", node, subject, self._findings)
-                self.complete, self._blind = False, True
+                self.is_complete, self._may_lack_templates = False, True
             elif self._is_new(subject):
                 argument_names = uses.argument_names(names.get(subject.name, subject.name))
                 template = declare(subject, node, argument_names, self._findings)
                 self._templates[subject.name] = template
-                self.complete &= not template.is_lost
+                self.is_complete &= not template.is_lost
 
-    def _report_misspelt(self, known: Iterable[tuple[Subject, YamlNode]], uses: _UsedNames) -> dict[str, str]:
+    def _report_misspelt_templates(
+        self, declarations: Iterable[tuple[Subject, YamlNode]], uses: _UsedNames
+    ) -> dict[str, str]:
         """Report templates whose declared names are misspelt.
 
         Return the declared name of each of these templates. The key is the name in the uses.
         """
-        declared = {subject.name: subject for subject, _ in known}
-        unknown = {name: len(places) for name, places in uses.places.items() if name not in declared}
-        if not unknown or self._blind:
+        subjects_by_name = {subject.name: subject for subject, _ in declarations}
+        use_counts = {name: len(places) for name, places in uses.places.items() if name not in subjects_by_name}
+        if not use_counts or self._may_lack_templates:
             return {}
-        unused = [name for name in declared if name not in uses.places]
-        misspelt_templates = misspelt_declarations(unknown, unused, declared, NO_WORDS, self._findings.nearest)
-        for name, misspelt in misspelt_templates.items():
-            subject = declared[misspelt]
+        unused_names = [name for name in subjects_by_name if name not in uses.places]
+        misspelt_templates = misspelt_declarations(
+            use_counts, unused_names, subjects_by_name, NO_WORDS, self._findings.nearest
+        )
+        for name, misspelt_name in misspelt_templates.items():
+            subject = subjects_by_name[misspelt_name]
             place = subject.origin.of(subject.key)
             message = f"{subject} is never used, and template {shown(name)} is not declared"
             related = [Related(f"{shown(name)} is used here", use_place) for use_place in uses.places[name]]
-            fix = replacing(place, misspelt, name, safe=False)
+            fix = replacing(place, misspelt_name, name, safe=False)
             help_text = f"did you mean '{name}'?"
             self._findings.add(
                 "unknown-template", message, place, help=help_text, path=subject.path, related=related, fix=fix
@@ -87,53 +91,53 @@ class Uses:
 
     def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
         """Add the elements that the uses in the documents create; `modules` has the module of each use, by its name."""
-        known: list[tuple[Subject, YamlNode, Template]] = []
+        valid_instances: list[tuple[Subject, YamlNode, Template]] = []
         size = 0
         for subject, node in (use for document in documents for use in _entries(document, "use")):
             template = self._template(subject, node)
             if template is None:
-                self.complete = False
+                self.is_complete = False
                 continue
             self._named.add(template.name)
-            known.append((subject, node, template))
+            valid_instances.append((subject, node, template))
             size += template.size
             if size > MAX_CREATED_VALUES:
-                self.complete = False
+                self.is_complete = False
                 message = f"all uses together create more than {MAX_CREATED_VALUES} values"
                 place, path = subject.origin.of(subject.key), subject.path
                 self._findings.add("too-many-values", message, place, help="use smaller templates", path=path)
                 return
-        for subject, node, template in known:
+        for subject, node, template in valid_instances:
             self._use(subject, node, template, modules.get(subject.name, subject.name), elements)
 
     def _use(self, subject: Subject, node: YamlNode, template: Template, module: str, elements: Elements) -> None:
         arguments = read_arguments(subject, node, template, self._findings)
-        if not self._is_new(subject) or not arguments.right:
+        if not self._is_new(subject) or not arguments.is_valid:
             _record_lost_names(template, arguments, elements)
             return
         self._used.add(template.name)
-        self.made.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
+        self.valid_uses.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
         key = subject.origin.source.span(subject.key.start, subject.key.end)
         self._fill(template, arguments, Origin(template.origin.source, key, template.name, module), elements)
 
     def declared_templates(self) -> Iterator[DeclaredTemplate]:
         """Yield the templates as they are declared, in file order."""
         for name, template in self._templates.items():
-            yield declared_template(template, is_used=name in self._named or not self.complete)
+            yield declared_template(template, is_used=name in self._named or not self.is_complete)
 
     def try_unused(self) -> None:
         """Instantiate each template without a valid use, with example values, so that its mistakes are found too."""
         for name, template in self._templates.items():
             if name not in self._used:
                 bound = {key: example(parameter) for key, parameter in template.parameters.items()}
-                self._fill(template, Arguments(bound, right=True), template.origin, Elements(self._findings))
+                self._fill(template, Arguments(bound, is_valid=True), template.origin, Elements(self._findings))
 
     def _is_new(self, subject: Subject) -> bool:
         """Report an invalid or duplicate name; return whether the name can be used."""
         is_valid = check_name(subject.key, subject, subject, self._findings)
         first = self._taken.setdefault((subject.section, subject.name.casefold()), subject)
         if first is not subject:
-            report_taken(subject, first, self._findings)
+            report_duplicate_name(subject, first, self._findings)
         return first is subject and (is_valid or subject.section == "templates")
 
     def _template(self, subject: Subject, node: YamlNode) -> Template | None:
@@ -146,21 +150,23 @@ class Uses:
         if not isinstance(name, ScalarNode) or name.reported or not isinstance(name.data, str):
             return None
         template = self._templates.get(self._corrections.get(name.text, name.text))
-        if template is None and not self._blind:
-            near = self._findings.nearest(name.text, self._templates)
-            known = f"templates are {list_names(self._templates)}" if self._templates else "no templates are declared"
-            help_text = f"did you mean '{near}'?" if near else known
+        if template is None and not self._may_lack_templates:
+            suggestion = self._findings.nearest(name.text, self._templates)
+            templates_text = (
+                f"templates are {list_names(self._templates)}" if self._templates else "no templates are declared"
+            )
+            help_text = f"did you mean '{suggestion}'?" if suggestion else templates_text
             message = f"unknown template {shown(name.text)} in {subject}"
             path = subject.part("template")
             place = subject.origin.of(name)
-            safe = near in self._named and surely_means(name.text, near or "", self._templates)
-            fix = replacing(place, name.text, near, safe=safe) if near else None
+            is_safe = suggestion in self._named and surely_means(name.text, suggestion or "", self._templates)
+            fix = replacing(place, name.text, suggestion, safe=is_safe) if suggestion else None
             self._findings.add("unknown-template", message, place, help=help_text, path=path, fix=fix)
         return template
 
     def _correct_keys(self, subject: Subject, node: MappingNode) -> None:
         """Report arguments in a separate mapping, and a wrong key in place of `template`; correct the node."""
-        arguments_key = next((key for key in _AROUND_ARGUMENTS if isinstance(node.value(key), MappingNode)), None)
+        arguments_key = next((key for key in _ARGUMENT_WRAPPER_KEYS if isinstance(node.value(key), MappingNode)), None)
         if arguments_key is not None:
             place, path = subject.origin.of(node.entries[arguments_key][0]), subject.part(arguments_key)
             message, help_text = (
@@ -191,7 +197,7 @@ class Uses:
         sections = filler.sections()
         filler.report(origin, self._findings)
         for section, mapping in sections.items():
-            wrong = {name: keys for (of, name), keys in template.damaged.items() if of == section}
+            wrong = {name: keys for (section_name, name), keys in template.damaged.items() if section_name == section}
             elements.add(section, mapping, origin, wrong)
 
 
@@ -204,17 +210,17 @@ class _UsedNames:
 
     def __init__(self, uses: Iterable[tuple[Subject, YamlNode]]) -> None:
         self.places: dict[str, list[Place]] = {}
-        self._given: dict[str, list[str]] = {}
+        self._argument_names_by_template: dict[str, list[str]] = {}
         for subject, node in uses:
             name = node.value("template") if isinstance(node, MappingNode) else None
             if isinstance(name, ScalarNode) and isinstance(name.data, str) and not name.reported:
                 self.places.setdefault(name.text, []).append(subject.origin.of(name))
-                argument_names = self._given.setdefault(name.text, [])
+                argument_names = self._argument_names_by_template.setdefault(name.text, [])
                 argument_names.extend(key.text for key, value in entries(node) if value is not name)
 
     def argument_names(self, template: str) -> list[str]:
         """Return the names of all arguments in all uses of a template."""
-        return self._given.get(template, [])
+        return self._argument_names_by_template.get(template, [])
 
 
 def _record_lost_names(template: Template, arguments: Arguments, elements: Elements) -> None:

@@ -22,7 +22,7 @@ _MAX_LISTED = 2000
 _MAX_FUNCTIONS = 100
 _MAX_BELOW = 50
 _FOLDERS = ("", "src")
-_OPAQUE = (".so", ".pyd", ".pyc", ".pyx", ".zip")
+_OPAQUE_SUFFIXES = (".so", ".pyd", ".pyc", ".pyx", ".zip")
 _BINDING_FUNCTIONS = frozenset({"globals", "locals", "vars", "exec", "eval", "setattr"})
 
 
@@ -31,15 +31,15 @@ class Signature:
     """The arguments of a function.
 
     Attributes:
-        accepted: the arguments that may be passed by name.
-        needed: the arguments without a default value, including those that cannot be passed by name.
-        takes_any: whether the function accepts any other argument (`**rest`).
+        accepted_names: the arguments that may be passed by name.
+        required_names: the arguments without a default value, including those that cannot be passed by name.
+        accepts_any_name: whether the function accepts any other argument (`**rest`).
         is_unfit: whether this is not a function but a class without a method `perceive`.
     """
 
-    accepted: frozenset[str]
-    needed: tuple[str, ...]
-    takes_any: bool
+    accepted_names: frozenset[str]
+    required_names: tuple[str, ...]
+    accepts_any_name: bool
     is_unfit: bool = False
 
 
@@ -79,14 +79,14 @@ class Modules:
     """The modules of one project.
 
     Attributes:
-        consulted: the files on which the results depend, relative to the root, including files that do not exist.
+        consulted_files: the files on which the results depend, relative to the root, including files that do not exist.
     """
 
     def __init__(self, root: Path) -> None:
-        self.consulted: dict[str, None] = {}
+        self.consulted_files: dict[str, None] = {}
         self._root = root.resolve()
         self._modules: dict[str, Module | Missing | None] = {}
-        self._listed: dict[Path, frozenset[str] | None] = {}
+        self._folder_entries: dict[Path, frozenset[str] | None] = {}
         self._bytes_left = MAX_ALL_BYTES
 
     def find(self, name: str) -> Module | Missing | None:
@@ -97,55 +97,61 @@ class Modules:
             self._modules[name] = self._find(name.split("."))
         return self._modules[name]
 
-    def near(self, folder: Path) -> tuple[str, ...]:
+    def module_names(self, folder: Path) -> tuple[str, ...]:
         """Return the names of the packages and modules in a folder, sorted."""
-        listed = self._list(folder) or frozenset()
-        names = {entry.removesuffix(".py") for entry in listed if entry.endswith(".py") and not entry.startswith("_")}
-        names.update(entry for entry in listed if entry.isidentifier() and (folder / entry).is_dir())
+        entry_names = self._list_folder(folder) or frozenset()
+        names = {
+            entry.removesuffix(".py") for entry in entry_names if entry.endswith(".py") and not entry.startswith("_")
+        }
+        names.update(entry for entry in entry_names if entry.isidentifier() and (folder / entry).is_dir())
         return tuple(sorted(names))
 
-    def _find(self, steps: Sequence[str]) -> Module | Missing | None:
+    def _find(self, name_parts: Sequence[str]) -> Module | Missing | None:
         for base in _FOLDERS:
-            path = "/".join(filter(None, (base, *steps)))
-            self.consulted[f"{path}.py"] = self.consulted[f"{path}/__init__.py"] = None
+            path = "/".join(filter(None, (base, *name_parts)))
+            self.consulted_files[f"{path}.py"] = self.consulted_files[f"{path}/__init__.py"] = None
         bases = (self._root / base for base in _FOLDERS)
-        home = next((base for base in bases if self._holds(base, steps[0])), None)
-        return Missing(0, self._root) if home is None else self._follow(home, steps)
+        base_folder = next((base for base in bases if self._contains_module(base, name_parts[0])), None)
+        return Missing(0, self._root) if base_folder is None else self._follow(base_folder, name_parts)
 
-    def _follow(self, folder: Path, steps: Sequence[str]) -> Module | Missing | None:
-        for index, step in enumerate(steps):
-            listed = self._list(folder)
-            if listed is None or any(name.startswith(f"{step}.") and name.endswith(_OPAQUE) for name in listed):
+    def _follow(self, folder: Path, name_parts: Sequence[str]) -> Module | Missing | None:
+        for index, name_part in enumerate(name_parts):
+            entry_names = self._list_folder(folder)
+            if entry_names is None or any(
+                name.startswith(f"{name_part}.") and name.endswith(_OPAQUE_SUFFIXES) for name in entry_names
+            ):
                 return None
-            is_last = index == len(steps) - 1
-            if is_last and f"{step}.py" in listed and step not in listed:
-                return self._read(folder / f"{step}.py")
-            if step not in listed:
-                return None if self._extends_path(folder, index) else Missing(index, folder)
-            folder /= step
-        listed = self._list(folder)
-        return self._read(folder / "__init__.py") if listed and "__init__.py" in listed else None
+            is_last = index == len(name_parts) - 1
+            if is_last and f"{name_part}.py" in entry_names and name_part not in entry_names:
+                return self._read(folder / f"{name_part}.py")
+            if name_part not in entry_names:
+                return None if self._may_extend_path(folder, index) else Missing(index, folder)
+            folder /= name_part
+        entry_names = self._list_folder(folder)
+        return self._read(folder / "__init__.py") if entry_names and "__init__.py" in entry_names else None
 
-    def _holds(self, folder: Path, name: str) -> bool:
+    def _contains_module(self, folder: Path, name: str) -> bool:
         """Return whether a folder contains a module or a package with this name.
 
         A package must have Python files in its folder or one level below.
         """
-        listed = self._list(folder) or frozenset()
-        if f"{name}.py" in listed:
+        entry_names = self._list_folder(folder) or frozenset()
+        if f"{name}.py" in entry_names:
             return True
         package = folder / name
-        inner = sorted((self._list(package) or ()) if name in listed else ())
-        below = (package / entry for entry in inner[:_MAX_BELOW] if (package / entry).is_dir())
-        return _has_python(inner) or any(_has_python(self._list(subfolder) or ()) for subfolder in below)
+        package_entries = sorted((self._list_folder(package) or ()) if name in entry_names else ())
+        subfolders = (package / entry for entry in package_entries[:_MAX_BELOW] if (package / entry).is_dir())
+        return _has_python(package_entries) or any(
+            _has_python(self._list_folder(subfolder) or ()) for subfolder in subfolders
+        )
 
-    def _list(self, folder: Path) -> frozenset[str] | None:
+    def _list_folder(self, folder: Path) -> frozenset[str] | None:
         """Return the names in a folder of the project; None if the folder is missing or has too many entries."""
-        if folder not in self._listed:
-            self._listed[folder] = self._scan(folder)
-        return self._listed[folder]
+        if folder not in self._folder_entries:
+            self._folder_entries[folder] = self._scan_folder(folder)
+        return self._folder_entries[folder]
 
-    def _scan(self, folder: Path) -> frozenset[str] | None:
+    def _scan_folder(self, folder: Path) -> frozenset[str] | None:
         try:
             if not folder.resolve().is_relative_to(self._root):
                 return None
@@ -155,12 +161,12 @@ class Modules:
             return None
         return names if len(names) <= _MAX_LISTED else None
 
-    def _extends_path(self, folder: Path, depth: int) -> bool:
+    def _may_extend_path(self, folder: Path, depth: int) -> bool:
         """Return whether a package may change its `__path__`."""
         path = folder / "__init__.py"
-        data = self._read_bytes(path) if depth and "__init__.py" in (self._list(folder) or ()) else b""
+        data = self._read_bytes(path) if depth and "__init__.py" in (self._list_folder(folder) or ()) else b""
         if depth:
-            self.consulted[path.relative_to(self._root).as_posix()] = None
+            self.consulted_files[path.relative_to(self._root).as_posix()] = None
         return data is None or b"__path__" in data
 
     def _read(self, path: Path) -> Module:
@@ -174,9 +180,9 @@ class Modules:
         """
         try:
             status = path.stat()
-            inside = path.resolve().is_relative_to(self._root)
+            is_inside = path.resolve().is_relative_to(self._root)
             max_bytes = min(self._bytes_left, MAX_MODULE_BYTES)
-            if not inside or not stat.S_ISREG(status.st_mode) or status.st_size > max_bytes:
+            if not is_inside or not stat.S_ISREG(status.st_mode) or status.st_size > max_bytes:
                 return None
             with path.open("rb") as stream:
                 data = stream.read(max_bytes + 1)
@@ -200,28 +206,31 @@ def _module(data: bytes) -> Module:
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return OPEN
     names: dict[str, Signature | None] = {}
-    for name, signature in _definitions(tree.body, at_top=True):
+    for name, signature in _definitions(tree.body, is_top_level=True):
         names[name] = None if name in names else signature
     is_open = "__getattr__" in names or "*" in names or any(map(_may_bind_names, ast.walk(tree)))
     functions = [name for name, signature in names.items() if signature is not None]
     return Module(names, tuple(functions[:_MAX_FUNCTIONS]), is_open=is_open)
 
 
-def _definitions(body: Sequence[ast.stmt], *, at_top: bool) -> Iterator[tuple[str, Signature | None]]:
+def _definitions(body: Sequence[ast.stmt], *, is_top_level: bool) -> Iterator[tuple[str, Signature | None]]:
     """Yield every name that statements bind, with its signature, or None if the signature is not certain.
 
     A star import yields the name `*`.
     """
     for statement in body:
         if isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            yield statement.name, _signature(statement.args, 0) if at_top and not statement.decorator_list else None
+            yield (
+                statement.name,
+                _signature(statement.args, 0) if is_top_level and not statement.decorator_list else None,
+            )
         elif isinstance(statement, ast.ClassDef):
-            yield statement.name, _signature_of_class(statement) if at_top else None
+            yield statement.name, _signature_of_class(statement) if is_top_level else None
         elif isinstance(statement, (ast.Import, ast.ImportFrom)):
             for alias in statement.names:
                 yield alias.asname or alias.name.partition(".")[0], None
         else:
-            yield from _definitions(list(_inner_statements(statement)), at_top=False)
+            yield from _definitions(list(_inner_statements(statement)), is_top_level=False)
             name_nodes = (node for node in ast.walk(statement) if isinstance(node, ast.Name))
             yield from ((node.id, None) for node in name_nodes if isinstance(node.ctx, ast.Store))
 
@@ -244,26 +253,28 @@ def _signature_of_class(statement: ast.ClassDef) -> Signature | None:
     """Return the signature of the method `perceive` of a class. The class is instantiated without arguments."""
     if statement.bases or statement.keywords or statement.decorator_list:
         return None
-    bound = list(_definitions(statement.body, at_top=False))
-    perceive_names = [name for name, _ in bound if name == "perceive"]
-    if not perceive_names:
-        return Signature(frozenset(), (), takes_any=False, is_unfit=True)
+    definitions = list(_definitions(statement.body, is_top_level=False))
+    perceive_definitions = [name for name, _ in definitions if name == "perceive"]
+    if not perceive_definitions:
+        return Signature(frozenset(), (), accepts_any_name=False, is_unfit=True)
     methods = [method for method in statement.body if isinstance(method, ast.FunctionDef) and method.name == "perceive"]
-    if len(perceive_names) > 1 or len(methods) != 1 or methods[0].decorator_list:
+    if len(perceive_definitions) > 1 or len(methods) != 1 or methods[0].decorator_list:
         return None
     return _signature(methods[0].args, 1)
 
 
-def _signature(arguments: ast.arguments, own: int) -> Signature:
-    """Return the signature of a function. Python itself passes the first `own` arguments."""
-    leading = [*arguments.posonlyargs, *arguments.args]
-    optional = {argument.arg for argument in leading[len(leading) - len(arguments.defaults) :]}
-    pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
-    optional.update(argument.arg for argument, default in pairs if default is not None)
-    parameters = [*leading[own:], *arguments.kwonlyargs]
-    positional_only = {argument.arg for argument in arguments.posonlyargs}
+def _signature(arguments: ast.arguments, implicit_count: int) -> Signature:
+    """Return the signature of a function. Python itself passes the first `implicit_count` arguments."""
+    positional_parameters = [*arguments.posonlyargs, *arguments.args]
+    optional_names = {
+        argument.arg for argument in positional_parameters[len(positional_parameters) - len(arguments.defaults) :]
+    }
+    keyword_defaults = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
+    optional_names.update(argument.arg for argument, default in keyword_defaults if default is not None)
+    parameters = [*positional_parameters[implicit_count:], *arguments.kwonlyargs]
+    positional_only_names = {argument.arg for argument in arguments.posonlyargs}
     return Signature(
-        accepted=frozenset(argument.arg for argument in parameters if argument.arg not in positional_only),
-        needed=tuple(argument.arg for argument in parameters if argument.arg not in optional),
-        takes_any=arguments.kwarg is not None,
+        accepted_names=frozenset(argument.arg for argument in parameters if argument.arg not in positional_only_names),
+        required_names=tuple(argument.arg for argument in parameters if argument.arg not in optional_names),
+        accepts_any_name=arguments.kwarg is not None,
     )

@@ -21,10 +21,10 @@ _MAX_LISTED = 2000
 
 @dataclass(frozen=True, slots=True)
 class _OpenFile:
-    """A file whose parts are being read. `open_paths` has the files that lead to this file, and the file itself."""
+    """A file whose parts are being read. `include_chain` has the files that lead to this file, and the file itself."""
 
     path: Path
-    open_paths: tuple[Path, ...]
+    include_chain: tuple[Path, ...]
 
 
 class Parts:
@@ -32,7 +32,7 @@ class Parts:
 
     Attributes:
         documents: the documents: first the spec itself, then parts in the order of inclusion.
-        complete: whether every part could be read.
+        is_complete: whether every part could be read.
     """
 
     def __init__(self, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> None:
@@ -41,32 +41,36 @@ class Parts:
         The keys of `texts` are the names that findings show for these files.
         """
         self.documents: list[Document] = []
-        self.complete = True
+        self.is_complete = True
         self._root = root.resolve()
         self._findings = findings
         self._texts = texts
         self._first_places: dict[Path, Place] = {}
-        self._letters = 0
+        self._character_count = 0
 
     def read_all(self, document: Document, path: Path) -> None:
         """Read a document's parts, recursively."""
         self._first_places[path] = document.origin.of(document.subject.key)
         self._add(document, _OpenFile(path, (path,)))
 
-    def _add(self, document: Document, opened: _OpenFile) -> None:
+    def _add(self, document: Document, open_file: _OpenFile) -> None:
         self.documents.append(document)
-        self._letters += len(document.origin.source.text)
+        self._character_count += len(document.origin.source.text)
         for node in document.includes:
-            if node.reported or not self._include(document, node, opened):
-                self.complete = False
+            if node.reported or not self._include(document, node, open_file):
+                self.is_complete = False
 
-    def _include(self, document: Document, node: ScalarNode, opened: _OpenFile) -> bool:
+    def _include(self, document: Document, node: ScalarNode, open_file: _OpenFile) -> bool:
         """Read one part; return whether its elements are known."""
         place = document.origin.of(node)
-        path = self._locate(node, opened, place)
-        if path is None or not self._is_first(path, node, opened, place):
-            return path is not None and path in self._first_places and path not in opened.open_paths
-        if len(self.documents) > MAX_PARTS or len(opened.open_paths) > MAX_INCLUDE_DEPTH or self._letters > MAX_BYTES:
+        path = self._locate(node, open_file, place)
+        if path is None or not self._is_first(path, node, open_file, place):
+            return path is not None and path in self._first_places and path not in open_file.include_chain
+        if (
+            len(self.documents) > MAX_PARTS
+            or len(open_file.include_chain) > MAX_INCLUDE_DEPTH
+            or self._character_count > MAX_BYTES
+        ):
             help_text = (
                 f"at most {MAX_PARTS} parts are read, with {MAX_BYTES >> 20} MiB in all;"
                 f" includes are nested at most {MAX_INCLUDE_DEPTH} deep"
@@ -83,10 +87,10 @@ class Parts:
             related = Related("this name makes it a spec", part.origin.of(part.name))
             self._refuse("part-is-spec", f"{shown(node.text)} is a spec", place, "include parts only", related)
             return False
-        self._add(part, _OpenFile(path, (*opened.open_paths, path)))
+        self._add(part, _OpenFile(path, (*open_file.include_chain, path)))
         return True
 
-    def _locate(self, node: ScalarNode, opened: _OpenFile, place: Place) -> Path | None:
+    def _locate(self, node: ScalarNode, open_file: _OpenFile, place: Place) -> Path | None:
         """Return the file that an include names, with links resolved.
 
         Report a missing or forbidden file and return None.
@@ -97,25 +101,31 @@ class Parts:
             self._refuse("part-outside-project", f"{shown(text)} is not a relative path", place, help_text)
             return None
         try:
-            path = (opened.path.parent / text).resolve()
+            path = (open_file.path.parent / text).resolve()
             is_inside, is_file = path.is_relative_to(self._root), path.is_file()
         except (OSError, RuntimeError, ValueError):
-            is_inside, is_file, path = True, False, opened.path
+            is_inside, is_file, path = True, False, open_file.path
         if not is_inside:
-            definition = "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
-            help_text = f"parts must be in the project's folder {shown(self._root.name)} or below (it is {definition})"
+            folder_definition = (
+                "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
+            )
+            help_text = (
+                f"parts must be in the project's folder {shown(self._root.name)} or below (it is {folder_definition})"
+            )
             self._refuse("part-outside-project", f"{shown(text)} is outside of the project", place, help_text)
         elif not is_file:
-            self._refuse("part-not-found", f"there is no file {shown(text)}", place, self._near_help(opened.path, text))
+            self._refuse(
+                "part-not-found", f"there is no file {shown(text)}", place, self._suggestion_help(open_file.path, text)
+            )
         return path if is_inside and is_file else None
 
-    def _is_first(self, path: Path, node: ScalarNode, opened: _OpenFile, place: Place) -> bool:
+    def _is_first(self, path: Path, node: ScalarNode, open_file: _OpenFile, place: Place) -> bool:
         first = self._first_places.get(path)
         if first is None:
             return True
-        if path in opened.open_paths:
+        if path in open_file.include_chain:
             chain = " -> ".join(
-                [*(step.name for step in opened.open_paths[opened.open_paths.index(path) :]), path.name]
+                [*(step.name for step in open_file.include_chain[open_file.include_chain.index(path) :]), path.name]
             )
             help_text = "remove one of these includes"
             self._refuse("part-includes-itself", f"{shown(node.text)} includes itself: {chain}", place, help_text)
@@ -125,15 +135,21 @@ class Parts:
             self._refuse("part-included-twice", message, place, "remove one of them", related)
         return False
 
-    def _near_help(self, including: Path, text: str) -> str:
-        folder = (including.parent / text).parent
+    def _suggestion_help(self, including_file: Path, text: str) -> str:
+        folder = (including_file.parent / text).parent
         try:
-            with os.scandir(folder) as listed:
-                names = sorted(entry.name for _, entry in zip(range(_MAX_LISTED), listed, strict=False))
+            with os.scandir(folder) as entries:
+                names = sorted(entry.name for _, entry in zip(range(_MAX_LISTED), entries, strict=False))
         except (OSError, ValueError):
             return "paths are relative to this file"
-        near = self._findings.nearest(Path(text).name, (name for name in names if name.endswith((".yaml", ".yml"))))
-        return f"did you mean '{PurePosixPath(text).with_name(near)}'?" if near else "paths are relative to this file"
+        suggestion = self._findings.nearest(
+            Path(text).name, (name for name in names if name.endswith((".yaml", ".yml")))
+        )
+        return (
+            f"did you mean '{PurePosixPath(text).with_name(suggestion)}'?"
+            if suggestion
+            else "paths are relative to this file"
+        )
 
     def _refuse(self, rule: str, message: str, place: Place, help_text: str, *related: Related) -> None:
         self._findings.add(rule, message, place, help=help_text, path="include", related=related)

@@ -87,48 +87,54 @@ def _sorted_diagnostics(findings: Findings) -> tuple[Diagnostic, ...]:
 def _read_spec(
     document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings
 ) -> Spec | None:
-    lost = frozenset[str]().union(*(part.lost for part in parts.documents))
+    lost_sections = frozenset[str]().union(*(part.lost for part in parts.documents))
     elements = Elements(findings)
-    uses = Uses(findings, blind=bool(lost) or not parts.complete)
-    modules = _module_names(parts.documents)
+    uses = Uses(findings, may_lack_templates=bool(lost_sections) or not parts.is_complete)
+    module_names = _module_names(parts.documents)
     uses.declare(parts.documents)
     for part in parts.documents:
-        origin = Origin(part.origin.source, module=modules[part.origin.source.file])
+        origin = Origin(part.origin.source, module=module_names[part.origin.source.file])
         for section in SECTIONS:
             elements.add(section, take_section(part.root, section), origin)  # removed, so that its nodes can be freed
-    uses.make(parts.documents, modules, elements)
+    uses.make(parts.documents, module_names, elements)
     uses.try_unused()
     elements.report_comments()
     if name is None:
         return None
-    modules_read = check_calls(elements.built["perception"].values(), _declared_names(elements), root, findings)
-    damaged = _damaged_names(elements, lost if uses.complete and parts.complete else frozenset(SECTIONS))
+    module_files = check_calls(
+        elements.elements_by_section["perception"].values(), _declared_names(elements), root, findings
+    )
+    damaged_names = _damaged_names(
+        elements, lost_sections if uses.is_complete and parts.is_complete else frozenset(SECTIONS)
+    )
     if has_errors(findings.all()):
-        damaged["spec"] = frozenset({name.text})
-    built = {section: tuple(elements_by_name.values()) for section, elements_by_name in elements.built.items()}
+        damaged_names["spec"] = frozenset({name.text})
+    elements_by_section = {
+        section: tuple(section_elements.values()) for section, section_elements in elements.elements_by_section.items()
+    }
     spec = Spec(
         name=name.text,
         place=document.origin.of(name),
         file=document.origin.source.file,
         files=tuple(part.origin.source.file for part in parts.documents),
-        modules=modules_read,
-        **built,
-        uses=tuple(uses.made),
+        modules=module_files,
+        **elements_by_section,
+        uses=tuple(uses.valid_uses),
         templates=tuple(uses.declared_templates()),
         origins=elements.origins,
-        damaged=damaged,
+        damaged=damaged_names,
         damaged_keys=elements.damaged_keys,
     )
     return with_pose_conditions(with_derived_variables(spec, findings))
 
 
 def _declared_names(elements: Elements) -> DeclaredNames:
-    resources, context = (frozenset(elements.built[section]) for section in ("resources", "context"))
+    resources, context = (frozenset(elements.elements_by_section[section]) for section in ("resources", "context"))
     return DeclaredNames(resources, context, elements.damaged_keys)
 
 
-def _damaged_names(elements: Elements, lost: Iterable[str]) -> dict[str, frozenset[str]]:
-    lost_sections = frozenset(lost)
+def _damaged_names(elements: Elements, sections: Iterable[str]) -> dict[str, frozenset[str]]:
+    lost_sections = frozenset(sections)
     return {
         section: AnyName(names) if section in lost_sections else frozenset(names)
         for section, names in elements.damaged.items()
@@ -142,20 +148,22 @@ def _module_names(documents: Iterable[Document]) -> dict[str, str]:
     module of a file is named after the file's stem; if this name is taken, after the file's path; if this name is taken
     as well, after the stem with a number.
     """
-    modules: dict[str, str] = {}
+    module_names: dict[str, str] = {}
     taken_names: set[str] = set()
     for document in documents:
         for key, _ in entries(document.section("use")):
-            modules.setdefault(key.text, key.text)
+            module_names.setdefault(key.text, key.text)
             taken_names.add(key.text.casefold())
     for document in documents:
         path = Path(document.origin.source.file).with_suffix("")
-        wanted_names = [_identifier(path.name), _identifier("_".join(path.parts))]
-        numbered_names = (f"{wanted_names[0]}_{number}" for number in range(2, len(taken_names) + 3))
-        free_name = next(module for module in (*wanted_names, *numbered_names) if module.casefold() not in taken_names)
-        modules[document.origin.source.file] = free_name
+        preferred_names = [_identifier(path.name), _identifier("_".join(path.parts))]
+        numbered_names = (f"{preferred_names[0]}_{number}" for number in range(2, len(taken_names) + 3))
+        free_name = next(
+            candidate for candidate in (*preferred_names, *numbered_names) if candidate.casefold() not in taken_names
+        )
+        module_names[document.origin.source.file] = free_name
         taken_names.add(free_name.casefold())
-    return modules
+    return module_names
 
 
 def _identifier(text: str) -> str:

@@ -340,7 +340,7 @@ class Setting:
     may_be_zero: bool
 
 
-def _settings_of(element_type: type[Any]) -> tuple[Setting, ...]:
+def _settings_of_type(element_type: type[Any]) -> tuple[Setting, ...]:
     """Return the settings of a type of elements: its fields that state a `key` in their metadata."""
     return tuple(
         Setting(entry.name, entry.metadata["key"], entry.default, entry.metadata.get("may_be_zero", False))
@@ -377,7 +377,7 @@ class Algorithm:
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 
 
-ALGORITHM_SETTINGS = _settings_of(Algorithm)
+ALGORITHM_SETTINGS = _settings_of_type(Algorithm)
 """The settings of a perception algorithm, in the order of its fields."""
 
 

@@ -111,8 +111,8 @@ class Spec:
     @property
     def adapts(self) -> bool:
         """Whether the spec declares any element of MAPE-K loops."""
-        rates = any(variable.rate is not None for variable in self.context)
-        return bool(self.metrics or self.actions or self.adaptation or self.trees or self.loops or rates)
+        has_rates = any(variable.rate is not None for variable in self.context)
+        return bool(self.metrics or self.actions or self.adaptation or self.trees or self.loops or has_rates)
 
     @property
     def pose_conditions(self) -> tuple[PoseCondition, ...]:

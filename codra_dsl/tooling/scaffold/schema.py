@@ -9,7 +9,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from codra_dsl.generation.output import about_output
+from codra_dsl.generation.output import output_finding
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE, has_stale_schema
 
@@ -19,7 +19,7 @@ def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
     if not has_stale_schema(root):
         return ()
     message = f"'{SCHEMA_COPY}' is not the schema of this version of codra"
-    return (about_output("stale-output", SCHEMA_COPY, message, help="renew it with 'codra compile'"),)
+    return (output_finding("stale-output", SCHEMA_COPY, message, help="renew it with 'codra compile'"),)
 
 
 def renew_schema(root: Path) -> tuple[Diagnostic, ...]:
@@ -34,5 +34,5 @@ def renew_schema(root: Path) -> tuple[Diagnostic, ...]:
             staged.replace(copy)
     except OSError as error:
         message = f"cannot write '{SCHEMA_COPY}': {error.strerror}"
-        return (about_output("cannot-write", SCHEMA_COPY, message, help="check the permissions, or remove it"),)
+        return (output_finding("cannot-write", SCHEMA_COPY, message, help="check the permissions, or remove it"),)
     return ()

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from codra_dsl.generation.output import about_output
+from codra_dsl.generation.output import output_finding
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load.yaml.source import MAX_BYTES
 
@@ -65,7 +65,7 @@ def _quoted(file: str) -> str:
 
 def _write_failure(file: str, reason: str) -> Diagnostic:
     help = "check the permissions of the file, and fix it again"
-    return about_output("cannot-write", file, f"cannot write '{file}': {reason}", help=help)
+    return output_finding("cannot-write", file, f"cannot write '{file}': {reason}", help=help)
 
 
 def _project_path(file: str, root: Path) -> Path:

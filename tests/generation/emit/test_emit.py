@@ -42,7 +42,7 @@ from tests.runtime.forests import World, takes
 ROOT = Path(__file__).parents[3]
 
 
-def algorithm_of(
+def world_algorithm(
     name: str, identifies: list[str | tuple[str, str]], needs: list[Any] | None = None, **fields: Any
 ) -> Pi:
     """Return an algorithm whose perception function reads the handle `world`, and returns the value `seen`."""
@@ -68,15 +68,15 @@ def rich() -> CheckedSpec:
     markers = condition("markers >= 3", "seen", python="value('seen')")
     return checked_spec(
         [
-            algorithm_of(
+            world_algorithm(
                 "measure", ["near"], ["robot_is_localized"], parameters={"algorithm": "measure", "limit": 0.5}
             ),
-            algorithm_of("localize_lid", ["open", "locked"], ["near", long], accept=[markers], feedback=["open"]),
-            algorithm_of("feel_lid", ["open"], ["near"], given=["pose"], rank=2, timeout_s=math.inf),
-            algorithm_of("read_label", ["labelled"], ["near"]),
-            algorithm_of("read_lamp", ["lamp_on"], ["near"]),
-            algorithm_of("feel_lamp", ["lamp_on"], ["near"], rank=2),
-            algorithm_of("read_mode", [("mode", "first_of(('idle', value('seen')), ('busy', ~value('seen')))")]),
+            world_algorithm("localize_lid", ["open", "locked"], ["near", long], accept=[markers], feedback=["open"]),
+            world_algorithm("feel_lid", ["open"], ["near"], given=["pose"], rank=2, timeout_s=math.inf),
+            world_algorithm("read_label", ["labelled"], ["near"]),
+            world_algorithm("read_lamp", ["lamp_on"], ["near"]),
+            world_algorithm("feel_lamp", ["lamp_on"], ["near"], rank=2),
+            world_algorithm("read_mode", [("mode", "first_of(('idle', value('seen')), ('busy', ~value('seen')))")]),
         ],
         skills=[skill("open_lid", ["locked", "mode"], ["open"]), skill("read", ["labelled", "speed"])],
         observers=[setting("lid", "open", "locked", priority=5), setting("face", "labelled", "lamp_on", period_s=0.5)],
@@ -339,12 +339,12 @@ def test_no_text_of_a_spec_becomes_code(label: str, hostile_text: str, member: s
             assert {type(node) for node in ast.walk(tree) if not isinstance(node, ALLOWED_NODES)} == set()
             strings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
             assert {label, hostile_text, member} <= strings | {"x"}
-            called = {
+            called_names = {
                 node.func.id
                 for node in ast.walk(tree)
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
             }
-            assert called <= MODULE_NAMES
+            assert called_names <= MODULE_NAMES
 
 
 @given(HOSTILE)
@@ -365,14 +365,14 @@ def test_modules_import_only_names_that_specs_cannot_take() -> None:
 
 
 def test_left_out_fields_are_the_defaults_of_the_runtime() -> None:
-    declarations = {**vars(runtime_model), "ObserverModel": ObserverModel}
+    runtime_classes = {**vars(runtime_model), "ObserverModel": ObserverModel}
     for name, defaults in DEFAULTS.items():
-        fields = {field.name: field for field in dataclasses.fields(declarations[name])}
+        fields = {field.name: field for field in dataclasses.fields(runtime_classes[name])}
         for key, text in defaults.items():
             assert isinstance(text, str)
             factory = fields[key].default_factory
-            taken = fields[key].default if factory is dataclasses.MISSING else factory()
-            assert eval(text, {"math": math}) == taken, f"{name}.{key}"
+            runtime_default = fields[key].default if factory is dataclasses.MISSING else factory()
+            assert eval(text, {"math": math}) == runtime_default, f"{name}.{key}"
 
 
 # Records
@@ -392,7 +392,7 @@ def test_the_manifest_has_the_digest_of_every_output_except_the_places() -> None
     assert manifest["spec"] == "specs/lab.yaml"
 
 
-def with_lines_added(spec: CheckedSpec, lines: int) -> CheckedSpec:
+def shift_lines(spec: CheckedSpec, lines: int) -> CheckedSpec:
     """Return the spec after some lines were added at its top."""
 
     def shift(value: object) -> Any:
@@ -417,7 +417,7 @@ def with_lines_added(spec: CheckedSpec, lines: int) -> CheckedSpec:
 
 
 def test_lines_added_to_a_spec_change_its_places_only() -> None:
-    before, after = emit(plan(rich())), emit(plan(with_lines_added(rich(), 7)))
+    before, after = emit(plan(rich())), emit(plan(shift_lines(rich(), 7)))
 
     assert [path for path in before if before[path] != after[path]] == ["lab/sources.json"]
     assert json.loads(after["lab/sources.json"])["lab/context/open"] == {"file": "specs/lab.yaml", "line": 8}
@@ -539,7 +539,7 @@ WORLD = [Resource(name="world", place=place())]
 
 def test_a_tree_shows_the_order_of_figure_4(tmp_path: Path) -> None:
     markers = condition("markers >= 3", "seen", python="value('seen')")
-    lid = algorithm_of("localize_lid", ["open", "locked"], ["near", "base_in_view"], accept=[markers])
+    lid = world_algorithm("localize_lid", ["open", "locked"], ["near", "base_in_view"], accept=[markers])
     spec = checked_spec([lid], observers=[setting("lid", "open", "locked")], resources=WORLD)
 
     with started(spec, tmp_path, World()) as (manager, _):
@@ -549,8 +549,8 @@ def test_a_tree_shows_the_order_of_figure_4(tmp_path: Path) -> None:
 def test_alternatives_show_their_own_preconditions(tmp_path: Path) -> None:
     spec = checked_spec(
         [
-            algorithm_of("localize_lid", ["open", "locked"], ["near"]),
-            algorithm_of("feel_lid", ["open"], given=["pose"], rank=2),
+            world_algorithm("localize_lid", ["open", "locked"], ["near"]),
+            world_algorithm("feel_lid", ["open"], given=["pose"], rank=2),
         ],
         observers=[setting("lid", "open", "locked")],
         resources=WORLD,
@@ -568,8 +568,8 @@ def test_joined_algorithms_run_side_by_side_under_their_preconditions(tmp_path: 
 def joined() -> CheckedSpec:
     return checked_spec(
         [
-            algorithm_of("read_label", ["labelled"], ["near"]),
-            algorithm_of("read_lamp", ["lamp_on"], ["near"]),
+            world_algorithm("read_label", ["labelled"], ["near"]),
+            world_algorithm("read_lamp", ["lamp_on"], ["near"]),
         ],
         observers=[setting("face", "labelled", "lamp_on")],
         resources=WORLD,

@@ -63,10 +63,12 @@ def model(spec: Path = SPEC) -> KnowledgeModel:
 
 
 def model_of(text: str) -> KnowledgeModel:
-    texts = emit(planned(text))
-    made = module(next(texts[name] for name in texts if name.endswith("/knowledge.py"))).KNOWLEDGE
-    assert isinstance(made, KnowledgeModel)
-    return made
+    texts_by_path = emit(planned(text))
+    knowledge_model = module(
+        next(texts_by_path[name] for name in texts_by_path if name.endswith("/knowledge.py"))
+    ).KNOWLEDGE
+    assert isinstance(knowledge_model, KnowledgeModel)
+    return knowledge_model
 
 
 def started(folder: Path, spec: Path = SPEC) -> ContextManager[Any, Any]:
@@ -76,7 +78,7 @@ def started(folder: Path, spec: Path = SPEC) -> ContextManager[Any, Any]:
     return manager
 
 
-def model_named(models: tuple[Any, ...], name: str) -> Any:
+def find_model(models: tuple[Any, ...], name: str) -> Any:
     return next(model for model in models if model.name == name)
 
 
@@ -84,7 +86,7 @@ def model_named(models: tuple[Any, ...], name: str) -> Any:
 
 
 def test_writers_are_in_the_order_of_their_priorities() -> None:
-    container = model_named(model().node_types, "roll_container")
+    container = find_model(model().node_types, "roll_container")
 
     assert container.sources == by("container_detection")
     assert [(attribute.name, attribute.sources) for attribute in container.attributes] == [
@@ -104,11 +106,11 @@ def test_writers_with_equal_priorities_keep_them() -> None:
 
 def test_context_variables_are_attributes_of_their_nodes() -> None:
     nodes = model().nodes
-    (level,) = model_named(nodes, "battery").attributes
+    (level,) = find_model(nodes, "battery").attributes
 
     assert (level.name, level.sources, level.valid_for_s) == ("battery_level", by("navigation"), 60.0)
-    robot = model_named(nodes, "robot")
-    assert [attribute.name for attribute in robot.attributes] == [
+    robot_model = find_model(nodes, "robot")
+    assert [attribute.name for attribute in robot_model.attributes] == [
         "person_distance",
         "container_load",
     ]
@@ -120,7 +122,7 @@ def test_a_context_variable_of_no_node_is_of_the_context() -> None:
         "knowledge: {nodes: {room: room}}\n"
     )
 
-    assert [attribute.name for attribute in model_named(made.nodes, "context").attributes] == ["lit"]
+    assert [attribute.name for attribute in find_model(made.nodes, "context").attributes] == ["lit"]
     assert repr(made.agents[0].wakes[0]) == repr(~value("context.lit"))
     assert Knowledge(made, clock=SimClock()).get("context", "lit").known is False
 
@@ -140,7 +142,7 @@ def test_a_context_variable_of_a_task_is_an_attribute_of_its_node() -> None:
 
 
 def test_initial_values_are_in_the_unit_of_the_attribute() -> None:
-    assert model_named(model().nodes, "area_1").values == {"aisle": 3, "width": 2.5}
+    assert find_model(model().nodes, "area_1").values == {"aisle": 3, "width": 2.5}
 
 
 def test_initial_edges_are_those_without_a_writer_or_with_a_pose() -> None:
@@ -199,7 +201,7 @@ def test_every_declaration_makes_a_graph() -> None:
 
 
 def rule(agent: str, name: str) -> Any:
-    return model_named(model_named(model().agents, agent).rules, name)
+    return find_model(find_model(model().agents, agent).rules, name)
 
 
 def test_paths_read_as_in_the_spec() -> None:
@@ -213,12 +215,12 @@ def test_paths_read_as_in_the_spec() -> None:
 
 
 def test_conditions_name_the_nodes_of_their_attributes() -> None:
-    assert repr(model_named(model().agents, "navigation").wakes[1]) == repr(value("battery.battery_level") < 10)
+    assert repr(find_model(model().agents, "navigation").wakes[1]) == repr(value("battery.battery_level") < 10)
     assert repr(rule("container_detection", "detect").during[1]) == repr(value("robot.person_distance") > 1)
 
 
 def test_distances_of_poses_are_in_metres() -> None:
-    assert repr(model_named(model().agents, "fork").wakes[0]) == repr(distance("robot", "area_1") < 0.5)
+    assert repr(find_model(model().agents, "fork").wakes[0]) == repr(distance("robot", "area_1") < 0.5)
     lift = rule("picking", "lift").before[1]
     assert repr(lift) == repr((value("battery.battery_level") > 20) & ~in_view("area_1", "eye"))
 
@@ -236,7 +238,7 @@ def test_a_text_that_looks_like_a_reading_stays_a_text() -> None:
 def test_poses_in_conditions_hold_on_a_snapshot() -> None:
     clock = SimClock()
     knowledge = Knowledge(model(), clock=clock)
-    near = model_named(model().agents, "fork").wakes[0]
+    near = find_model(model().agents, "fork").wakes[0]
     seen = in_view("area_1", "eye")
     assert not knowledge.snapshot().holds(near)  # the robot's pose is unknown
 
@@ -297,7 +299,7 @@ def test_agents_of_templates_own_the_elements_of_their_uses(tmp_path: Path) -> N
         front.insert_node("left_load", "front_load", side="left")
 
         assert codra.knowledge.get("left_load", "side").value == "left"
-        assert model_named(model(TWO_FORKS).tasks, "lifting_back").by == "back_driver"
+        assert find_model(model(TWO_FORKS).tasks, "lifting_back").by == "back_driver"
 
 
 def test_a_tank_is_not_a_misspelt_task() -> None:
@@ -387,7 +389,7 @@ def test_no_text_of_knowledge_in_a_spec_becomes_code(label: str, result: str, me
     assert knowledge is not None
     world = knowledge.world
     task, kind = world.spec.tasks[0], world.spec.types[1]
-    renamed_spec = dataclasses.replace(
+    hostile_spec = dataclasses.replace(
         world.spec,
         tasks=(
             dataclasses.replace(task, label=label, results=(dataclasses.replace(task.results[0], name=result or "x"),)),
@@ -395,20 +397,20 @@ def test_no_text_of_knowledge_in_a_spec_becomes_code(label: str, result: str, me
         ),
         types=(dataclasses.replace(kind, label=member), *world.spec.types),
     )
-    changed = dataclasses.replace(knowledge, world=dataclasses.replace(world, spec=renamed_spec))
-    text = emit(dataclasses.replace(plan, checked=dataclasses.replace(plan.checked, knowledge=changed)))[
+    changed_knowledge = dataclasses.replace(knowledge, world=dataclasses.replace(world, spec=hostile_spec))
+    text = emit(dataclasses.replace(plan, checked=dataclasses.replace(plan.checked, knowledge=changed_knowledge)))[
         "picking_up/knowledge.py"
     ]
 
     assert text.isascii()
     made = module(text).KNOWLEDGE
     assert (made.tasks[0].label, made.tasks[0].results) == (label if label != task.name else "", (result or "x",))
-    called = {
+    called_names = {
         node.func.id
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
     }
-    assert called == {
+    assert called_names == {
         node.func.id
         for node in ast.walk(ast.parse(files(SPEC)["picking_up/knowledge.py"]))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
@@ -445,7 +447,7 @@ def test_sources_have_the_place_of_every_element_and_rule() -> None:
 
 def test_the_graph_has_the_elements_and_tasks_of_agents() -> None:
     edges = json.loads(files(SPEC)["picking_up/graph.json"])["edges"]
-    sentences = {f"{edge['source']} {edge['kind']} {edge['target']}".replace("picking_up/", "") for edge in edges}
+    edge_texts = {f"{edge['source']} {edge['kind']} {edge['target']}".replace("picking_up/", "") for edge in edges}
 
     assert {
         "agent/fork owns type/roll_container",
@@ -455,15 +457,15 @@ def test_the_graph_has_the_elements_and_tasks_of_agents() -> None:
         "edge/near leads_from type/person",
         "edge/near leads_to type/robot",
         "edge/eye_pose leads_to type/camera",
-    } <= sentences
-    assert "agent/picking reads task/detecting" not in sentences  # it requests the task
+    } <= edge_texts
+    assert "agent/picking reads task/detecting" not in edge_texts  # it requests the task
 
 
 def test_the_manifest_changes_with_what_agents_own() -> None:
     text = SPEC.read_text("utf-8")
-    changed = text.replace("picker_page: {}", "picker_page: {reads: [roll_container.weight]}")
+    changed_text = text.replace("picker_page: {}", "picker_page: {reads: [roll_container.weight]}")
 
-    first, second = (json.loads(emit(planned(source))["picking_up/manifest.json"]) for source in (text, changed))
+    first, second = (json.loads(emit(planned(source))["picking_up/manifest.json"]) for source in (text, changed_text))
 
     assert first["model"] != second["model"]
     assert "knowledge.py" in first["outputs"]

@@ -41,21 +41,21 @@ CALM = {
 """An order is open, the fork is empty, and no person is near."""
 
 
-def metrics(**seen: float) -> dict[str, float]:
-    inputs = CALM | seen
-    result = metric_engine.infer(*(inputs[name] for name in metric_engine.INPUTS))
-    return dict(zip(metric_engine.OUTPUTS, result.values, strict=True))
+def metrics(**changed_inputs: float) -> dict[str, float]:
+    inputs = CALM | changed_inputs
+    inference = metric_engine.infer(*(inputs[name] for name in metric_engine.INPUTS))
+    return dict(zip(metric_engine.OUTPUTS, inference.values, strict=True))
 
 
-def weights(**seen: float) -> dict[str, float]:
-    inputs = CALM | seen | metrics(**seen)
-    result = action_engine.infer(*(inputs[name] for name in action_engine.INPUTS))
+def weights(**changed_inputs: float) -> dict[str, float]:
+    inputs = CALM | changed_inputs | metrics(**changed_inputs)
+    inference = action_engine.infer(*(inputs[name] for name in action_engine.INPUTS))
     names = (name.removeprefix("weight_of_") for name in action_engine.OUTPUTS)
-    return dict(zip(names, result.values, strict=True))
+    return dict(zip(names, inference.values, strict=True))
 
 
-def heaviest(**seen: float) -> str:
-    action_weights = weights(**seen)
+def heaviest_action(**changed_inputs: float) -> str:
+    action_weights = weights(**changed_inputs)
     return max(action_weights, key=lambda name: action_weights[name])
 
 
@@ -63,21 +63,21 @@ def heaviest(**seen: float) -> str:
 
 
 def test_a_full_container_on_the_fork_goes_to_the_general_delivery_pose() -> None:
-    assert heaviest(loaded=1.0, container_load=1.0) == "pick"
-    assert heaviest(loaded=1.0, container_load=2.0) == "deliver"
+    assert heaviest_action(loaded=1.0, container_load=1.0) == "pick"
+    assert heaviest_action(loaded=1.0, container_load=2.0) == "deliver"
 
 
 def test_a_person_close_to_a_robot_that_picks_up_halves_safety_and_sends_it_to_the_start() -> None:
     assert metrics(picking_up=1.0, person_distance=1.5)["safety"] == pytest.approx(0.5)
-    assert heaviest(picking_up=1.0, person_distance=1.5) == "start"
+    assert heaviest_action(picking_up=1.0, person_distance=1.5) == "start"
 
 
 def test_people_in_the_corridors_do_not_stop_a_robot_that_drives() -> None:
-    assert heaviest(person_distance=1.0) == "pick"
+    assert heaviest_action(person_distance=1.0) == "pick"
 
 
 def test_a_battery_that_runs_low_sends_it_to_charge() -> None:
-    assert heaviest(battery_level=12.0) == "dock"
+    assert heaviest_action(battery_level=12.0) == "dock"
 
 
 def test_safety_never_falls_when_a_person_goes_away() -> None:
@@ -129,9 +129,9 @@ def test_members_that_are_not_names_in_python_are_compiled(tmp_path: Path) -> No
 def test_stages_name_the_inputs_outputs_and_rules_of_their_engines() -> None:
     for stage, engine in ((MAPE.metrics, metric_engine), (MAPE.actions, action_engine)):
         assert stage is not None
-        assert tuple(declared.variable for declared in stage.inputs) == engine.INPUTS
-        assert tuple(declared.range for declared in stage.inputs) == engine.RANGES
-        assert tuple(declared.variable for declared in stage.outputs) == engine.OUTPUTS
+        assert tuple(stage_variable.variable for stage_variable in stage.inputs) == engine.INPUTS
+        assert tuple(stage_variable.range for stage_variable in stage.inputs) == engine.RANGES
+        assert tuple(stage_variable.variable for stage_variable in stage.outputs) == engine.OUTPUTS
         assert tuple(rule.text for rule in stage.rules) == engine.RULES
 
 
@@ -217,20 +217,20 @@ def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
         for _ in range(40):
             set_context(person_distance=6.0)
             clock.sleep(0.5)
-        calm = codra.get("course").value, codra.get("max_speed").value
+        calm_values = codra.get("course").value, codra.get("max_speed").value
         planners["picking"].set("picking_up", True)
         for _ in range(40):
             set_context(person_distance=1.2)
             clock.sleep(0.5)
 
-        assert calm == ("pick", 1.2)
+        assert calm_values == ("pick", 1.2)
         assert codra.get("safety").value == pytest.approx(0.5)
         assert (codra.get("course").value, codra.get("max_speed").value) == ("start", 0.3)
         assert loops.course_state("course").state.action == "start"
 
 
 def _set_context(agents: dict[str, object], *, person_distance: float) -> None:
-    values_of_agents = {
+    values_by_agent = {
         "navigation": {"battery_level": 80.0, "bumped": False},
         "person_detection": {"person_distance": person_distance},
         "lasers": {"strange_gap": person_distance - 0.7},
@@ -238,7 +238,7 @@ def _set_context(agents: dict[str, object], *, person_distance: float) -> None:
         "picker_page": {"container_load": "empty"},
         "mission": {"order_open": True},
     }
-    for agent, values in values_of_agents.items():
+    for agent, values in values_by_agent.items():
         for name, value in values.items():
             agents[agent].set(name, value)  # type: ignore[attr-defined]
 

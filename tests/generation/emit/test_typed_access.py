@@ -61,10 +61,12 @@ def errors_in(program: str, folder: Path, cache: Path, root: Path = ROOT) -> lis
     file = folder / "robot_program.py"
     file.write_text(program, "utf-8")
     command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--cache-dir", str(cache), str(file)]
-    done = subprocess.run(command, cwd=root, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL)
-    assert not done.stderr
-    errors = re.findall(r"^\S+:(\d+): error: .*\[([a-z-]+)\]$", done.stdout, re.MULTILINE)
-    assert len(errors) == done.stdout.count(" error: ")
+    completed_process = subprocess.run(
+        command, cwd=root, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL
+    )
+    assert not completed_process.stderr
+    errors = re.findall(r"^\S+:(\d+): error: .*\[([a-z-]+)\]$", completed_process.stdout, re.MULTILINE)
+    assert len(errors) == completed_process.stdout.count(" error: ")
     lines = program.splitlines()
     return [(lines[int(number) - 1].strip(), code) for number, code in errors]
 

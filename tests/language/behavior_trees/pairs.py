@@ -18,7 +18,9 @@ LETTERS = {
 def acting(plans: str, log: list[str], *quirks: btcpp.Quirk) -> btcpp.World:
     """Return a world whose actions follow plans and write to a log, like the actions of `planned`."""
     remaining_plans = {leaf: list("S") for leaf in LEAVES}
-    remaining_plans |= {leaf: list(plan) for leaf, _, plan in (part.partition("=") for part in plans.split())}
+    remaining_plans |= {
+        leaf: list(plan) for leaf, _, plan in (assignment.partition("=") for assignment in plans.split())
+    }
 
     def act(event: str, name: str) -> btcpp.Status:
         log.append({"start": name, "running": name.lower(), "halt": f"{name}!"}[event])

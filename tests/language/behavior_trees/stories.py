@@ -39,8 +39,8 @@ def places_and_rules(text: str | bytes) -> list[str]:
 
 def compiled(text: str, enums: Mapping[str, int] | None = None) -> str:
     """Return the module of a text without errors."""
-    file, read = read_text(text.encode(), "trees.xml")
-    assert file is not None, read
+    file, read_problems = read_text(text.encode(), "trees.xml")
+    assert file is not None, read_problems
     checked, problems = check(Forest(files=(file,)), enums)
     assert checked is not None, problems
     return tree_module(checked)
@@ -86,7 +86,7 @@ class Planned(Action):
 def planned(plans: str, log: list[str]) -> Robot:
     """Return a robot whose actions follow plans such as `A=RRS B=F`; an action without a plan succeeds."""
     robot = Robot()
-    plan = dict(part.split("=") for part in plans.split())
+    plan = dict(assignment.split("=") for assignment in plans.split())
     for leaf in LEAVES:
         robot.can(leaf, partial(Planned, leaf, list(plan.get(leaf, "S")), log))
     return robot

@@ -13,8 +13,8 @@ from tests.language.behavior_trees.stories import document, main_tree
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "reference" / "trees.md").read_text("utf-8")
-FOLDER = ROOT / "tests" / "language" / "behavior_trees"
-TESTS = "".join(path.read_text("utf-8") for path in sorted(FOLDER.glob("test_*.py")))
+TEST_FOLDER = ROOT / "tests" / "language" / "behavior_trees"
+TESTS = "".join(path.read_text("utf-8") for path in sorted(TEST_FOLDER.glob("test_*.py")))
 
 
 def rows(heading: str) -> dict[str, str]:
@@ -31,7 +31,7 @@ def test_every_supported_node_has_a_row_that_names_its_tests() -> None:
     assert {f"`{node}`" for node in BUILT_IN} - switches == set(named) - {"`Switch2` to `Switch6`"}
     for node, file in named.items():
         tag = node.split("`")[1].rstrip("2") if "Switch" in node else node.strip("`")
-        assert f"<{tag}" in (FOLDER / file.strip("`")).read_text("utf-8")
+        assert f"<{tag}" in (TEST_FOLDER / file.strip("`")).read_text("utf-8")
 
 
 def test_every_refused_node_has_a_row_with_its_help() -> None:

@@ -21,7 +21,7 @@ MOVE = """<Action ID="Move"><input_port name="goal" type="double"/><inout_port n
 TYPED = '<BehaviorTree ID="Typed"><AlwaysSuccess/></BehaviorTree>'
 
 
-def wrong(body: str) -> list[str]:
+def finding_texts(body: str) -> list[str]:
     """Return the findings of a tree Main: name, message and help."""
     problems = findings(document(body, MOVE, TYPED))
     return [f"{problem.rule.name}: {problem.message} | {problem.help}" for problem in problems]
@@ -102,7 +102,7 @@ def wrong(body: str) -> list[str]:
     ],
 )
 def test_a_mistake_is_reported_with_help(body: str, expected: str) -> None:
-    (problem, *_) = wrong(body)
+    (problem, *_) = finding_texts(body)
 
     assert problem.startswith(expected)
 

@@ -19,8 +19,8 @@ trees = chances.map(lambda chance: RandomTree(chance, chance.randint(1, 4)))
 @settings(max_examples=1000, deadline=None)
 @given(chances)
 def test_random_trees_do_the_same_tick_by_tick(chance: Random) -> None:
-    made = RandomTree(chance, chance.choice([1, 1, 2, 2, 3, 4]))
-    both = Both(made)
+    random_tree = RandomTree(chance, chance.choice([1, 1, 2, 2, 3, 4]))
+    both = Both(random_tree)
     for entry in ENTRIES:
         both.write(entry, float(chance.randrange(3)))
     exactly_once = chance.random() < 0.4
@@ -34,7 +34,7 @@ def test_random_trees_do_the_same_tick_by_tick(chance: Random) -> None:
         results = both.tick(exactly_once=exactly_once)
         if results is None:
             break
-        assert results[0] == results[1], made.text
+        assert results[0] == results[1], random_tree.text
 
 
 class Endless(Action):

@@ -23,15 +23,15 @@ MOVE_ROBOT = """
 
 def run(body: str, others: str = MOVE_ROBOT, models: str = PORTS) -> tuple[list[Any], Scope]:
     """Return the values that the robot received, and the entries of the tree Main at the end."""
-    heard: list[Any] = []
+    received_values: list[Any] = []
     robot = Robot()
 
     def say(ports: Ports) -> bool:
-        heard.append(ports.value("message"))
+        received_values.append(ports.value("message"))
         return True
 
     def move(ports: Ports) -> bool:
-        heard.append(ports.value("goal"))
+        received_values.append(ports.value("goal"))
         ports.set("error", 7)
         return True
 
@@ -39,13 +39,15 @@ def run(body: str, others: str = MOVE_ROBOT, models: str = PORTS) -> tuple[list[
     robot.does("Move", move)
     tree = main_tree(document(body, models, others), robot)
     assert tree.tick() is Result.SUCCESS
-    return heard, tree.scope
+    return received_values, tree.scope
 
 
 def test_a_port_takes_a_text_or_an_entry() -> None:
-    heard, scope = run('<Sequence><Script code="m := 2"/><Say message="Hello"/><Say message="{m}"/></Sequence>')
+    received_values, scope = run(
+        '<Sequence><Script code="m := 2"/><Say message="Hello"/><Say message="{m}"/></Sequence>'
+    )
 
-    assert heard == ["Hello", 2]
+    assert received_values == ["Hello", 2]
     assert list(scope.names()) == ["m"]
 
 
@@ -54,8 +56,8 @@ def test_ports_of_a_subtree_are_remapped() -> None:
     body = """<Sequence><Script code="move_goal := '1;2;3'"/>
       <SubTree ID="MoveRobot" target="{move_goal}" result="{move_result}"/><Say message="{move_result}"/></Sequence>"""
 
-    heard, scope = run(body)
-    assert heard == ["1;2;3", "goal reached"]
+    received_values, scope = run(body)
+    assert received_values == ["1;2;3", "goal reached"]
     assert sorted(scope.names()) == ["move_goal", "move_result"]  # `code` and `_own` are the subtree's own
 
 
@@ -101,26 +103,26 @@ def test_a_model_of_a_subtree_gives_defaults() -> None:
 def test_the_default_of_a_model_is_used_for_a_port_without_value() -> None:
     models = """<Action ID="Say"><input_port name="message" default="{=}"/></Action>
       <Action ID="Move"><input_port name="goal" default="home"/><output_port name="error" default="{e}"/></Action>"""
-    heard, scope = run('<Sequence><Script code="message := 1"/><Say/><Move/></Sequence>', models=models)
+    received_values, scope = run('<Sequence><Script code="message := 1"/><Say/><Move/></Sequence>', models=models)
 
-    assert heard == [1, "home"]
+    assert received_values == [1, "home"]
     assert scope.get("e") == 7
 
 
 def test_remapping_goes_through_several_levels() -> None:
     others = MOVE_ROBOT + '<BehaviorTree ID="Outer"><SubTree ID="MoveRobot" target="{to}" code="{c}"/></BehaviorTree>'
     body = """<Sequence><Script code="x := 'far'"/><SubTree ID="Outer" to="{x}" c="{found}"/></Sequence>"""
-    heard, scope = run(body, others)
+    received_values, scope = run(body, others)
 
-    assert heard == ["far"]
+    assert received_values == ["far"]
     assert scope.get("found") == 7
 
 
 def test_an_entry_with_an_at_sign_belongs_to_the_outermost_tree() -> None:
     others = '<BehaviorTree ID="In"><Sequence><Say message="{@m}"/><Script code="@n := 3"/></Sequence></BehaviorTree>'
-    heard, scope = run('<Sequence><Script code="m := 2"/><SubTree ID="In"/></Sequence>', others)
+    received_values, scope = run('<Sequence><Script code="m := 2"/><SubTree ID="In"/></Sequence>', others)
 
-    assert heard == [2]
+    assert received_values == [2]
     assert scope.get("n") == 3
 
 

@@ -66,25 +66,25 @@ class Theirs:
         return self._tree.board.read(entry)
 
 
-def seen(rows: str, log: list[str], player: Ours | Theirs) -> str:
+def actual_rows(rows: str, log: list[str], player: Ours | Theirs) -> str:
     """Return the actual rows."""
-    done = []
+    actual_texts = []
     for row in rows.split(" | "):
         log.clear()
         entry, equals, value = row.partition("=")
         if value.startswith("="):
             entry_value = player.read(entry)
-            done.append(f"{entry}==" + ("" if entry_value is None else f"{float(entry_value):g}"))
+            actual_texts.append(f"{entry}==" + ("" if entry_value is None else f"{float(entry_value):g}"))
         elif equals:
             player.write(entry, float(value))
-            done.append(row)
+            actual_texts.append(row)
         elif row.startswith("halt:"):
             player.halt()
-            done.append(" ".join(["halt:", *log]))
+            actual_texts.append(" ".join(["halt:", *log]))
         else:
             result = player.tick()
-            done.append(" ".join([f"{result}:", *log]))
-    return " | ".join(done)
+            actual_texts.append(" ".join([f"{result}:", *log]))
+    return " | ".join(actual_texts)
 
 
 @pytest.mark.parametrize("make", [Ours, Theirs])
@@ -93,7 +93,7 @@ def test_a_statement_holds(name: str, make: Callable[[Statement, list[str]], Our
     log: list[str] = []
     statement = STATEMENTS[name]
 
-    assert seen(statement.rows, log, make(statement, log)) == statement.rows
+    assert actual_rows(statement.rows, log, make(statement, log)) == statement.rows
 
 
 @pytest.mark.parametrize("quirk", Quirk)
@@ -101,6 +101,6 @@ def test_our_runtime_does_not_have_the_quirks_of_the_source(quirk: Quirk) -> Non
     statement, with_quirk = DEPARTURES[quirk]
     log: list[str] = []
 
-    assert seen(with_quirk, log, Theirs(statement, log, quirk)) == with_quirk
-    assert seen(statement.rows, log, Theirs(statement, log)) == statement.rows
-    assert seen(statement.rows, log, Ours(statement, log)) == statement.rows
+    assert actual_rows(with_quirk, log, Theirs(statement, log, quirk)) == with_quirk
+    assert actual_rows(statement.rows, log, Theirs(statement, log)) == statement.rows
+    assert actual_rows(statement.rows, log, Ours(statement, log)) == statement.rows

@@ -89,7 +89,7 @@ def misfits(text: str) -> list[str]:
     root = ElementTree.fromstring(text)
     tags = [child.tag for child in root]
     trees_, models = root.findall("BehaviorTree"), root.findall("TreeNodesModel")
-    known = {*BUILT_IN, *(model.attrib["ID"] for group in models for model in group)}
+    known_ids = {*BUILT_IN, *(model.attrib["ID"] for group in models for model in group)}
     ids = {tree.get("ID") for tree in trees_}
     problems = (
         [] if root.attrib.get("BTCPP_format") == "4" and root.get("main_tree_to_execute", "Main") in ids else ["root"]
@@ -98,10 +98,10 @@ def misfits(text: str) -> list[str]:
     problems += ["models"] if len(models) > 1 else []
     problems += [f"tree {tree.get('ID')}" for tree in trees_ if len(tree) != 1 or not tree.get("ID")]
     for node in (node for tree in trees_ for node in tree.iter() if node is not tree):
-        named = node.attrib["ID"] if node.tag in ("Action", "Condition", "Control", "Decorator") else node.tag
+        node_id = node.attrib["ID"] if node.tag in ("Action", "Condition", "Control", "Decorator") else node.tag
         problems += (
-            [f"node {named}"]
-            if named not in known or (node.tag == named and "ID" in node.attrib) != (node.tag == "SubTree")
+            [f"node {node_id}"]
+            if node_id not in known_ids or (node.tag == node_id and "ID" in node.attrib) != (node.tag == "SubTree")
             else []
         )
         problems += [f"subtree {node.get('ID')}"] if node.tag == "SubTree" and node.get("ID") not in ids else []
@@ -109,8 +109,8 @@ def misfits(text: str) -> list[str]:
         kinds = ("Action", "Condition", "Control", "Decorator", "SubTree")
         problems += [] if model.tag in kinds and model.get("ID") else [f"model {model.tag}"]
         for port in model:
-            fits = port.tag in ("input_port", "output_port", "inout_port") and "name" in port.attrib
-            problems += [] if fits and set(port.attrib) <= {"name", "type", "default"} else [f"port {port.attrib}"]
+            is_port = port.tag in ("input_port", "output_port", "inout_port") and "name" in port.attrib
+            problems += [] if is_port and set(port.attrib) <= {"name", "type", "default"} else [f"port {port.attrib}"]
     return problems
 
 

@@ -26,8 +26,8 @@ SUPPORTED = {
 
 def known_words() -> list[tuple[str, str]]:
     """Return every word of FuzzyLite in FLL, with its kind."""
-    words_of_kinds = json.loads((FOLDER / "constructs.json").read_text("utf-8"))
-    return [(kind, word) for kind, words in words_of_kinds.items() for word in words]
+    words_by_kind = json.loads((FOLDER / "constructs.json").read_text("utf-8"))
+    return [(kind, word) for kind, words in words_by_kind.items() for word in words]
 
 
 def used_words(engine: Engine) -> Iterator[tuple[str, str]]:
@@ -71,11 +71,11 @@ def calls(formula: Formula) -> Iterator[str]:
 
 def engines_by_word() -> dict[tuple[str, str], list[str]]:
     """Return the engines that use each word."""
-    names_of_engines: dict[tuple[str, str], list[str]] = {}
+    engine_names_by_word: dict[tuple[str, str], list[str]] = {}
     for name in NAMES:
         for word in sorted(set(used_words(stored(name)))):
-            names_of_engines.setdefault(word, []).append(name)
-    return names_of_engines
+            engine_names_by_word.setdefault(word, []).append(name)
+    return engine_names_by_word
 
 
 def table() -> str:

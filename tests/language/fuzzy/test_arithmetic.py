@@ -70,11 +70,11 @@ def test_de_morgan_holds_between_a_t_norm_and_its_dual(t_norm: Norm, s_norm: Nor
 @pytest.mark.parametrize("norm", TNORMS + SNORMS)
 @given(pairs=st.lists(st.tuples(degrees, degrees), min_size=1, max_size=20))
 def test_norms_of_samples_are_the_norms_of_their_degrees(norm: Norm, pairs: list[tuple[float, float]]) -> None:
-    left, right = (np.array(side) for side in zip(*pairs, strict=True))
+    left, right = (np.array(operand) for operand in zip(*pairs, strict=True))
     with np.errstate(all="ignore"):
-        result = OF_SAMPLES[norm](left, right)
+        norm_values = OF_SAMPLES[norm](left, right)
 
-    assert result.tolist() == pytest.approx([norm(a, b) for a, b in pairs], abs=1e-12)
+    assert norm_values.tolist() == pytest.approx([norm(a, b) for a, b in pairs], abs=1e-12)
 
 
 @pytest.mark.parametrize("norm", [norms.minimum, norms.maximum, norms.bounded_sum, norms.bounded_difference])

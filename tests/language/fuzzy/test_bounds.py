@@ -47,13 +47,15 @@ def box_of(engine: Engine, drawn: list[tuple[float, float, bool]]) -> list[Bound
 def assert_held(module: ModuleType, box: list[Bounds], points: list[list[float]]) -> None:
     bounds = module.infer_bounds(*box)
     ends = [[0.0] * len(box), [1.0] * len(box)]
-    for chosen in [*points, *ends]:
-        row = [side.low + share * (side.high - side.low) for side, share in zip(box, chosen, strict=False)]
-        row = [min(max(value, side.low), side.high) for value, side in zip(row, box, strict=True)]
-        result = module.infer(*row)
-        for name, value, bound in zip(module.OUTPUTS, result.values, bounds.values, strict=True):
+    for shares in [*points, *ends]:
+        row = [
+            interval.low + share * (interval.high - interval.low) for interval, share in zip(box, shares, strict=False)
+        ]
+        row = [min(max(value, interval.low), interval.high) for value, interval in zip(row, box, strict=True)]
+        inference = module.infer(*row)
+        for name, value, bound in zip(module.OUTPUTS, inference.values, bounds.values, strict=True):
             assert bound.holds(value), (name, row, value, bound)
-        for rule, strength, bound in zip(module.RULES, result.strengths, bounds.strengths, strict=True):
+        for rule, strength, bound in zip(module.RULES, inference.strengths, bounds.strengths, strict=True):
             slack = 1e-9 * max(1.0, abs(strength))
             is_held = bound.holds(strength) or bound.low - slack <= strength <= bound.high + slack
             assert is_held, (rule, row, strength, bound)
@@ -117,7 +119,7 @@ def test_if_possibly_no_rule_acts_the_worse_end_is_unknown() -> None:
 
 def test_more_pieces_are_never_wider_and_contain_every_value() -> None:
     engine, module = stored("store_metrics"), loaded(stored("store_metrics"))
-    inputs = [bounds if at < 2 else point(bounds.high / 3.0) for at, bounds in enumerate(module.RANGES)]
+    inputs = [bounds if index < 2 else point(bounds.high / 3.0) for index, bounds in enumerate(module.RANGES)]
     undivided_bounds = module.infer_bounds(*inputs).values
     halves = refined(module.infer_bounds, inputs, pieces=2).values
     pieces = refined(module.infer_bounds, inputs, pieces=32).values
@@ -125,10 +127,10 @@ def test_more_pieces_are_never_wider_and_contain_every_value() -> None:
     assert len(engine.inputs) == len(inputs)
     for first, second, third in zip(undivided_bounds, halves, pieces, strict=True):
         assert first.low <= second.low <= third.low <= third.high <= second.high <= first.high
-    for at in range(21):
-        row = (at / 2.0, at * 3.0 / 20.0, *(bounds.low for bounds in inputs[2:]))
-        for value, held in zip(module.infer(*row).values, pieces, strict=True):
-            assert held.holds(value)
+    for index in range(21):
+        row = (index / 2.0, index * 3.0 / 20.0, *(bounds.low for bounds in inputs[2:]))
+        for value, piece_bounds in zip(module.infer(*row).values, pieces, strict=True):
+            assert piece_bounds.holds(value)
 
 
 def test_a_missing_value_is_replaced_by_the_previous_one_or_the_default() -> None:

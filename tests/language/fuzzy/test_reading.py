@@ -41,7 +41,7 @@ RuleBlock: only
 """
 
 
-def findings_of(text: str | bytes) -> list[str]:
+def finding_texts(text: str | bytes) -> list[str]:
     """Return the findings as `line:column name: message`."""
     data = text if isinstance(text, bytes) else text.encode()
     findings = read_fll(data, "fan.fll").findings
@@ -55,7 +55,7 @@ def findings_of(text: str | bytes) -> list[str]:
 def test_a_good_engine_has_no_findings_and_is_written_back() -> None:
     engine = read_fll(GOOD.encode(), "fan.fll").engine
 
-    assert findings_of(GOOD) == []
+    assert finding_texts(GOOD) == []
     assert engine is not None
     assert write_fll(engine) == GOOD
 
@@ -117,11 +117,11 @@ MISTAKES = [
 @pytest.mark.parametrize(("old", "new", "expected"), MISTAKES, ids=[expected for _, _, expected in MISTAKES])
 def test_a_mistake_is_reported_once_at_its_place(old: str, new: str, expected: str) -> None:
     assert GOOD.count(old) >= 1
-    assert findings_of(GOOD.replace(old, new, 1)) == [expected]
+    assert finding_texts(GOOD.replace(old, new, 1)) == [expected]
 
 
 def test_tsukamoto_needs_monotone_terms() -> None:
-    assert findings_of(GOOD.replace("Centroid 100", "WeightedSum Tsukamoto")) == [
+    assert finding_texts(GOOD.replace("Centroid 100", "WeightedSum Tsukamoto")) == [
         "16:9 fll-unfit-term: 'slow' is not monotone",
         "17:9 fll-unfit-term: 'fast' is not monotone",
     ]
@@ -130,14 +130,14 @@ def test_tsukamoto_needs_monotone_terms() -> None:
 def test_the_weighting_is_required_for_terms_of_several_kinds() -> None:
     text = GOOD.replace("Centroid 100", "WeightedSum").replace("Triangle 0.0 2.0 4.0", "Constant 2.0")
 
-    assert findings_of(text) == ["8:17 fll-unfit-term: terms of several kinds are concluded"]
+    assert finding_texts(text) == ["8:17 fll-unfit-term: terms of several kinds are concluded"]
 
 
 def test_all_mistakes_are_reported_at_once() -> None:
     text = GOOD.replace("Rmp", "").replace("cold Ramp", "cold Rump").replace("Centroid", "Centre")
     text = text.replace("is hot or", "is hat or").replace("General", "Generel")
 
-    assert [finding.split()[1] for finding in findings_of(text)] == [
+    assert [finding.split()[1] for finding in finding_texts(text)] == [
         "fll-unknown-word:",
         "fll-unknown-word:",
         "fll-unknown-word:",
@@ -174,7 +174,7 @@ HOSTILE = [
 
 @pytest.mark.parametrize(("data", "expected"), HOSTILE)
 def test_hostile_text_is_refused_with_a_place(data: bytes, expected: str) -> None:
-    assert findings_of(data)[0].startswith(expected)
+    assert finding_texts(data)[0].startswith(expected)
 
 
 def nested(parentheses: int, joined: int) -> str:
@@ -208,7 +208,7 @@ def test_python_can_compile_the_deepest_accepted_rule(rule: str, is_read: bool) 
 
 
 def test_findings_are_bounded() -> None:
-    assert len(findings_of("Engine: a\n" + "x\n" * 5000)) == MAX_FINDINGS
+    assert len(finding_texts("Engine: a\n" + "x\n" * 5000)) == MAX_FINDINGS
 
 
 @settings(max_examples=300, deadline=None)

@@ -60,10 +60,10 @@ BOUNDED = [
 def test_support_and_core_agree_with_the_degree(shape: Shape, data: st.DataObject) -> None:
     term = data.draw(some_terms(shape))
     x = data.draw(NUMBERS.map(lambda number: number + 0.25) | NUMBERS)
-    term_extent, exact = extent(term), degree(term, x)
+    term_extent, exact_degree = extent(term), degree(term, x)
 
-    assert term_extent.holds(x) == (exact > 0.0)
-    assert term_extent.is_full_at(x) == (exact >= 1.0)
+    assert term_extent.holds(x) == (exact_degree > 0.0)
+    assert term_extent.is_full_at(x) == (exact_degree >= 1.0)
 
 
 @pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape not in BOUNDED])
@@ -71,10 +71,10 @@ def test_support_and_core_agree_with_the_degree(shape: Shape, data: st.DataObjec
 def test_the_support_of_a_smooth_term_covers_all_degrees_above_zero(shape: Shape, data: st.DataObject) -> None:
     term = data.draw(some_terms(shape))
     x = data.draw(NUMBERS)
-    term_extent, exact = extent(term), degree(term, x)
+    term_extent, exact_degree = extent(term), degree(term, x)
 
-    assert term_extent.holds(x) or not exact > 0.0
-    assert not term_extent.is_full_at(x) or math.isnan(exact) or exact == pytest.approx(1.0)
+    assert term_extent.holds(x) or not exact_degree > 0.0
+    assert not term_extent.is_full_at(x) or math.isnan(exact_degree) or exact_degree == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("shape", SHAPES)

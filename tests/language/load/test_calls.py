@@ -43,13 +43,13 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def findings_of(root: Path, text: str = SPEC) -> tuple[Diagnostic, ...]:
+def load_findings(root: Path, text: str = SPEC) -> tuple[Diagnostic, ...]:
     (root / "spec.yaml").write_text(text)
     return load_spec(root / "spec.yaml", root)[1]
 
 
 def rules_and_help(root: Path, text: str = SPEC) -> list[tuple[str, str]]:
-    return [(finding.rule.name, finding.help) for finding in findings_of(root, text)]
+    return [(finding.rule.name, finding.help) for finding in load_findings(root, text)]
 
 
 def with_module(root: Path, text: str) -> list[tuple[str, str]]:
@@ -59,7 +59,7 @@ def with_module(root: Path, text: str) -> list[tuple[str, str]]:
 
 
 def test_a_call_that_fits_gives_no_finding(project: Path) -> None:
-    assert findings_of(project) == ()
+    assert load_findings(project) == ()
 
 
 # Modules and functions
@@ -78,7 +78,7 @@ def test_a_call_that_fits_gives_no_finding(project: Path) -> None:
     ],
 )
 def test_a_call_of_a_missing_function_is_reported_with_help(project: Path, call: str, help_text: str) -> None:
-    (finding,) = findings_of(project, SPEC.replace("bench.perception:look", call))
+    (finding,) = load_findings(project, SPEC.replace("bench.perception:look", call))
 
     assert (finding.rule.name, finding.help) == ("call-not-found", help_text)
     assert finding.place.span.line == 11
@@ -86,7 +86,7 @@ def test_a_call_of_a_missing_function_is_reported_with_help(project: Path, call:
 
 @pytest.mark.parametrize("call", ["numpy:mean", "elsewhere.perception:look", "perception:look", "bench2.seeing:look"])
 def test_a_package_outside_the_project_may_be_installed(project: Path, call: str) -> None:
-    assert findings_of(project, SPEC.replace("bench.perception:look", call)) == ()
+    assert load_findings(project, SPEC.replace("bench.perception:look", call)) == ()
 
 
 def test_modules_may_be_in_src(tmp_path: Path) -> None:
@@ -94,7 +94,7 @@ def test_modules_may_be_in_src(tmp_path: Path) -> None:
     package.mkdir(parents=True)
     (package / "perception.py").write_text(LOOK)
 
-    assert findings_of(tmp_path) == ()
+    assert load_findings(tmp_path) == ()
     assert rules_and_help(tmp_path, SPEC.replace(":look", ":lok")) == [("call-not-found", "did you mean 'look'?")]
 
 
@@ -102,14 +102,14 @@ def test_a_function_may_be_in_a_package_or_in_a_module_beside_the_spec(project: 
     (project / "bench" / "__init__.py").write_text(LOOK)
     (project / "one.py").write_text(LOOK)
 
-    assert findings_of(project, SPEC.replace("bench.perception:look", "bench:look")) == ()
-    assert findings_of(project, SPEC.replace("bench.perception:look", "one:look")) == ()
+    assert load_findings(project, SPEC.replace("bench.perception:look", "bench:look")) == ()
+    assert load_findings(project, SPEC.replace("bench.perception:look", "one:look")) == ()
 
 
 def test_a_missing_module_is_one_finding_for_all_its_callers(project: Path) -> None:
     second = SPEC.partition("perception:\n")[2].replace("  look:", "  look_again:").replace(":look", ":again")
     text = SPEC.replace("bench.perception", "bench.percepton") + second.replace("bench.perception", "bench.percepton")
-    (finding,) = findings_of(project, text)
+    (finding,) = load_findings(project, text)
 
     assert [other.message for other in finding.related] == ["also in algorithm 'look_again'"]
 
@@ -140,17 +140,17 @@ def test_uncertain_definitions_are_not_reported(project: Path, text: str) -> Non
 
 def test_a_compiled_module_and_a_package_with_a_path_may_have_any_name(project: Path) -> None:
     (project / "bench" / "fast.cpython-311-x86_64-linux-gnu.so").touch()
-    assert findings_of(project, SPEC.replace("bench.perception:look", "bench.fast:look")) == ()
+    assert load_findings(project, SPEC.replace("bench.perception:look", "bench.fast:look")) == ()
 
     (project / "bench" / "__init__.py").write_text("__path__.append('elsewhere')\n")
-    assert findings_of(project, SPEC.replace("bench.perception:look", "bench.other:look")) == ()
+    assert load_findings(project, SPEC.replace("bench.perception:look", "bench.other:look")) == ()
 
 
 def test_a_folder_without_python_is_not_a_package(tmp_path: Path) -> None:
     (tmp_path / "bench" / "pictures").mkdir(parents=True)
     (tmp_path / "bench" / "bench.yaml").touch()
 
-    assert findings_of(tmp_path) == ()
+    assert load_findings(tmp_path) == ()
 
 
 def test_a_package_may_do_without_init(tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ def test_a_class_takes_the_arguments_of_its_perceive(project: Path, body: str, h
 
 def test_a_class_without_perceive_is_reported(project: Path) -> None:
     (project / "bench" / "perception.py").write_text("class look:\n    def see(self, job): pass\n")
-    (finding,) = findings_of(project)
+    (finding,) = load_findings(project)
 
     assert finding.rule.name == "call-not-found"
     assert (
@@ -223,7 +223,7 @@ def test_a_class_without_perceive_is_reported(project: Path) -> None:
 
 def test_several_arguments_that_a_function_does_not_take_are_one_finding(project: Path) -> None:
     (project / "bench" / "perception.py").write_text("def look(job): return {}\n")
-    (finding,) = findings_of(project)
+    (finding,) = load_findings(project)
 
     assert "does not take the arguments 'gain', 'camera', 'near', but algorithm 'look' gives them" in finding.message
 
@@ -235,7 +235,7 @@ def test_several_arguments_that_a_function_does_not_take_are_one_finding(project
 def test_the_place_is_that_of_the_argument(project: Path, old: str, new: str, line: int) -> None:
     declared = SPEC.replace("  near: {", "  near: {type: bool, source: main_execution}\n  neer: {")
     declared = declared.replace("  camera: {}", "  camera: {}\n  camra: {}")
-    (finding,) = findings_of(project, declared.replace(old, new))
+    (finding,) = load_findings(project, declared.replace(old, new))
 
     assert finding.help.startswith("did you mean '")
     assert finding.place.span.line == line + 2
@@ -243,9 +243,9 @@ def test_the_place_is_that_of_the_argument(project: Path, old: str, new: str, li
 
 def test_undeclared_or_unreadable_arguments_are_not_compared_with_a_function(project: Path) -> None:
     assert (
-        findings_of(project, SPEC.replace("camera: read", "camra: read")) == ()
+        load_findings(project, SPEC.replace("camera: read", "camra: read")) == ()
     )  # `check` reports the missing resource
-    assert [finding.rule.name for finding in findings_of(project, SPEC.replace("{gain: 3}", "{gain-1: 3}"))] == [
+    assert [finding.rule.name for finding in load_findings(project, SPEC.replace("{gain: 3}", "{gain-1: 3}"))] == [
         "ill-formed-name"
     ]
 
@@ -269,7 +269,7 @@ use:
   sugar: {template: jar}
   salt: {template: jar}
 """
-    (finding,) = findings_of(project, text)
+    (finding,) = load_findings(project, text)
 
     assert finding.help == "did you mean 'near'?"
     assert finding.place.span.line == 10
@@ -307,17 +307,17 @@ def test_modules_that_are_too_large_or_not_files_or_elsewhere_are_not_checked(
 ) -> None:
     module = project / "bench" / "perception.py"
     module.write_text("#" * MAX_MODULE_BYTES + "\n")
-    assert findings_of(project) == ()
+    assert load_findings(project) == ()
 
     module.unlink()
     module.mkdir()
-    assert findings_of(project) == ()
+    assert load_findings(project) == ()
 
     module.rmdir()
     elsewhere = tmp_path_factory.mktemp("elsewhere") / "perception.py"
     elsewhere.write_text("def other(): pass\n")
     module.symlink_to(elsewhere)
-    assert findings_of(project) == ()
+    assert load_findings(project) == ()
 
 
 def test_the_spec_names_the_modules_on_which_its_findings_depend(project: Path) -> None:

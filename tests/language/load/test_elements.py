@@ -165,19 +165,27 @@ def test_an_expectation_of_a_skill_becomes_a_condition_over_the_variable() -> No
         "      - 'door stays \"within reach\"'\n"
     )
     skill = spec_of(text).skills[0]
-    watched, becomes, compared, stays = skill.monitor
+    watched_expectation, becomes_expectation, compared_expectation, stays_expectation = skill.monitor
 
     assert ([name.name for name in skill.preview], [name.name for name in skill.changes]) == (["pot"], ["pot"])
-    assert (watched.expected, watched.condition, watched.within_s) == (Expected.WATCHED, None, None)
-    assert becomes.condition is not None
-    assert (becomes.expected, becomes.condition.text, becomes.within_s) == (Expected.BECOMES, "pot == true", 0.5)
-    assert compared.condition is not None
-    assert (compared.condition.text, compared.within_s) == ("weight < 0.5 kg", 60.0)
-    assert stays.condition is not None
-    assert (stays.expected, stays.condition.text) == (Expected.STAYS, 'door == "within reach"')
-    assert marked(text, stays.condition.place_between(8, 22)) == '"within reach"'
-    assert marked(text, compared.condition.place_between(9, 15)) == "0.5 kg"
-    assert marked(text, compared.variable.place) == "weight"
+    assert (watched_expectation.expected, watched_expectation.condition, watched_expectation.within_s) == (
+        Expected.WATCHED,
+        None,
+        None,
+    )
+    assert becomes_expectation.condition is not None
+    assert (becomes_expectation.expected, becomes_expectation.condition.text, becomes_expectation.within_s) == (
+        Expected.BECOMES,
+        "pot == true",
+        0.5,
+    )
+    assert compared_expectation.condition is not None
+    assert (compared_expectation.condition.text, compared_expectation.within_s) == ("weight < 0.5 kg", 60.0)
+    assert stays_expectation.condition is not None
+    assert (stays_expectation.expected, stays_expectation.condition.text) == (Expected.STAYS, 'door == "within reach"')
+    assert marked(text, stays_expectation.condition.place_between(8, 22)) == '"within reach"'
+    assert marked(text, compared_expectation.condition.place_between(9, 15)) == "0.5 kg"
+    assert marked(text, compared_expectation.variable.place) == "weight"
 
 
 def test_observers_resources_and_agents_have_the_values_of_their_keys() -> None:
@@ -380,10 +388,10 @@ def test_a_dumped_spec_loads_with_the_same_values(
     variables: dict[str, dict[str, object]], flow: bool | None, width: int
 ) -> None:
     content = {"codra": 1, "name": "kitchen", "context": variables}
-    dumped = yaml.dump(
+    dumped_text = yaml.dump(
         content, Dumper=CoreDumper, default_flow_style=flow, width=width, sort_keys=False, allow_unicode=True
     )
-    loaded_variables = {variable.name: variable for variable in spec_of(dumped).context}
+    loaded_variables = {variable.name: variable for variable in spec_of(dumped_text).context}
 
     assert list(loaded_variables) == list(variables)
     for name, keys in variables.items():
@@ -393,6 +401,6 @@ def test_a_dumped_spec_loads_with_the_same_values(
         assert variable.description == keys.get("description", "")
         assert [source.name for source in variable.sources] == ([sources] if isinstance(sources, str) else sources)
         assert (variable.history, variable.node) == (keys.get("history", 100), keys.get("of", "context"))
-        assert {key: marked(dumped, variable.places[key]) for key in ("type", "history") if key in keys} == {
+        assert {key: marked(dumped_text, variable.places[key]) for key in ("type", "history") if key in keys} == {
             key: str(keys[key]) for key in ("type", "history") if key in keys
         }

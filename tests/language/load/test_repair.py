@@ -73,25 +73,25 @@ def elements(spec: Spec | None) -> object:
 
 @pytest.mark.parametrize("mistake", MISTAKES.values(), ids=MISTAKES)
 def test_a_missing_letter_is_one_finding_and_the_file_is_read_as_if_it_were_there(mistake: Mistake) -> None:
-    old, new, offender, _ = mistake
+    old, new, marked_text, _ = mistake
     assert SPEC.count(old) == 1
     spec, findings = loaded(SPEC.replace(old, new))
     (finding,) = findings
 
     assert finding.rule.name == "yaml-syntax"
     assert finding.place.span.line == SPEC[: SPEC.index(old)].count("\n") + 1
-    assert marked(SPEC.replace(old, new), finding.place) == offender
+    assert marked(SPEC.replace(old, new), finding.place) == marked_text
     assert elements(spec) == elements(spec_of(SPEC))
 
 
 @pytest.mark.parametrize("mistake", MISTAKES.values(), ids=MISTAKES)
 def test_the_fix_inserts_the_missing_letter_and_is_only_suggested(mistake: Mistake) -> None:
     old, new, _, missing = mistake
-    broken = SPEC.replace(old, new)
-    (finding,) = findings_of(broken)
+    damaged_text = SPEC.replace(old, new)
+    (finding,) = findings_of(damaged_text)
     assert finding.fix is not None
     (edit,) = finding.fix.edits
-    lines = broken.split("\n")
+    lines = damaged_text.split("\n")
     line = lines[edit.span.line - 1]
     lines[edit.span.line - 1] = line[: edit.span.column - 1] + edit.text + line[edit.span.column - 1 :]
 

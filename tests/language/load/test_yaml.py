@@ -107,20 +107,22 @@ def test_dumped_data_is_read_again_with_every_scalar_at_its_place(
     if style is None and findings.all() == () and "e+" not in text:
         assert root.data == {"data": data}
     for scalar in scalars(root, lambda _: True):
-        assert_is_at_its_place(scalar, source)
+        assert_place_of_scalar(scalar, source)
 
 
-def assert_is_at_its_place(scalar: ScalarNode, source: Source) -> None:
+def assert_place_of_scalar(scalar: ScalarNode, source: Source) -> None:
     import yaml
 
-    written = source.text[scalar.start : scalar.end]
-    assert marked(source.text, source.span(scalar.start, scalar.end)) == written
+    written_text = source.text[scalar.start : scalar.end]
+    assert marked(source.text, source.span(scalar.start, scalar.end)) == written_text
     if scalar.style is Style.PLAIN:
-        assert written.split() == scalar.text.split()
+        assert written_text.split() == scalar.text.split()
     elif scalar.style in (Style.SINGLE_QUOTED, Style.DOUBLE_QUOTED):
-        assert [event.value for event in yaml.parse(written) if isinstance(event, yaml.ScalarEvent)] == [scalar.text]
+        assert [event.value for event in yaml.parse(written_text) if isinstance(event, yaml.ScalarEvent)] == [
+            scalar.text
+        ]
     else:
-        assert written.startswith(scalar.style.value)
+        assert written_text.startswith(scalar.style.value)
 
 
 def test_positions_count_code_points_and_any_line_break() -> None:
@@ -215,6 +217,8 @@ def test_without_libyaml_the_findings_and_places_are_the_same() -> None:
         f"{case} {finding.place.span} {finding.code}" for case in cases for finding in load_spec(case, case.parent)[1]
     ]
     command = [sys.executable, "-c", WITHOUT_LIBYAML, *map(str, cases)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[3])
+    completed_process = subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[3]
+    )
 
-    assert done.stdout.splitlines() == expected
+    assert completed_process.stdout.splitlines() == expected

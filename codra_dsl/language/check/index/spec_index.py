@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl.language import graph
-from codra_dsl.language.behavior_trees.named import Read
+from codra_dsl.language.behavior_trees.named import ReadResult
 from codra_dsl.language.check.conditions.conditions import (
     OF_LOOPS,
     OVER_KNOWLEDGE,
@@ -112,7 +112,7 @@ class SpecIndex:
     """
 
     spec: Spec
-    forests: Mapping[str, Read] = field(default_factory=dict, compare=False)
+    forests: Mapping[str, ReadResult] = field(default_factory=dict, compare=False)
     corrections: Corrections = field(default_factory=Corrections, compare=False)
     _names: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
     _near: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Forest, TreeNode
 from codra_dsl.language.behavior_trees.catalogue import BUILT_IN
-from codra_dsl.language.behavior_trees.named import UNREAD
+from codra_dsl.language.behavior_trees.named import UNREAD_RESULT
 from codra_dsl.language.behavior_trees.ports import EntryKey, parse_port_value
 from codra_dsl.language.behavior_trees.scripts import parse_condition
 from codra_dsl.language.check.index.rules import finding
@@ -102,7 +102,7 @@ def leaves(forest: Forest) -> Mapping[str, TreeNode]:
 def tree_files(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
     """Yield the findings about the files of trees."""
     for tree in scope.spec.trees:
-        yield from scope.forests.get(tree.name, UNREAD)[1]
+        yield from scope.forests.get(tree.name, UNREAD_RESULT)[1]
 
 
 def unmatched_branches(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
@@ -124,7 +124,7 @@ def unmatched_branches(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
 
 
 def _sound_forest(scope: SpecIndex, faults: Silenced, tree: TreeElement) -> CheckedForest | None:
-    forest, findings = scope.forests.get(tree.name, UNREAD)
+    forest, findings = scope.forests.get(tree.name, UNREAD_RESULT)
     return None if has_errors(findings) or not faults.sound("trees", tree.name) else forest
 
 

@@ -13,7 +13,7 @@ from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.solver.values import links
 from codra_dsl.language.diagnostics import Fix
 from codra_dsl.language.expression import Name, walk
-from codra_dsl.language.load.yaml.fixes import truth_value_of
+from codra_dsl.language.load.yaml.fixes import corrected_truth_value
 from codra_dsl.language.model import Condition, Kind
 
 
@@ -42,7 +42,7 @@ class Literal:
 def intended_literal(scope: SpecIndex, site: Site, name: str) -> Literal | None:
     """Return the help for a name that was intended as a literal: a member without quotes, or `yes`."""
     is_alone = isinstance(site.condition.tree, Name)
-    truth_value = truth_value_of(name)
+    truth_value = corrected_truth_value(name)
     if truth_value is not None:
         if not is_alone:
             return Literal(f"write '{truth_value}'", truth_value)

@@ -169,12 +169,12 @@ def _read_uses(reader: Reader) -> Iterable[Usage]:
 
 
 def _read_returns(reader: Reader) -> Iterable[Returned]:
-    taken: dict[str, str] = {}
+    first_names: dict[str, str] = {}
     for key, node in entries(reader.node.value("returns")):
         if not check_name(key, "a returned value", reader.subject, reader.findings, "returns"):
             reader.damage("returns")
             continue
-        first = taken.setdefault(key.text.casefold(), key.text)
+        first = first_names.setdefault(key.text.casefold(), key.text)
         if first != key.text:
             message = f"the returned values {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "returns", key.text)
@@ -226,13 +226,13 @@ def _read_confirm(reader: Reader, node: YamlNode | None, *steps: str) -> tuple[i
     if not isinstance(node, ScalarNode) or node.reported:
         return None
     match = _CONFIRM.fullmatch(node.text)
-    wanted, of = (int(match[1]), int(match[2])) if match else (0, 0)
-    if not 1 <= wanted <= of <= MAX_CONFIRMED:
+    required_count, result_count = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 1 <= required_count <= result_count <= MAX_CONFIRMED:
         message = f"{shown(node.text)} is not a valid 'confirm'"
         help_text = f"write for example 2 of 3; at most {MAX_CONFIRMED} results are allowed"
         reader.fail("confirm", message, node, help_text, *steps)
         return None
-    return wanted, of
+    return required_count, result_count
 
 
 def _read_monitor(reader: Reader) -> Iterable[Expectation]:

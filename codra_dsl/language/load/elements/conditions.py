@@ -10,8 +10,8 @@ from codra_dsl.language.expression import Node, SyntaxProblem, names_in, parse, 
 from codra_dsl.language.load.yaml.fixes import trap_fix
 from codra_dsl.language.load.yaml.nodes import Letters, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader, Suspect
-from codra_dsl.language.load.yaml.source_offsets import cut, letters_of
-from codra_dsl.language.load.yaml.traps import Openings, cut_off_by_comment, torn_at_comma
+from codra_dsl.language.load.yaml.source_offsets import cut, letters_of_scalar
+from codra_dsl.language.load.yaml.traps import Openings, cut_off_by_comment_trap, torn_at_comma_trap
 from codra_dsl.language.model import Condition
 from codra_dsl.language.model import Letters as PlacedLetters
 
@@ -21,8 +21,8 @@ MAX_PIECES = 50
 MAX_CACHED_LENGTH = 200
 """The maximum length, in code points, of a condition whose tree is cached."""
 
-_MAY_OPEN = re.compile(r"[(\"']")
-_JOINING = re.compile(r"^(?:and|or)\s")
+_OPENING_MARK = re.compile(r"[(\"']")
+_LEADING_OPERATOR = re.compile(r"^(?:and|or)\s")
 _COMMENT = re.compile(r"[ \t]+#([^\r\n]*)")
 
 
@@ -43,13 +43,13 @@ def untorn_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
     for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):
         if index < skip_until or not isinstance(node, SequenceNode):
             continue
-        torn_until = _torn_until(node, index)
-        if torn_until is None:
+        torn_end = _torn_end(node, index)
+        if torn_end is None:
             yield index, item
             continue
-        skip_until = torn_until
-        end = node.items[torn_until - 1].end
-        trap = torn_at_comma(reader.origin.source.text[item.start : end])
+        skip_until = torn_end
+        end = node.items[torn_end - 1].end
+        trap = torn_at_comma_trap(reader.origin.source.text[item.start : end])
         place = reader.origin.place(item.start, end)
         reader.fail(trap.rule, trap.message, place, trap.help, key, str(index), fix=trap_fix(trap, place))
 
@@ -58,7 +58,7 @@ def read_condition(reader: Reader, node: YamlNode, *steps: str, grammar: Grammar
     """Return one condition; on a syntax error, report it and set the tree to None."""
     condition = build_condition(reader, node, *condition_text(reader, node), steps, grammar=_CACHED_GRAMMARS[grammar])
     if condition.tree is not None:
-        _record_suspect(reader, node, condition, steps)
+        _record_suspect_comment(reader, node, condition, steps)
     elif not node.reported:
         report_syntax(reader, node, condition, steps, grammar=grammar)
     return condition
@@ -68,7 +68,7 @@ def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
     """Return the text of a scalar on one line without surrounding blanks, and the positions of its letters."""
     if not isinstance(node, ScalarNode):
         return "", ()
-    letters = letters_of(node, reader.origin.source.text)
+    letters = letters_of_scalar(node, reader.origin.source.text)
     text = node.text
     if node.style is Style.PLAIN and node.filled_text is None:
         return text, letters
@@ -94,8 +94,8 @@ def build_condition(
     tree = None if node.reported else (grammar or _tree)(text)
     if not isinstance(tree, Node):
         reader.damage(*steps)
-    placed = PlacedLetters(reader.place_of, letters) if letters else None
-    return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed)
+    placed_letters = PlacedLetters(reader.place_of, letters) if letters else None
+    return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed_letters)
 
 
 def _tree(text: str) -> Node | SyntaxProblem:
@@ -114,22 +114,22 @@ def _tree_over_context(text: str) -> Node | SyntaxProblem:
 _CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context: _tree_over_context}
 
 
-def _torn_until(sequence: SequenceNode, index: int) -> int | None:
+def _torn_end(sequence: SequenceNode, index: int) -> int | None:
     """Return the index after the pieces into which commas split an item, or None if the item is complete."""
     first = sequence.items[index]
     if not sequence.flow or not isinstance(first, ScalarNode) or first.style is not Style.PLAIN:
         return None
-    if not _MAY_OPEN.search(first.text):
+    if not _OPENING_MARK.search(first.text):
         return None
     openings = Openings(first.text)
-    if not openings.are_left:
+    if not openings.is_any_open:
         return None
-    for after, piece in enumerate(sequence.items[index + 1 : index + MAX_PIECES], start=index + 2):
+    for end_index, piece in enumerate(sequence.items[index + 1 : index + MAX_PIECES], start=index + 2):
         if not isinstance(piece, ScalarNode):
             return None
         openings.read(f", {piece.text}")
-        if not openings.are_left:
-            return after
+        if not openings.is_any_open:
+            return end_index
     return None
 
 
@@ -140,7 +140,7 @@ def report_syntax(
     problem, path = grammar(condition.text), reader.part(*steps)
     comment = _comment_after(reader, node)
     if comment is not None:
-        trap = cut_off_by_comment(f"{condition.text} #{comment.rstrip()}")
+        trap = cut_off_by_comment_trap(f"{condition.text} #{comment.rstrip()}")
         place_with_comment = reader.origin.place(node.start, reader.origin.source.line_end(node.end))
         fix = trap_fix(trap, place_with_comment)
         reader.findings.add(trap.rule, trap.message, condition.place, help=trap.help, path=path, fix=fix)
@@ -149,13 +149,13 @@ def report_syntax(
         reader.findings.add("condition-syntax", problem.message, place, help=problem.help, path=path)
 
 
-def _record_suspect(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
+def _record_suspect_comment(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
     comment = _comment_after(reader, node)
-    tree = parse(_JOINING.sub("", comment.strip())) if comment is not None else None
+    tree = parse(_LEADING_OPERATOR.sub("", comment.strip())) if comment is not None else None
     names = frozenset(name.name for name in names_in(tree)) if isinstance(tree, Node) else frozenset()
     if comment is not None and names:
-        written = f"{condition.text} #{comment.rstrip()}"
-        reader.suspects.append(Suspect(condition.place, written, names, reader.part(*steps)))
+        text_with_comment = f"{condition.text} #{comment.rstrip()}"
+        reader.suspects.append(Suspect(condition.place, text_with_comment, names, reader.part(*steps)))
 
 
 def _comment_after(reader: Reader, node: YamlNode) -> str | None:

@@ -59,14 +59,14 @@ class Elements:
     """The elements of one spec.
 
     Attributes:
-        built: the elements, as far as they could be read, by section and name, in the order of files and uses.
+        elements_by_section: the elements that could be read, by section and name, in the order of files and uses.
         damaged: for each section, the names of elements that could not be read completely, whether built or not.
         damaged_keys: for each built element (section, name) that is damaged, the keys that could not be read.
         origins: the module of each element (section, name).
     """
 
     def __init__(self, findings: Findings) -> None:
-        self.built: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
+        self.elements_by_section: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
         self.damaged: dict[str, set[str]] = {section: set() for section in SECTIONS}
         self.damaged_keys: dict[tuple[str, str], frozenset[str]] = {}
         self.origins: dict[tuple[str, str], str] = {}
@@ -89,7 +89,7 @@ class Elements:
             is_new = self._is_new(subject)
             damaged = wrong.get(key.written, frozenset())
             if not all_have_shape and key.written not in wrong:
-                damaged = self._explain(subject, node)
+                damaged = self._report_shape_mistakes(subject, node)
             if isinstance(node, MappingNode) and node.unread:
                 damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
             element = None
@@ -109,12 +109,12 @@ class Elements:
         If an element with the same name has been built, all keys of the built element count as unreadable.
         """
         self.damaged[section].add(name)
-        if name in self.built[section]:
+        if name in self.elements_by_section[section]:
             self.damaged_keys[section, name] = keys_of(DEFINITIONS[section])
 
     def _keep(self, reader: Reader, element: object) -> None:
         section, name = reader.subject.section, reader.subject.name
-        self.built[section][name] = element
+        self.elements_by_section[section][name] = element
         self.origins[section, name] = reader.origin.module
         if reader.damaged:
             self.damaged[section].add(name)
@@ -126,7 +126,7 @@ class Elements:
 
     def report_comments(self) -> None:
         """Report each comment after a condition that may be part of it, because all names in the comment are known."""
-        context = self.built["context"].keys()
+        context = self.elements_by_section["context"].keys()
         for suspect, returned in self._suspects:
             if all(name in context or name in returned for name in suspect.names):
                 message = f"the text after ' #' in {shown(suspect.written)} is a comment, but it reads like a condition"
@@ -143,21 +143,21 @@ class Elements:
         first = self._taken[subject.section].setdefault(subject.name.casefold(), subject)
         if first is subject:
             return True
-        report_taken(subject, first, self._findings)
+        report_duplicate_name(subject, first, self._findings)
         return False
 
-    def _explain(self, subject: Subject, node: YamlNode) -> frozenset[str]:
+    def _report_shape_mistakes(self, subject: Subject, node: YamlNode) -> frozenset[str]:
         """Report mistakes in the shape of an element; return the keys that cannot be read because of them."""
         definition = DEFINITIONS[subject.section]
         return frozenset() if has_shape(definition, node.data) else explain(definition, node, subject, self._findings)
 
 
-def report_taken(subject: Subject, first: Subject, findings: Findings) -> None:
+def report_duplicate_name(subject: Subject, first: Subject, findings: Findings) -> None:
     """Report a name that another element of the same kind already has."""
-    place, other = subject.origin.of(subject.key), first.origin.of(first.key)
+    place, first_place = subject.origin.of(subject.key), first.origin.of(first.key)
     noun = NOUNS[subject.section]
-    related = [Related("first declared here", other)]
-    if place.span == other.span:
+    related = [Related("first declared here", first_place)]
+    if place.span == first_place.span:
         message = f"two uses create the {noun} {shown(subject.name)}"
         help_text = "put $(instance) into its name, or declare it outside the template"
     elif subject.name == first.name:

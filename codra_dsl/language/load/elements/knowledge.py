@@ -147,14 +147,14 @@ def _read_writers(reader: Reader) -> tuple[Writer, ...]:
 
 
 def _read_attributes(reader: Reader) -> Iterator[Attribute]:
-    taken: dict[str, str] = {}
+    first_names: dict[str, str] = {}
     for key, node in entries(reader.node.value("attributes")):
         if not check_name(key, "an attribute", reader.subject, reader.findings, "attributes") or not isinstance(
             node, MappingNode
         ):
             reader.damage("attributes")
             continue
-        first = taken.setdefault(key.text.casefold(), key.text)
+        first = first_names.setdefault(key.text.casefold(), key.text)
         if first != key.text:
             message = f"the attributes {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "attributes", key.text)
@@ -239,20 +239,20 @@ def _read_quantity(reader: Reader, key: str, unit: Unit, noun: str, default: flo
 
 
 def _read_rules(reader: Reader) -> Iterator[AgentRule]:
-    taken: dict[str, str] = {}
+    first_names: dict[str, str] = {}
     for key, node in entries(reader.node.value("rules")):
         if not check_name(key, "a rule", reader.subject, reader.findings, "rules") or not isinstance(node, MappingNode):
             reader.damage("rules")
             continue
-        first = taken.setdefault(key.text.casefold(), key.text)
+        first = first_names.setdefault(key.text.casefold(), key.text)
         if first != key.text:
             message = f"the rules {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "rules", key.text)
-        inner = reader.inner(node, "rules", key.text)
-        before, during, after = (read_patterns(inner, moment) for moment in ("before", "during", "after"))
-        nodes = [node.value(moment) for moment in ("before", "during", "after")]
+        rule_reader = reader.inner(node, "rules", key.text)
+        before, during, after = (read_patterns(rule_reader, moment) for moment in ("before", "during", "after"))
+        pattern_nodes = [node.value(moment) for moment in ("before", "during", "after")]
         is_readable = not node.unread and not any(
-            isinstance(patterns_node, SequenceNode) and patterns_node.reported for patterns_node in nodes
+            isinstance(patterns_node, SequenceNode) and patterns_node.reported for patterns_node in pattern_nodes
         )
         is_readable = is_readable and all(pattern.tree is not None for pattern in (*before, *during, *after))
         place = reader.origin.of(key)

@@ -163,31 +163,31 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
     word, *texts = node.text.split() or [""]
     shape = SHAPES.get(word)
     if shape is None:
-        near = suggest(word, SHAPES)
-        help_text = f"did you mean '{near}'?" if near else f"shapes are {', '.join(SHAPES)}"
+        suggestion = suggest(word, SHAPES)
+        help_text = f"did you mean '{suggestion}'?" if suggestion else f"shapes are {', '.join(SHAPES)}"
         _report(reader, name, node, f"{shown(word)} is not a shape of a term", help_text)
         return None
     numbers = [_parse_number(text) for text in texts]
     if None in numbers:
-        _report(reader, name, node, f"{shown(node.text)} is not a shape with its numbers", _form_help(word, shape))
+        _report(reader, name, node, f"{shown(node.text)} is not a shape with its numbers", _shape_help(word, shape))
         return None
     values = tuple(number for number in numbers if number is not None)
-    wanted = len(shape.value.names)
+    parameter_count = len(shape.value.names)
     if shape is Shape.Discrete:
         is_valid = len(values) >= 4 and len(values) % 2 == 0
         height = 1.0
     else:
-        has_height = shape.value.has_height and len(values) == wanted + 1
-        is_valid, height = len(values) == wanted or has_height, values[-1] if has_height else 1.0
-        values = values[:wanted]
+        has_height = shape.value.has_height and len(values) == parameter_count + 1
+        is_valid, height = len(values) == parameter_count or has_height, values[-1] if has_height else 1.0
+        values = values[:parameter_count]
     if not is_valid or not all(map(math.isfinite, (*values, height))):
         _report(
-            reader, name, node, f"{shown(node.text)} does not have the numbers of its shape", _form_help(word, shape)
+            reader, name, node, f"{shown(node.text)} does not have the numbers of its shape", _shape_help(word, shape)
         )
         return None
     fault, hint = _fault(shape, values)
     if fault:
-        _report(reader, name, node, f"{shown(node.text)} {fault}", f"{_form_help(word, shape)}{hint}")
+        _report(reader, name, node, f"{shown(node.text)} {fault}", f"{_shape_help(word, shape)}{hint}")
         return None
     return Term(name=name, shape=shape, parameters=values, height=height)
 
@@ -216,7 +216,7 @@ def _report(reader: Reader, name: str, node: ScalarNode, message: str, help_text
     reader.fail("fuzzy-term", message, node, help_text, "terms", name)
 
 
-def _form_help(word: str, shape: Shape) -> str:
+def _shape_help(word: str, shape: Shape) -> str:
     names = " ".join(name.upper() for name in shape.value.names) or "X1 Y1 X2 Y2 ..."
     return f"write '{word} {names}' with numbers"
 
@@ -272,13 +272,13 @@ def _read_hard_rules(reader: Reader) -> Iterator[HardRule]:
         if item.reported or not isinstance(item, MappingNode):
             reader.damage("always")
             continue
-        inner = reader.inner(item, "always", str(index))
+        rule_reader = reader.inner(item, "always", str(index))
         condition_node = item.value("if")
-        if condition_node is None or inner.scalar("then") is None:
+        if condition_node is None or rule_reader.scalar("then") is None:
             reader.damage("always")
             continue
-        condition = read_condition(inner, condition_node, "if", grammar=parse_over_context)
-        yield HardRule(condition=condition, action=_read_reference(inner, "then"))
+        condition = read_condition(rule_reader, condition_node, "if", grammar=parse_over_context)
+        yield HardRule(condition=condition, action=_read_reference(rule_reader, "then"))
 
 
 def _read_parameter(reader: Reader) -> Parameter:

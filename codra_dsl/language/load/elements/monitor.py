@@ -52,13 +52,13 @@ class _Entry:
             return None
         expected = Expected(words["verb"])
         start, end = words.span("rest") if words["rest"] else (len(self._text), len(self._text))
-        within = _WITHIN.search(self._text, start)
+        time_limit = _WITHIN.search(self._text, start)
         if expected is Expected.STAYS:
-            within = within or _OTHER_TIME.search(self._text, start)
-        within_s = self._within(expected, within)
-        if within is None and expected is Expected.BECOMES:
+            time_limit = time_limit or _OTHER_TIME.search(self._text, start)
+        within_s = self._within(expected, time_limit)
+        if time_limit is None and expected is Expected.BECOMES:
             return None
-        condition = self._condition(variable, start, end if within is None else within.start())
+        condition = self._condition(variable, start, end if time_limit is None else time_limit.start())
         if condition is None or (within_s is None and expected is Expected.BECOMES):
             return None
         return Expectation(variable=variable, expected=expected, condition=condition, within_s=within_s, place=place)
@@ -71,39 +71,41 @@ class _Entry:
 
     def _report_unknown_verb(self, words: re.Match[str]) -> None:
         verb = words["verb"]
-        near = _OTHER_VERBS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
+        suggestion = _OTHER_VERBS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
         if _COMPARED.match(verb):
-            near = f"stays {verb}"
+            suggestion = f"stays {verb}"
         help_text = (
-            f"did you mean '{near}'?" if near else "write NAME, NAME becomes VALUE within D, or NAME stays VALUE"
+            f"did you mean '{suggestion}'?"
+            if suggestion
+            else "write NAME, NAME becomes VALUE within D, or NAME stays VALUE"
         )
         self._fail(f"{shown(verb)} is not an expectation", help_text, *words.span("verb"))
 
-    def _within(self, expected: Expected, within: re.Match[str] | None) -> float | None:
+    def _within(self, expected: Expected, time_limit: re.Match[str] | None) -> float | None:
         """Return the time limit for a variable to become a value; report a missing or misplaced limit."""
         if expected is Expected.STAYS:
-            if within is not None:
-                self._report_limit(within)
+            if time_limit is not None:
+                self._report_unexpected_limit(time_limit)
             return None
-        if within is None:
+        if time_limit is None:
             self._report_missing_limit()
             return None
-        text = within["duration"] or ""
+        text = time_limit["duration"] or ""
         duration = parse_duration(text)
         if duration is None or not 0 < duration < math.inf:
             help_text = duration_help(text) if duration is None else "give a time above 0 s"
             message = f"'within' takes a duration, not {shown(text)}" if text else "'within' takes a duration"
-            self._fail(message, help_text, *_trimmed_span(within), rule="duration")
+            self._fail(message, help_text, *_trimmed_span(time_limit), rule="duration")
             return None
         return duration
 
-    def _report_limit(self, within: re.Match[str]) -> None:
+    def _report_unexpected_limit(self, time_limit: re.Match[str]) -> None:
         """Report a time limit after `stays`."""
-        word = shown(within["word"] if within.re is _OTHER_TIME else "within")
+        word = shown(time_limit["word"] if time_limit.re is _OTHER_TIME else "within")
         self._fail(
             f"'stays' does not take {word}",
             "remove the time limit: 'stays' applies as long as the skill acts",
-            *_trimmed_span(within),
+            *_trimmed_span(time_limit),
         )
 
     def _report_missing_limit(self) -> None:

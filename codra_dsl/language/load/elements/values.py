@@ -14,14 +14,14 @@ from codra_dsl.language.units import Unit, convert, parse_quantity, parse_unit, 
 _KINDS = {kind.value: kind for kind in Kind}
 _TYPE_KEYS = ("type", "unit", "range", "values")
 _RANGE_HELP = "write numbers in the unit under 'unit', or numbers with a unit of the same kind"
-_LIKE_QUANTITY = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%°]*)")
+_QUANTITY_PATTERN = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%°]*)")
 
 
 def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType:
     """Return the type of a mapping with `type`, `unit`, `range` and `values`, as far as it can be read."""
     type_entries = {key: entry for key, entry in node.entries.items() if key in _TYPE_KEYS}
-    written = node.value("type")
-    kind = _KINDS.get(written.text) if isinstance(written, ScalarNode) else None
+    type_node = node.value("type")
+    kind = _KINDS.get(type_node.text) if isinstance(type_node, ScalarNode) else None
     unit = _read_unit(reader, type_entries["unit"], *steps) if "unit" in type_entries else None
     value_range = _read_range(reader, type_entries["range"], unit, *steps) if "range" in type_entries else None
     if kind is None:
@@ -57,11 +57,11 @@ def _read_quantity(reader: Reader, node: ScalarNode, *steps: str) -> Literal:
     quantity = parse_quantity(node.text)
     if quantity is not None:
         return quantity.si
-    like_quantity = _LIKE_QUANTITY.fullmatch(node.text)
-    if like_quantity is not None and parse_unit(like_quantity[1]) is None:
-        near = units_help(like_quantity[1])
-        help_text = f"{near}{' ' if near.endswith('?') else '. '}Quote it if it is text"
-        reader.fail("unit", f"unknown unit {shown(like_quantity[1])} in {shown(node.text)}", node, help_text, *steps)
+    quantity_match = _QUANTITY_PATTERN.fullmatch(node.text)
+    if quantity_match is not None and parse_unit(quantity_match[1]) is None:
+        unit_help = units_help(quantity_match[1])
+        help_text = f"{unit_help}{' ' if unit_help.endswith('?') else '. '}Quote it if it is text"
+        reader.fail("unit", f"unknown unit {shown(quantity_match[1])} in {shown(node.text)}", node, help_text, *steps)
     return node.text
 
 
@@ -90,12 +90,12 @@ def _read_range(
         return None
     if len(ends) == 2 and ends[0] <= ends[1]:
         return ends[0], ends[1]
-    place, written = reader.origin.of_value(*entry), reader.origin.written(entry[1])
+    place, range_text = reader.origin.of_value(*entry), reader.origin.written(entry[1])
     if len(ends) < 2:
         wanted = "two numbers, since the value has no unit" if unit is None else f"two numbers in {unit[0]}"
-        reader.fail("range", f"the range {shown(written)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
+        reader.fail("range", f"the range {shown(range_text)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
         return None
-    message = f"the range {shown(written)} ends before it begins"
+    message = f"the range {shown(range_text)} ends before it begins"
     reader.fail("range", message, place, "write the smaller number first", *steps, "range")
     return ends[0], ends[1]
 

@@ -55,8 +55,8 @@ class Document:
     @property
     def may_be_named(self) -> bool:
         """Whether the document may be a spec whose name is under an unknown key or in an unreadable form."""
-        strange = any(key not in schema()["properties"] for key in self.root.entries)
-        return self.root.unread or strange or "name" in self.root.entries
+        has_unknown_keys = any(key not in schema()["properties"] for key in self.root.entries)
+        return self.root.unread or has_unknown_keys or "name" in self.root.entries
 
     @property
     def includes(self) -> tuple[ScalarNode, ...]:
@@ -115,12 +115,12 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
     """Report if `codra: 1` is missing, not first, or another version; return whether the rest can be read."""
     entry = root.entries.get("codra")
     if entry is None:
-        known = schema()["properties"]
-        strange = [key for key in root.entries if key not in known]
-        near = findings.nearest("codra", strange)
-        misspelt_key = near or next((key for key in strange if _is_version(root.entries[key][1])), None)
+        known_keys = schema()["properties"]
+        unknown_keys = [key for key in root.entries if key not in known_keys]
+        suggestion = findings.nearest("codra", unknown_keys)
+        misspelt_key = suggestion or next((key for key in unknown_keys if _is_version(root.entries[key][1])), None)
         if misspelt_key is not None:
-            return near is not None or _rename_to_codra(root, misspelt_key, source, findings)
+            return suggestion is not None or _rename_to_codra(root, misspelt_key, source, findings)
         if not root.unread:
             message = "the file does not begin with 'codra: 1'"
             help_text = "write 'codra: 1' in its first line"
@@ -129,11 +129,14 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
         return root.unread or any(key in KEYS or key in ("templates", "use") for key in root.entries)
     key, value = entry
     if not _is_version(value):
-        written = shown(value.text) if isinstance(value, ScalarNode) else "this"
+        written_version = shown(value.text) if isinstance(value, ScalarNode) else "this"
         place = Origin(source).of_value(key, value)
         if not value.reported:
             findings.add(
-                "language-version", f"{written} is not a version of the language", place, help="write 'codra: 1'"
+                "language-version",
+                f"{written_version} is not a version of the language",
+                place,
+                help="write 'codra: 1'",
             )
         return False
     if next(iter(root.entries)) != "codra":
@@ -147,45 +150,51 @@ def _is_version(value: YamlNode) -> bool:
     return value.data == VERSION and not isinstance(value.data, bool)
 
 
-def _rename_to_codra(root: MappingNode, strange: str, source: Source, findings: Findings) -> bool:
+def _rename_to_codra(root: MappingNode, misspelt_key: str, source: Source, findings: Findings) -> bool:
     """Report a key that is written instead of `codra`, and rename it to `codra`."""
-    key = root.entries[strange][0]
-    message, place = f"unknown key {shown(strange)} in this file", source.place(key.start, key.end)
+    key = root.entries[misspelt_key][0]
+    message, place = f"unknown key {shown(misspelt_key)} in this file", source.place(key.start, key.end)
     findings.add(
-        "unknown-key", message, place, help="did you mean 'codra'?", fix=replacing(place, strange, "codra", safe=False)
+        "unknown-key",
+        message,
+        place,
+        help="did you mean 'codra'?",
+        fix=replacing(place, misspelt_key, "codra", safe=False),
     )
     entries = list(root.entries.items())
     root.entries.clear()
     for name, (node, value) in entries:
-        root.entries["codra" if name == strange else name] = (node, value)
-    root.data["codra"] = root.data.pop(strange)
+        root.entries["codra" if name == misspelt_key else name] = (node, value)
+    root.data["codra"] = root.data.pop(misspelt_key)
     return True
 
 
 def _lost_sections(root: MappingNode) -> frozenset[str]:
     """Return the sections whose elements are unknown because keys or values are wrong."""
-    known = schema()["properties"]
-    lost: set[str] = set(SECTIONS) if root.unread else set()
+    known_keys = schema()["properties"]
+    lost_sections: set[str] = set(SECTIONS) if root.unread else set()
     for key, (_, value) in root.entries.items():
-        readable = value.data is None or isinstance(value, SequenceNode if key == "include" else MappingNode)
-        strange = key not in known and not isinstance(value, ScalarNode)
-        if strange or (key in ("templates", "use", "include") and (not readable or is_unread(value))):
-            lost.update(SECTIONS)
+        is_readable = value.data is None or isinstance(value, SequenceNode if key == "include" else MappingNode)
+        is_unknown = key not in known_keys and not isinstance(value, ScalarNode)
+        if is_unknown or (key in ("templates", "use", "include") and (not is_readable or is_unread(value))):
+            lost_sections.update(SECTIONS)
         elif key == "knowledge":
-            lost.update(_lost_sections_of_knowledge(value))
-        elif key in SECTIONS and (not readable or is_unread(value)):
-            lost.add(key)
-    return frozenset(lost)
+            lost_sections.update(_lost_sections_of_knowledge(value))
+        elif key in SECTIONS and (not is_readable or is_unread(value)):
+            lost_sections.add(key)
+    return frozenset(lost_sections)
 
 
 def _lost_sections_of_knowledge(knowledge: YamlNode) -> Iterator[str]:
     """Yield the sections under `knowledge` that could not be read."""
-    known = isinstance(knowledge, MappingNode) and not knowledge.unread and knowledge.entries.keys() <= {*KNOWLEDGE}
-    if knowledge.data is not None and not known:
+    has_known_keys = (
+        isinstance(knowledge, MappingNode) and not knowledge.unread and knowledge.entries.keys() <= {*KNOWLEDGE}
+    )
+    if knowledge.data is not None and not has_known_keys:
         yield from KNOWLEDGE
     for key, (_, value) in knowledge.entries.items() if isinstance(knowledge, MappingNode) else ():
-        readable = value.data is None or isinstance(value, MappingNode)
-        if key in KNOWLEDGE and (not readable or is_unread(value)):
+        is_readable = value.data is None or isinstance(value, MappingNode)
+        if key in KNOWLEDGE and (not is_readable or is_unread(value)):
             yield key
 
 

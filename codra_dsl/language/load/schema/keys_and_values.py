@@ -11,18 +11,18 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.yaml.findings import Findings
-from codra_dsl.language.load.yaml.fixes import suggest_word, trap_fix, truth_value_of, without_item
+from codra_dsl.language.load.yaml.fixes import corrected_truth_value, item_removal_fix, suggest_word, trap_fix
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject, damaged_key
 from codra_dsl.language.load.yaml.traps import (
     Openings,
     Trap,
-    read_as_list,
-    read_as_literal,
-    torn_at_comma,
-    torn_condition,
-    torn_expectation,
-    torn_number,
+    read_as_list_trap,
+    read_as_literal_trap,
+    torn_at_comma_trap,
+    torn_condition_trap,
+    torn_expectation_trap,
+    torn_number_trap,
 )
 from codra_dsl.language.units import duration_help
 
@@ -107,7 +107,7 @@ class _Explanation:
         self._subject = subject
         self._root = root
         self._findings = findings
-        self._done: set[tuple[str | int, ...]] = set()
+        self._reported_paths: set[tuple[str | int, ...]] = set()
         self._unmatched_keys: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
         self.damaged: set[str] = set()
 
@@ -142,11 +142,11 @@ class _Explanation:
     def _is_new(self, path: tuple[str | int, ...]) -> bool:
         """Return whether a value and its containers have no finding yet."""
         nodes = list(self._along(path))
-        known = any(node.reported for node in nodes) or any(
-            path[:length] in self._done for length in range(len(path) + 1)
+        is_reported = any(node.reported for node in nodes) or any(
+            path[:length] in self._reported_paths for length in range(len(path) + 1)
         )
-        self._done.add(path)
-        return not known
+        self._reported_paths.add(path)
+        return not is_reported
 
     def _along(self, path: Iterable[str | int]) -> Iterator[YamlNode]:
         node: YamlNode | None = self._root
@@ -177,7 +177,7 @@ class _Explanation:
                 return origin.place(node.start - 1, node.start)  # the dash
         return origin.of_value(self._subject.key, self._root)
 
-    def _holder_name(self, path: tuple[str | int, ...]) -> str:
+    def _mapping_name(self, path: tuple[str | int, ...]) -> str:
         """Return the name of a mapping for messages: the element itself, or a named part of it."""
         if not path:
             return str(self._subject)
@@ -188,76 +188,82 @@ class _Explanation:
     def _value_name(self, path: tuple[str | int, ...]) -> str:
         """Return the name of a value for messages."""
         if not path or (len(path) == 2 and path[0] in _PARTS):
-            return self._holder_name(path)
+            return self._mapping_name(path)
         if isinstance(path[-1], int):
             return f"item {path[-1] + 1} of {self._value_name(path[:-1])}"
-        return f"{shown(path[-1])} in {self._holder_name(path[:-1])}"
+        return f"{shown(path[-1])} in {self._mapping_name(path[:-1])}"
 
     def _report_unknown_keys(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
         known = error.schema["properties"]
-        torn = self._report_torn_keys(mapping)
-        torn |= self._report_lists(error.path, mapping, known.keys() | torn, known)
-        free = {other: None for other in known if other not in mapping.entries}
+        torn_keys = self._report_torn_keys(mapping)
+        torn_keys |= self._report_lists(error.path, mapping, known.keys() | torn_keys, known)
+        free_keys = {other: None for other in known if other not in mapping.entries}
         corrections: dict[str, str | None] = {}
         for key, (key_node, _) in mapping.entries.items():
-            if key in known or key in torn:
+            if key in known or key in torn_keys:
                 continue
-            near = corrections[key] = self._findings.nearest(key, free) or _long_form(key, free)
+            known_key = corrections[key] = self._findings.nearest(key, free_keys) or _long_form(key, free_keys)
             allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
-            fix = self._rename_fix(key_node, near, mapping.entries.keys() - known, free) if near else None
-            free.pop(near or "", None)
-            self._done.add((*error.path, near or key))
-            if near:
-                self._report_key(error.path, key_node, f"did you mean '{near}'?", fix)
+            fix = (
+                self._rename_fix(key_node, known_key, mapping.entries.keys() - known, free_keys) if known_key else None
+            )
+            free_keys.pop(known_key or "", None)
+            self._reported_paths.add((*error.path, known_key or key))
+            if known_key:
+                self._report_key(error.path, key_node, f"did you mean '{known_key}'?", fix)
             else:
                 self._unmatched_keys.setdefault(error.path, []).append((key_node, allowed))
-        if torn or None in corrections.values():
-            self.damaged.update([damaged_key(error.path)] if error.path else free)
+        if torn_keys or None in corrections.values():
+            self.damaged.update([damaged_key(error.path)] if error.path else free_keys)
         return corrections
 
     def _report_lists(
         self, path: tuple[str | int, ...], mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
     ) -> set[str]:
         """Report lists without brackets in a mapping in braces; return the keys that are items of them."""
-        items: set[str] = set()
-        for owner, more in _lists_without_brackets(mapping, explained_keys, known):
-            value = mapping.entries[owner][1]
-            first = value.text if isinstance(value, ScalarNode) else ""
-            self._report_key(path, mapping.entries[more[0]][0], f"write '{owner}: [{', '.join((first, *more))}]'")
+        all_item_keys: set[str] = set()
+        for list_key, item_keys in _lists_without_brackets(mapping, explained_keys, known):
+            value = mapping.entries[list_key][1]
+            first_item = value.text if isinstance(value, ScalarNode) else ""
+            self._report_key(
+                path, mapping.entries[item_keys[0]][0], f"write '{list_key}: [{', '.join((first_item, *item_keys))}]'"
+            )
             value.reported = True
-            self.damaged.add(damaged_key((*path, owner)))
-            items.update(more)
-        return items
+            self.damaged.add(damaged_key((*path, list_key)))
+            all_item_keys.update(item_keys)
+        return all_item_keys
 
     def _report_key(self, path: tuple[str | int, ...], key: ScalarNode, help_text: str, fix: Fix | None = None) -> None:
-        message = f"unknown key {shown(key.written)} in {self._holder_name(path)}"
+        message = f"unknown key {shown(key.written)} in {self._mapping_name(path)}"
         place, key_path = self._subject.origin.of(key), self._subject.part(*path, key.text)
         self._findings.add("unknown-key", message, place, help=help_text, path=key_path, fix=fix)
 
-    def _rename_fix(self, key: ScalarNode, near: str, strange: Iterable[str], free: Iterable[str]) -> Fix | None:
+    def _rename_fix(
+        self, key: ScalarNode, suggestion: str, other_keys: Iterable[str], free_keys: Iterable[str]
+    ) -> Fix | None:
         """Return the fix of a misspelt key. It is safe if the meaning is unique and no other key means the same."""
-        is_only_one = not any(is_slip(other, near) for other in strange if other != key.text)
-        safe = is_only_one and surely_means(key.text, near, free)
-        return replacing(self._subject.origin.of(key), key.written, near, safe=safe)
+        is_unique = not any(is_slip(other, suggestion) for other in other_keys if other != key.text)
+        is_safe = is_unique and surely_means(key.text, suggestion, free_keys)
+        return replacing(self._subject.origin.of(key), key.written, suggestion, safe=is_safe)
 
     def _report_missing_keys(self, error: Error) -> None:
         mapping = self._node(error.path)
         if not isinstance(mapping, MappingNode) or mapping.reported:
             return
         missing_keys = [key for key in error.limit if key not in mapping.entries]
-        strange = self._unmatched_keys.get(error.path, [])
+        unmatched_keys = self._unmatched_keys.get(error.path, [])
         for key in missing_keys:
             path = (*error.path, key)
             self.damaged.add(damaged_key(path))
-            if path in self._done or mapping.unread:
+            if path in self._reported_paths or mapping.unread:
                 continue
-            self._done.add(path)
-            if len(strange) == len(missing_keys) == 1:
-                self._report_key(error.path, strange.pop()[0], f"did you mean '{key}', which is missing?")
+            self._reported_paths.add(path)
+            if len(unmatched_keys) == len(missing_keys) == 1:
+                self._report_key(error.path, unmatched_keys.pop()[0], f"did you mean '{key}', which is missing?")
                 continue
             self._findings.add(
                 "missing-key",
-                f"{shown(key)} is missing in {self._holder_name(error.path)}",
+                f"{shown(key)} is missing in {self._mapping_name(error.path)}",
                 self._place_of_name(error.path),
                 help=f"add it, for example {_example_text(key, self._subschema(error, key))}",
                 path=self._subject.part(*path),
@@ -265,10 +271,10 @@ class _Explanation:
 
     def _subschema(self, error: Error, key: str) -> dict[str, Any]:
         """Return the schema of a missing key. An `if` that requires a key may be far from the key's description."""
-        here = error.schema.get("properties", {}).get(key)
+        property_schema = error.schema.get("properties", {}).get(key)
         if key == "type" and isinstance(error.data, dict) and "values" in error.data:
             return {"examples": ["enum"]}
-        return resolve(here or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
+        return resolve(property_schema or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
 
     def _place_of_name(self, path: tuple[str | int, ...]) -> Place:
         if not path:
@@ -293,14 +299,14 @@ class _Explanation:
         """Return the fix of a wrong value, if its meaning is clear."""
         node, holder = self._node(path), self._node(path[:-1])
         if rule == "repeated-value" and isinstance(holder, SequenceNode):
-            return without_item(holder, int(path[-1]), self._subject.origin)
+            return item_removal_fix(holder, int(path[-1]), self._subject.origin)
         if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
             return None
         if rule == "unknown-value":
             replacement, safe = self._intended_word(path, node.text, allowed_words(error.schema))
         else:
             is_truth = rule == "wrong-type" and error.schema.get("title") == "true or false"
-            replacement, safe = (truth_value_of(node.text) if is_truth else None), True
+            replacement, safe = (corrected_truth_value(node.text) if is_truth else None), True
         return (
             None if replacement is None else replacing(self._subject.origin.of(node), node.text, replacement, safe=safe)
         )
@@ -314,7 +320,7 @@ class _Explanation:
 
     def _describe_error(self, error: Error, node: YamlNode) -> tuple[str, str, str]:
         """Return rule, message and help for a wrong value."""
-        named = self._value_name(error.path)
+        value_name = self._value_name(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
         example = (
             f"for example {_example_text(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
@@ -325,25 +331,25 @@ class _Explanation:
             reason = error.schema["description"]
             return (
                 "misplaced-key",
-                f"{named} is not allowed here: {reason}",
+                f"{value_name} is not allowed here: {reason}",
                 "remove the key, or change the element so that it may have this key",
             )
         if error.keyword == "uniqueItems":
-            return "repeated-value", f"{_describe(node)} occurs twice in {named}", "remove one of them"
+            return "repeated-value", f"{_describe(node)} occurs twice in {value_name}", "remove one of them"
         if error.keyword in ("minItems", "maxItems", "minLength", "minProperties"):
-            message = f"{named} must be {title}, not {_describe(node)}" if error.data else f"{named} is empty"
+            message = f"{value_name} must be {title}, not {_describe(node)}" if error.data else f"{value_name} is empty"
             return "wrong-length", message, example
         allowed = allowed_words(error.schema)
         if allowed and isinstance(error.data, str):
-            near, _ = self._intended_word(error.path, error.data, allowed)
+            suggestion, _ = self._intended_word(error.path, error.data, allowed)
             choices = [word for word in allowed if word in title.split()] or allowed
-            help_text = f"did you mean '{near}'?" if near else f"allowed: {', '.join(choices)}"
-            return "unknown-value", f"{named} cannot be {shown(error.data)}", help_text
+            help_text = f"did you mean '{suggestion}'?" if suggestion else f"allowed: {', '.join(choices)}"
+            return "unknown-value", f"{value_name} cannot be {shown(error.data)}", help_text
         if isinstance(node, ScalarNode) and not node.text:
-            return "wrong-type", f"{named} has no value; it must be {title}", example
+            return "wrong-type", f"{value_name} has no value; it must be {title}", example
         return (
             "wrong-type",
-            f"{named} must be {title}, not {_describe(node)}",
+            f"{value_name} must be {title}, not {_describe(node)}",
             _other_form(error, node, title) or example,
         )
 
@@ -371,70 +377,70 @@ class _Explanation:
             if isinstance(holder, SequenceNode) and isinstance(index, int) and index > 0:
                 number = self._subject.origin.source.text[holder.items[index - 1].start : node.end]
                 if _TORN_NUMBER.search(number):
-                    return torn_number(number)
-            return read_as_literal(node.text, f"a {_kind(node.data)}", str(path[0]))
+                    return torn_number_trap(number)
+            return read_as_literal_trap(node.text, f"a {_kind(node.data)}", str(path[0]))
         if written.startswith(("{", "[")):
             return None
         if isinstance(node, SequenceNode):
-            return read_as_list(written)
-        return torn_condition(written) if wanted == "condition" else torn_expectation(written)
+            return read_as_list_trap(written)
+        return torn_condition_trap(written) if wanted == "condition" else torn_expectation_trap(written)
 
     def _report_torn_keys(self, mapping: MappingNode) -> set[str]:
         """Return the keys of a mapping in braces that a comma split off a condition; report each split once."""
-        torn: dict[str, ScalarNode] = {}
+        torn_keys: dict[str, ScalarNode] = {}
         first_piece: ScalarNode | None = None
         openings = Openings("")
         for key, (key_node, value) in mapping.entries.items() if mapping.flow else ():
             text = value.text if isinstance(value, ScalarNode) else ""
             if first_piece is None:
                 openings = Openings(text)
-                first_piece = value if openings.are_left and isinstance(value, ScalarNode) else None
+                first_piece = value if openings.is_any_open and isinstance(value, ScalarNode) else None
                 continue
-            torn[key] = key_node
+            torn_keys[key] = key_node
             openings.read(f", {key_node.text}")
-            if not openings.are_left:
-                self._report_tear(first_piece, max(key_node.end, value.end))
+            if not openings.is_any_open:
+                self._report_torn_condition(first_piece, max(key_node.end, value.end))
                 first_piece = None
         if first_piece is not None:
             return set()
-        for key_node in torn.values():
+        for key_node in torn_keys.values():
             key_node.reported = True
-        return set(torn)
+        return set(torn_keys)
 
-    def _report_tear(self, first: ScalarNode, end: int) -> None:
-        place = self._subject.origin.place(first.start, end)
-        trap = torn_at_comma(self._subject.origin.source.text[first.start : end])
-        if not first.reported:
+    def _report_torn_condition(self, first_piece: ScalarNode, end: int) -> None:
+        place = self._subject.origin.place(first_piece.start, end)
+        trap = torn_at_comma_trap(self._subject.origin.source.text[first_piece.start : end])
+        if not first_piece.reported:
             fix = trap_fix(trap, place)
             self._findings.add(trap.rule, trap.message, place, help=trap.help, path=self._subject.part(), fix=fix)
-        first.reported = True
+        first_piece.reported = True
 
 
 def _long_form(key: str, candidates: Iterable[str]) -> str | None:
     """Return the only candidate of which a key is a short form, such as `params` for `parameters`."""
-    matches = [other for other in candidates if len(key) > _SHORT and other.startswith(key.removesuffix("s"))]
-    return matches[0] if len(matches) == 1 else None
+    longer_names = [other for other in candidates if len(key) > _SHORT and other.startswith(key.removesuffix("s"))]
+    return longer_names[0] if len(longer_names) == 1 else None
 
 
 def _lists_without_brackets(
     mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield each key whose list lacks brackets, such as `source: a, b` in braces, and the keys that are its items."""
-    owner, more = "", list[str]()
+    list_key, item_keys = "", list[str]()
     for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
         if key and key not in explained_keys and isinstance(value, ScalarNode) and value.data is None:
-            more.append(key)
+            item_keys.append(key)
             continue
-        if more and "a list of" in resolve(known.get(owner, {})).get("title", ""):
-            yield owner, more
-        owner, more = key, []
+        if item_keys and "a list of" in resolve(known.get(list_key, {})).get("title", ""):
+            yield list_key, item_keys
+        list_key, item_keys = key, []
 
 
 def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
     """Return the help for a value of the wrong form, if its meaning is clear."""
     if title == "a condition" and isinstance(node, SequenceNode):
-        is_only_one = isinstance(error.path[-1], str)
-        return f"{'write one' if is_only_one else 'write each as an item of its own'}, or join them with 'and' or 'or'"
+        is_single = isinstance(error.path[-1], str)
+        return f"{'write one' if is_single else 'write each as an item of its own'}, or join them with 'and' or 'or'"
     if title == "a type" and isinstance(node, SequenceNode):
         return f"write 'type: enum' and 'values: {_literal(error.data)}'"
     if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
@@ -454,17 +460,17 @@ def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
 
 def _repeated_index(items: Sequence[object]) -> int:
     """Return the index of the first item that repeats an earlier one."""
-    seen: set[str] = set()
+    seen_texts: set[str] = set()
     for index, item in enumerate(items):
-        written = f"{type(item).__name__} {item}"
-        if written in seen:
+        item_text = f"{type(item).__name__} {item}"
+        if item_text in seen_texts:
             return index
-        seen.add(written)
+        seen_texts.add(item_text)
     return 0
 
 
-def _example_text(key: str | int, schema_here: dict[str, Any]) -> str:
-    example = _literal(schema_here["examples"][0]) if "examples" in schema_here else "..."
+def _example_text(key: str | int, subschema: dict[str, Any]) -> str:
+    example = _literal(subschema["examples"][0]) if "examples" in subschema else "..."
     return f"'{example}'" if isinstance(key, int) else f"'{key}: {example}'"
 
 

@@ -25,12 +25,14 @@ class Vocabulary:
 
         If both names have the same words, return whether the used name is shorter.
         """
-        left, right = _words(used), _words(declared)
-        if left == right:
+        used_words, declared_words = _words(used), _words(declared)
+        if used_words == declared_words:
             return len(used) < len(declared)
-        of_used = sum(self._counts[word] for word in left - right)
-        of_declared = sum(max(0, self._counts[word] - 1) for word in right - left)  # without the declaration itself
-        return of_used > of_declared
+        used_count = sum(self._counts[word] for word in used_words - declared_words)
+        declared_count = sum(
+            max(0, self._counts[word] - 1) for word in declared_words - used_words
+        )  # without the declaration itself
+        return used_count > declared_count
 
 
 NO_WORDS = Vocabulary(())
@@ -54,19 +56,21 @@ def misspelt_declarations(
         nearest: returns the candidate that a name most likely means.
     """
     misspelt_names: dict[str, str] = {}
-    left = set(unused)
-    known = set(declared)
+    remaining_names = set(unused)
+    declared_names = set(declared)
     for name, count in uses.items():
-        near = (nearest(name, left) or _find_shortened(name, left)) if left else None
-        if near is None or nearest(name, known) not in (near, None):
+        similar_name = (
+            (nearest(name, remaining_names) or _find_shortened_name(name, remaining_names)) if remaining_names else None
+        )
+        if similar_name is None or nearest(name, declared_names) not in (similar_name, None):
             continue
-        if count > 1 or vocabulary.knows_better(name, near):
-            misspelt_names[name] = near
-            left.discard(near)
+        if count > 1 or vocabulary.knows_better(name, similar_name):
+            misspelt_names[name] = similar_name
+            remaining_names.discard(similar_name)
     return misspelt_names
 
 
-def _find_shortened(name: str, candidates: Iterable[str]) -> str | None:
+def _find_shortened_name(name: str, candidates: Iterable[str]) -> str | None:
     """Return the only candidate that equals the name without its first or last words, or vice versa."""
     matches = [
         other

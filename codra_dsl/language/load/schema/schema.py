@@ -124,8 +124,8 @@ def allowed_words(schema_here: dict[str, Any]) -> list[str]:
     return []
 
 
-def resolve(part: dict[str, Any]) -> dict[str, Any]:
+def resolve(subschema: dict[str, Any]) -> dict[str, Any]:
     """Return a part of the schema with its reference resolved."""
-    reference = part.get("$ref", "")
-    referred: dict[str, Any] = schema()["$defs"].get(reference.rpartition("/")[2], {})
-    return referred | part
+    reference = subschema.get("$ref", "")
+    definition: dict[str, Any] = schema()["$defs"].get(reference.rpartition("/")[2], {})
+    return definition | subschema

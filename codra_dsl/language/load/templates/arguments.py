@@ -21,43 +21,49 @@ class Arguments:
     """The value of each parameter. Examples replace wrong or missing values, so that names can still be determined.
 
     Attributes:
-        right: whether no argument is wrong or missing.
+        is_valid: whether no argument is wrong or missing.
     """
 
     bound: Mapping[str, Bound]
-    right: bool
+    is_valid: bool
 
 
 def read_arguments(subject: Subject, node: YamlNode, template: Template, findings: Findings) -> Arguments:
     """Return the arguments of a use; report arguments that are missing, unknown or of the wrong type."""
-    given = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
-    right = has_shape("template_use", node.data)
+    given_entries = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
+    is_valid = has_shape("template_use", node.data)
     corrected_names: set[str] = set()
-    needed = [
-        name for name, parameter in template.parameters.items() if name not in template.unused and _is_needed(parameter)
+    required_names = [
+        name
+        for name, parameter in template.parameters.items()
+        if name not in template.unused_names and _is_needed(parameter)
     ]
-    missing = [name for name in needed if name not in given]
-    unknown = [name for name in given if name not in template.parameters or name == INSTANCE]
-    for name in unknown:
-        right = False
-        if name in template.undeclared:
+    missing_names = [name for name in required_names if name not in given_entries]
+    unknown_names = [name for name in given_entries if name not in template.parameters or name == INSTANCE]
+    for name in unknown_names:
+        is_valid = False
+        if name in template.undeclared_names:
             continue
         if not template.is_open or name == INSTANCE:
-            only = missing[0] if len(missing) == len(unknown) == 1 else None
-            corrected_names.add(_report_unknown(subject, given[name][0], template, given, findings, missing=only))
+            only_missing_name = missing_names[0] if len(missing_names) == len(unknown_names) == 1 else None
+            corrected_names.add(
+                _report_unknown(
+                    subject, given_entries[name][0], template, given_entries, findings, missing=only_missing_name
+                )
+            )
     bound = {INSTANCE: Bound(ParameterKind.IDENTIFIER, subject.name, subject.name)}
     for name, parameter in template.parameters.items():
         if name == INSTANCE:
             continue
-        if name in given:
-            key, value = given[name]
-            if isinstance(value, ScalarNode) and _is_valid(subject, key, value, parameter, findings):
+        if name in given_entries:
+            key, value = given_entries[name]
+            if isinstance(value, ScalarNode) and _check_argument(subject, key, value, parameter, findings):
                 bound[name] = bind(parameter, value)
                 continue
-        elif name in missing and name not in corrected_names and not is_unread(node):
+        elif name in missing_names and name not in corrected_names and not is_unread(node):
             _report_missing(subject, name, parameter, template, findings)
-        bound[name] = replace(example(parameter), known=True) if name in template.unused else example(parameter)
-    return Arguments(bound, right and all(argument.known for argument in bound.values()))
+        bound[name] = replace(example(parameter), known=True) if name in template.unused_names else example(parameter)
+    return Arguments(bound, is_valid and all(argument.known for argument in bound.values()))
 
 
 def _is_needed(parameter: Parameter) -> bool:
@@ -65,7 +71,9 @@ def _is_needed(parameter: Parameter) -> bool:
     return parameter.default is None and not parameter.key.reported and parameter.key.text != INSTANCE
 
 
-def _is_valid(subject: Subject, key: ScalarNode, value: ScalarNode, parameter: Parameter, findings: Findings) -> bool:
+def _check_argument(
+    subject: Subject, key: ScalarNode, value: ScalarNode, parameter: Parameter, findings: Findings
+) -> bool:
     """Report an argument that does not have its parameter's type; return whether it is valid."""
     if value.reported or parameter.key.reported or value.data is None:
         return False
@@ -87,7 +95,7 @@ def _report_unknown(
     subject: Subject,
     key: ScalarNode,
     template: Template,
-    given: Mapping[str, object],
+    given_names: Mapping[str, object],
     findings: Findings,
     *,
     missing: str | None,
@@ -97,21 +105,21 @@ def _report_unknown(
     `missing` is the only missing parameter, if this argument is the only unknown one.
     """
     known = [name for name in template.parameters if name != INSTANCE]
-    near = findings.nearest(key.text, (name for name in known if name not in given))
+    suggestion = findings.nearest(key.text, (name for name in known if name not in given_names))
     if key.text == INSTANCE:
         help_text = "remove it: $(instance) is the name of the use"
-    elif near:
-        help_text = f"did you mean '{near}'?"
+    elif suggestion:
+        help_text = f"did you mean '{suggestion}'?"
     elif missing is not None:
         help_text = f"did you mean '{missing}', which is missing?"
     else:
         help_text = f"its parameters are {list_names(known)}" if known else "the template has no parameters"
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
     place, path = subject.origin.of(key), subject.part(key.text)
-    safe = near is not None and near in template.used and surely_means(key.text, near, known)
-    fix = replacing(place, key.text, near, safe=safe) if near else None
+    is_safe = suggestion is not None and suggestion in template.used_names and surely_means(key.text, suggestion, known)
+    fix = replacing(place, key.text, suggestion, safe=is_safe) if suggestion else None
     findings.add("unknown-argument", message, place, help=help_text, path=path, fix=fix)
-    return near or missing or ""
+    return suggestion or missing or ""
 
 
 def _report_missing(subject: Subject, name: str, parameter: Parameter, template: Template, findings: Findings) -> None:

@@ -13,7 +13,7 @@ from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries
-from codra_dsl.language.load.yaml.source_offsets import letters_of
+from codra_dsl.language.load.yaml.source_offsets import letters_of_scalar
 from codra_dsl.language.model import Letters
 
 MAX_PARAMETER_REPAIRS = 20
@@ -21,11 +21,13 @@ MAX_PARAMETER_REPAIRS = 20
 
 PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
 
-_SPACED = re.compile(r"\$\((?:\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\s*|(?P<other>[A-Za-z][A-Za-z0-9_]*)\s+)\)")
-_UNCLOSED = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)(?![A-Za-z0-9_)])")
-_UNOPENED = re.compile(r"(?<![\w(])\$?(?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
-_OTHER_SIGN = re.compile(r"\$\{\s*(?P<braced>\w+)\s*\}|\{\{\s*(?P<twice>\w+)\s*\}\}|\$(?P<bare>[A-Za-z]\w*)(?!\w*\))")
-_WITHOUT_SIGN = re.compile(r"^\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_SPACED_PARAMETER = re.compile(r"\$\((?:\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\s*|(?P<other>[A-Za-z][A-Za-z0-9_]*)\s+)\)")
+_UNCLOSED_PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)(?![A-Za-z0-9_)])")
+_UNOPENED_PARAMETER = re.compile(r"(?<![\w(])\$?(?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_FOREIGN_SYNTAX = re.compile(
+    r"\$\{\s*(?P<braced>\w+)\s*\}|\{\{\s*(?P<twice>\w+)\s*\}\}|\$(?P<bare>[A-Za-z]\w*)(?!\w*\))"
+)
+_PARAMETER_WITHOUT_SIGN = re.compile(r"^\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,39 +53,50 @@ def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | N
     Damaged parameters are `$( door )`, `$(door`, `door)`, `$door)`, `(door)`, and the syntax of other languages,
     `$door`, `${door}` and `{{ door }}`.
     """
-    other = _OTHER_SIGN.search(text)
-    name_in_other = _leading_name(next(filter(None, other.groups())), names) if other is not None else ""
-    if other is not None and (name_in_other in other.groups() or (name_in_other and other["bare"])):
-        end = other.start("bare") + len(name_in_other) if other["bare"] else other.end()
+    foreign_match = _FOREIGN_SYNTAX.search(text)
+    foreign_name = _leading_name(next(filter(None, foreign_match.groups())), names) if foreign_match is not None else ""
+    if foreign_match is not None and (
+        foreign_name in foreign_match.groups() or (foreign_name and foreign_match["bare"])
+    ):
+        end = foreign_match.start("bare") + len(foreign_name) if foreign_match["bare"] else foreign_match.end()
         return _repaired_parameter(
-            text, other.start(), end, name_in_other, f"{shown(text[other.start() : end])} is not a parameter"
+            text,
+            foreign_match.start(),
+            end,
+            foreign_name,
+            f"{shown(text[foreign_match.start() : end])} is not a parameter",
         )
-    spaced = _SPACED.search(text)
-    if spaced is not None:
+    spaced_match = _SPACED_PARAMETER.search(text)
+    if spaced_match is not None:
         return _repaired_parameter(
-            text, *spaced.span(), spaced["name"] or spaced["other"], f"blanks are not allowed in {shown(spaced[0])}"
+            text,
+            *spaced_match.span(),
+            spaced_match["name"] or spaced_match["other"],
+            f"blanks are not allowed in {shown(spaced_match[0])}",
         )
-    unclosed = _UNCLOSED.search(text)
-    if unclosed is not None:
-        name = _leading_name(unclosed["name"], names)
+    unclosed_match = _UNCLOSED_PARAMETER.search(text)
+    if unclosed_match is not None:
+        name = _leading_name(unclosed_match["name"], names)
         if not name:
             return None
-        end = unclosed.start("name") + len(name)
-        return _repaired_parameter(text, unclosed.start(), end, name, f"')' is missing after '$({name}'")
-    unopened = _UNOPENED.search(text)
-    if unopened is not None and unopened["name"] in names and text.count("(") < text.count(")"):
-        message = f"'$(' is missing before {shown(unopened['name'] + ')')}"
-        return _repaired_parameter(text, *unopened.span(), unopened["name"], message)
-    bare = _WITHOUT_SIGN.match(text)
-    if bare is not None and bare["name"] in names:
-        return _repaired_parameter(text, *bare.span(), bare["name"], f"'$' is missing before {shown(bare[0])}")
+        end = unclosed_match.start("name") + len(name)
+        return _repaired_parameter(text, unclosed_match.start(), end, name, f"')' is missing after '$({name}'")
+    unopened_match = _UNOPENED_PARAMETER.search(text)
+    if unopened_match is not None and unopened_match["name"] in names and text.count("(") < text.count(")"):
+        message = f"'$(' is missing before {shown(unopened_match['name'] + ')')}"
+        return _repaired_parameter(text, *unopened_match.span(), unopened_match["name"], message)
+    bare_match = _PARAMETER_WITHOUT_SIGN.match(text)
+    if bare_match is not None and bare_match["name"] in names:
+        return _repaired_parameter(
+            text, *bare_match.span(), bare_match["name"], f"'$' is missing before {shown(bare_match[0])}"
+        )
     return None
 
 
 def _leading_name(word: str, names: Iterable[str]) -> str:
     """Return the longest name that a word equals or begins with, or an empty text if no name matches."""
-    beginnings = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
-    return max(beginnings, key=len, default="")
+    matching_names = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
+    return max(matching_names, key=len, default="")
 
 
 def _repaired_parameter(text: str, start: int, end: int, name: str, message: str) -> RepairedParameter:
@@ -107,15 +120,15 @@ class ParameterResolver:
         corrections: for each misspelt mention of a parameter, the name that is meant.
         corrected_declarations: for each parameter whose declaration is misspelt, the correct name.
         unresolved_names: names that cannot be resolved.
-        undeclared: names that uses give and the template mentions, but that the template does not declare.
+        undeclared_names: names that uses give and the template mentions, but that the template does not declare.
     """
 
     def __init__(self, subject: Subject, origin: Origin, sections: Mapping[str, MappingNode]) -> None:
         self.corrections: dict[str, str] = {}
         self.corrected_declarations: dict[str, str] = {}
-        self.undeclared: set[str] = set()
+        self.undeclared_names: set[str] = set()
         self.unresolved_names: set[str] = set()
-        self._given: frozenset[str] = frozenset()
+        self._given_names: frozenset[str] = frozenset()
         self._subject = subject
         self._mentions: dict[str, list[_Mention]] = {}
         for name, mention in _mentions(origin, sections):
@@ -142,13 +155,15 @@ class ParameterResolver:
             return
         arguments = list(given)
         unused = [name for name in declared if name not in self._mentions and name not in arguments]
-        self._given = frozenset(arguments)
+        self._given_names = frozenset(arguments)
         uses = {name: len(mentions) + arguments.count(name) for name, mentions in unknown.items()}
-        declarations = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
+        misspelt_by_used_name = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
         for name, mentions in unknown.items():
-            if name in declarations:
-                self.corrected_declarations[declarations[name]] = name
-                self._report_declaration(declarations[name], declared[declarations[name]], name, mentions, findings)
+            if name in misspelt_by_used_name:
+                self.corrected_declarations[misspelt_by_used_name[name]] = name
+                self._report_declaration(
+                    misspelt_by_used_name[name], declared[misspelt_by_used_name[name]], name, mentions, findings
+                )
             else:
                 self._report_uses(name, mentions, declared, findings, is_open=is_open)
 
@@ -166,32 +181,34 @@ class ParameterResolver:
     def _report_uses(
         self, name: str, mentions: list[_Mention], declared: Mapping[str, Place], findings: Findings, *, is_open: bool
     ) -> None:
-        near = None if name in self._given else findings.nearest(name, declared)
-        if near is not None:
-            self.corrections[name] = near
+        suggestion = None if name in self._given_names else findings.nearest(name, declared)
+        if suggestion is not None:
+            self.corrections[name] = suggestion
         elif is_open:
             return
-        if near is None:
-            (self.undeclared if name in self._given else self.unresolved_names).add(name)
+        if suggestion is None:
+            (self.undeclared_names if name in self._given_names else self.unresolved_names).add(name)
         first, *others = mentions
         known = (
-            f"declare '{name}' under 'parameters'" if name in self._given else f"parameters are {list_names(declared)}"
+            f"declare '{name}' under 'parameters'"
+            if name in self._given_names
+            else f"parameters are {list_names(declared)}"
         )
-        help_text = f"did you mean '{near}'?" if near else known
+        help_text = f"did you mean '{suggestion}'?" if suggestion else known
         message = f"unknown parameter {shown(name)} in {self._subject}"
         related = [Related("also here", mention.place) for mention in others]
-        fix = None if near is None or others else self._rename_fix(first, name, near, declared)
+        fix = None if suggestion is None or others else self._rename_fix(first, name, suggestion, declared)
         findings.add(
             "unknown-parameter", message, first.place, help=help_text, path=first.path, related=related, fix=fix
         )
 
-    def _rename_fix(self, mention: _Mention, name: str, near: str, declared: Iterable[str]) -> Fix | None:
+    def _rename_fix(self, mention: _Mention, name: str, suggestion: str, declared: Iterable[str]) -> Fix | None:
         """Return the fix of a misspelt parameter, if the file contains the mention letter by letter."""
         span = mention.place.span
         if span.line != span.end_line or span.end_column - span.column != len(mention.written):
             return None
-        safe = near in self._mentions and surely_means(name, near, declared)
-        return replacing(mention.place, mention.written, f"$({near})", safe=safe)
+        is_safe = suggestion in self._mentions and surely_means(name, suggestion, declared)
+        return replacing(mention.place, mention.written, f"$({suggestion})", safe=is_safe)
 
 
 def _mentions(origin: Origin, sections: Mapping[str, MappingNode]) -> Iterator[tuple[str, _Mention]]:
@@ -210,5 +227,5 @@ def _has_parameter(scalar: ScalarNode) -> bool:
 
 def _place_finder(origin: Origin, scalar: ScalarNode) -> Callable[[int, int], Place]:
     """Return a function that returns the place of a range of a scalar's text."""
-    letters = Letters(origin.place, letters_of(scalar, origin.source.text))
+    letters = Letters(origin.place, letters_of_scalar(scalar, origin.source.text))
     return lambda start, end: letters.place(start, end) or origin.of(scalar)

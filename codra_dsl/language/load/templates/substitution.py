@@ -55,7 +55,7 @@ class Filler:
 
     def __init__(self, template: Template, bindings: Mapping[str, Bound]) -> None:
         self._clashes: list[ScalarNode] = []
-        self._overlong: list[ScalarNode] = []
+        self._overlong_nodes: list[ScalarNode] = []
         self._template = template
         self._bindings = bindings
 
@@ -70,60 +70,60 @@ class Filler:
             message = f"the key {shown(key.text)} occurs twice after substitution of parameters"
             help_text = "give the parameters different values"
             findings.add("duplicate-key", message, origin.of(key), help=help_text, path=path)
-        for node in self._overlong:
+        for node in self._overlong_nodes:
             message, help_text = "parameters make this text too long", f"at most {MAX_FILLED_TEXT} letters are allowed"
             findings.add("text-too-long", message, origin.of(node), help=help_text, path=path)
 
     def _fill(self, node: YamlNode) -> YamlNode:
-        if id(node) not in self._template.touched:
+        if id(node) not in self._template.parameterized_ids:
             return node
         if isinstance(node, ScalarNode):
             return self._scalar(node)
         return self._sequence(node) if isinstance(node, SequenceNode) else self._mapping(node)
 
     def _sequence(self, node: SequenceNode) -> SequenceNode:
-        filled = SequenceNode(node.start, node.end, flow=node.flow)
-        filled.reported = node.reported
-        filled.items = [self._fill(item) for item in node.items]
-        filled.data = [item.data for item in filled.items]
-        return filled
+        filled_node = SequenceNode(node.start, node.end, flow=node.flow)
+        filled_node.reported = node.reported
+        filled_node.items = [self._fill(item) for item in node.items]
+        filled_node.data = [item.data for item in filled_node.items]
+        return filled_node
 
     def _mapping(self, node: MappingNode) -> MappingNode:
-        if id(node) not in self._template.touched:
+        if id(node) not in self._template.parameterized_ids:
             return node
-        filled = MappingNode(node.start, node.end, flow=node.flow)
-        filled.reported, filled.unread = node.reported, node.unread
+        filled_node = MappingNode(node.start, node.end, flow=node.flow)
+        filled_node.reported, filled_node.unread = node.reported, node.unread
         for key, value in node.entries.values():
-            new_key = self._scalar(key) if id(key) in self._template.touched else key
-            if new_key.text in filled.entries:
+            new_key = self._scalar(key) if id(key) in self._template.parameterized_ids else key
+            if new_key.text in filled_node.entries:
                 self._clashes.append(new_key)
             else:
-                filled.put(new_key, self._fill(value))
-        return filled
+                filled_node.put(new_key, self._fill(value))
+        return filled_node
 
     def _scalar(self, node: ScalarNode) -> ScalarNode:
         pattern = self._template.patterns[id(node)]
-        if pattern.is_single and pattern.position in (Position.VALUE, Position.ARGUMENT):
+        if pattern.is_single_parameter and pattern.position in (Position.VALUE, Position.ARGUMENT):
             return self._literal(node, pattern.pieces[0])
         pieces = tuple((self._text(piece, pattern.position), piece.letters) for piece in pattern.pieces)
         text = "".join([text for text, _ in pieces])
         if len(text) > MAX_FILLED_TEXT:
-            self._overlong.append(node)
+            self._overlong_nodes.append(node)
             return node
-        filled = ScalarNode(text, text, node.start, node.end, node.style)
-        filled.reported = node.reported
-        filled.filled_text = FilledText(node.text, pieces)
-        return filled
+        filled_node = ScalarNode(text, text, node.start, node.end, node.style)
+        filled_node.reported = node.reported
+        filled_node.filled_text = FilledText(node.text, pieces)
+        return filled_node
 
     def _literal(self, node: ScalarNode, piece: Piece) -> ScalarNode:
         bound = self._bindings[piece.parameter]
         quoted = bound.kind in (ParameterKind.STR, ParameterKind.IDENTIFIER)
-        filled = ScalarNode(
+        filled_node = ScalarNode(
             bound.text, bound.data, node.start, node.end, Style.DOUBLE_QUOTED if quoted else Style.PLAIN
         )
-        filled.reported = node.reported or (not bound.known and bound.kind is not ParameterKind.IDENTIFIER)
-        filled.filled_text = FilledText(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
-        return filled
+        filled_node.reported = node.reported or (not bound.known and bound.kind is not ParameterKind.IDENTIFIER)
+        filled_node.filled_text = FilledText(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
+        return filled_node
 
     def _text(self, piece: Piece, position: Position) -> str:
         if not piece.parameter:

@@ -32,7 +32,7 @@ from codra_dsl.language.load.yaml.names import check_name, is_identifier
 from codra_dsl.language.load.yaml.nodes import Letters, MappingNode, ScalarNode, SequenceNode, YamlNode, scalars
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries, is_unread
-from codra_dsl.language.load.yaml.source_offsets import cut, letters_of
+from codra_dsl.language.load.yaml.source_offsets import cut, letters_of_scalar
 from codra_dsl.language.load.yaml.traps import Openings
 from codra_dsl.language.model import DeclaredTemplate, Literal, Reference
 from codra_dsl.language.model import Letters as PlacedLetters
@@ -62,8 +62,8 @@ INSTANCE = "instance"
 
 _KNOWN = frozenset({"parameters", *KEYS})
 _BARE_WORD = re.compile(r"(?<![$\w(])[A-Za-z]\w*(?![\w)])")
-_MAY_BE_DAMAGED = re.compile(r"[$){]")
-_SOLID = re.compile(r"[\w$).]")
+_PARAMETER_MARK = re.compile(r"[$){]")
+_WORD_CHARACTER = re.compile(r"[\w$).]")
 _TEXT_KEYS = frozenset({"label", "description"})
 _CONDITION_KEYS = frozenset(
     {
@@ -142,7 +142,7 @@ class Pattern:
     position: Position
 
     @property
-    def is_single(self) -> bool:
+    def is_single_parameter(self) -> bool:
         """Whether the scalar has only one piece, the parameter."""
         return len(self.pieces) == 1
 
@@ -153,10 +153,10 @@ class Template:
 
     Attributes:
         patterns: the patterns of the scalars with parameters, by the node's id.
-        used: the parameters in these scalars.
-        touched: the ids of these scalars, and of all nodes that contain one.
-        unused: the parameters that are in no scalar; they have already been reported.
-        undeclared: names that uses give and patterns contain, but that are not declared; they have already been
+        used_names: the parameters in these scalars.
+        parameterized_ids: the ids of these scalars, and of all nodes that contain one.
+        unused_names: the parameters that are in no scalar; they have already been reported.
+        undeclared_names: names that uses give and patterns contain, but that are not declared; they have already been
             reported.
         damaged: for each element (section, name as written) that is wrong in every use, the keys that cannot be read.
             Nodes with a wrong parameter are marked as reported instead.
@@ -170,10 +170,10 @@ class Template:
     sections: Mapping[str, MappingNode]
     parameters: Mapping[str, Parameter]
     patterns: Mapping[int, Pattern]
-    used: frozenset[str]
-    unused: frozenset[str]
-    undeclared: frozenset[str]
-    touched: frozenset[int]
+    used_names: frozenset[str]
+    unused_names: frozenset[str]
+    undeclared_names: frozenset[str]
+    parameterized_ids: frozenset[int]
     damaged: Mapping[tuple[str, str], frozenset[str]]
     size: int
     is_lost: bool
@@ -193,10 +193,10 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     origin = Origin(subject.origin.source, None, subject.name)
     explain_outline("template", node, subject, findings)
     sections = {key: value for key in SECTIONS if (value := section_of(node, key)) is not None}
-    strange = any(key not in _KNOWN and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
+    has_bad_key = any(key not in _KNOWN and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
     parameters = _parameters(subject, node, findings)
-    unnamed = any(not is_identifier(name) for name in parameters) or is_unread(node.value("parameters"))
-    is_open = unnamed or ((strange or node.unread) and "parameters" not in node.entries)
+    has_invalid_name = any(not is_identifier(name) for name in parameters) or is_unread(node.value("parameters"))
+    is_open = has_invalid_name or ((has_bad_key or node.unread) and "parameters" not in node.entries)
     resolver = ParameterResolver(subject, origin, sections)
     places = {name: parameter.place for name, parameter in parameters.items()}
     resolver.resolve(places, given, findings, is_open=is_open)
@@ -204,24 +204,24 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     survey = _Survey(origin, parameters, resolver.corrections, findings)
     for section, elements in sections.items():
         survey.add(section, elements)
-    lost = strange or node.unread or any(elements.unread for elements in sections.values())
-    unused = frozenset(parameters) - survey.used - survey.bare_words - resolver.mentioned_names - {INSTANCE}
-    if lost or survey.is_vague or resolver.unresolved_names:
-        unused = frozenset()
-    _report_unused(subject, [parameters[name] for name in parameters if name in unused], findings)
+    is_lost = has_bad_key or node.unread or any(elements.unread for elements in sections.values())
+    unused_names = frozenset(parameters) - survey.used_names - survey.bare_words - resolver.mentioned_names - {INSTANCE}
+    if is_lost or survey.is_vague or resolver.unresolved_names:
+        unused_names = frozenset()
+    _report_unused(subject, [parameters[name] for name in parameters if name in unused_names], findings)
     return Template(
         subject=subject,
         origin=origin,
         sections=sections,
         parameters=parameters,
         patterns=survey.patterns,
-        used=frozenset(survey.used),
-        unused=unused,
-        undeclared=frozenset(resolver.undeclared),
-        touched=frozenset(survey.touched),
+        used_names=frozenset(survey.used_names),
+        unused_names=unused_names,
+        undeclared_names=frozenset(resolver.undeclared_names),
+        parameterized_ids=frozenset(survey.parameterized_ids),
         damaged=survey.damaged,
         size=sum(1 for section in sections.values() for _ in scalars(section, lambda _: True)),
-        is_lost=lost,
+        is_lost=is_lost,
         is_open=is_open,
     )
 
@@ -267,13 +267,13 @@ def _writers(sections: Mapping[str, MappingNode]) -> Iterator[str]:
 def _names_under(elements: YamlNode | None, key: str) -> Iterator[str]:
     """Yield the names under a key of a section's elements: one name, a list, or the keys of a mapping."""
     for _, element in entries(elements):
-        stated = element.value(key) if isinstance(element, MappingNode) else None
-        if isinstance(stated, ScalarNode):
-            yield stated.text
-        elif isinstance(stated, SequenceNode):
-            yield from (item.text for item in stated.items if isinstance(item, ScalarNode))
-        elif isinstance(stated, MappingNode):
-            yield from stated.entries
+        value = element.value(key) if isinstance(element, MappingNode) else None
+        if isinstance(value, ScalarNode):
+            yield value.text
+        elif isinstance(value, SequenceNode):
+            yield from (item.text for item in value.items if isinstance(item, ScalarNode))
+        elif isinstance(value, MappingNode):
+            yield from value.entries
 
 
 def fits(kind: ParameterKind, node: ScalarNode) -> bool:
@@ -355,9 +355,9 @@ class _Survey:
         self, origin: Origin, parameters: Mapping[str, Parameter], corrections: Mapping[str, str], findings: Findings
     ) -> None:
         self.patterns: dict[int, Pattern] = {}
-        self.touched: set[int] = set()
+        self.parameterized_ids: set[int] = set()
         self.damaged: dict[tuple[str, str], frozenset[str]] = {}
-        self.used: set[str] = set()
+        self.used_names: set[str] = set()
         self.is_vague = False
         self._words: set[str] = set()
         self._keys: set[str] = set()
@@ -381,7 +381,7 @@ class _Survey:
                 self.damaged[section, key.text] = explain(DEFINITIONS[section], node, subject, self._findings)
             self._path = subject.path
             if self._scalar(key, Position.NAME) | self._node(node, Position.VALUE, section):
-                self.touched.add(id(elements))
+                self.parameterized_ids.add(id(elements))
             if len(self._findings) > before or self._is_broken:
                 self.damaged.setdefault((section, key.text), frozenset())
 
@@ -398,7 +398,7 @@ class _Survey:
                 for key, value in node.entries.values()
             ]
         if any(holds):
-            self.touched.add(id(node))
+            self.parameterized_ids.add(id(node))
         return any(holds)
 
     def _scalar(self, node: ScalarNode, position: Position) -> bool:
@@ -408,10 +408,10 @@ class _Survey:
         elif position is Position.CONDITION:
             self._words.update(_BARE_WORD.findall(text))
         if node.reported or not (
-            "$(" in text or (_MAY_BE_DAMAGED.search(text) and repair_parameter(text, self._parameters))
+            "$(" in text or (_PARAMETER_MARK.search(text) and repair_parameter(text, self._parameters))
         ):
             return False
-        letters = letters_of(node, self._origin.source.text)
+        letters = letters_of_scalar(node, self._origin.source.text)
         for _ in range(MAX_PARAMETER_REPAIRS):
             repair = repair_parameter(text, self._parameters)
             if repair is None or (text.startswith("(") and position in (Position.CONDITION, Position.TEXT)):
@@ -419,17 +419,17 @@ class _Survey:
             place = PlacedLetters(self._origin.place, letters).place(repair.start, repair.end) or self._origin.of(node)
             self._report("ill-formed-parameter", repair.message, place, f"write {repair.parameter}")
             text, letters = repair.text, ()
-        pattern = Pattern(_split(text, letters, position, self._corrections), position)
+        pattern = Pattern(_split_text(text, letters, position, self._corrections), position)
         node.reported = True
-        right = [self._is_valid(node, pattern, index) for index in range(len(pattern.pieces))]
-        if all(right):
+        are_valid = [self._check_piece(node, pattern, index) for index in range(len(pattern.pieces))]
+        if all(are_valid):
             node.reported = False
             self.patterns[id(node)] = pattern
-            self.touched.add(id(node))
+            self.parameterized_ids.add(id(node))
         self._is_broken |= node.reported
         return True
 
-    def _is_valid(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:
+    def _check_piece(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:
         """Report mistakes in one piece of a scalar; return whether it is valid."""
         piece = pattern.pieces[index]
         if not piece.parameter:
@@ -438,12 +438,12 @@ class _Survey:
                 message, help_text = "'$(' does not begin a parameter", "write $(name), without blanks"
                 self._report("ill-formed-parameter", message, self._place(node, piece), help_text)
             return "$(" not in piece.text
-        self.used.add(piece.parameter)
+        self.used_names.add(piece.parameter)
         parameter = self._parameters.get(piece.parameter)
         if parameter is None or (parameter.key.reported and pattern.position is Position.CONDITION):
             return False  # this has already been reported, or the value is unknown
         is_literal = parameter.kind is not ParameterKind.IDENTIFIER and not parameter.key.reported
-        if is_literal and not _is_allowed_at(pattern, index):
+        if is_literal and not _is_literal_allowed(pattern, index):
             message = f"{shown(piece.parameter)} is not an identifier, so it cannot be part of {shown(node.text)}"
             help_text = "declare it as an identifier, or make it the complete value"
             self._report("parameter-in-name", message, self._place(node, piece), help_text)
@@ -468,32 +468,32 @@ def _position_of_value(position: Position, section: str, key: str) -> Position:
     return Position.TEXT if key in _TEXT_KEYS else Position.VALUE
 
 
-def _split(text: str, letters: Letters, position: Position, corrections: Mapping[str, str]) -> tuple[Piece, ...]:
+def _split_text(text: str, letters: Letters, position: Position, corrections: Mapping[str, str]) -> tuple[Piece, ...]:
     """Return the pieces of a text, with the names of parameters corrected."""
     pieces: list[Piece] = []
-    at = 0
+    offset = 0
     for match in PARAMETER.finditer(text):
         start, end = match.span()
-        if start > at:
-            pieces.append(Piece("", text[at:start], cut(letters, at, start, 0)))
+        if start > offset:
+            pieces.append(Piece("", text[offset:start], cut(letters, offset, start, 0)))
         quote = Openings(text[:start]).quote if position is Position.CONDITION else ""
-        first = cut(letters, start, start + 1, 0)
-        place = ((0, first[0][1], end - start),) if first and first[0][2] == 1 else ()
-        pieces.append(Piece(corrections.get(match["name"], match["name"]), match[0], place, quote))
-        at = end
-    if at < len(text):
-        pieces.append(Piece("", text[at:], cut(letters, at, len(text), 0)))
+        first_runs = cut(letters, start, start + 1, 0)
+        piece_letters = ((0, first_runs[0][1], end - start),) if first_runs and first_runs[0][2] == 1 else ()
+        pieces.append(Piece(corrections.get(match["name"], match["name"]), match[0], piece_letters, quote))
+        offset = end
+    if offset < len(text):
+        pieces.append(Piece("", text[offset:], cut(letters, offset, len(text), 0)))
     return tuple(pieces)
 
 
-def _is_allowed_at(pattern: Pattern, index: int) -> bool:
+def _is_literal_allowed(pattern: Pattern, index: int) -> bool:
     """Return whether a parameter that is not an identifier is allowed at its position."""
     if pattern.position in (Position.TEXT, Position.ARGUMENT):
         return True
     if pattern.position is not Position.CONDITION:
-        return pattern.position is Position.VALUE and pattern.is_single
+        return pattern.position is Position.VALUE and pattern.is_single_parameter
     if pattern.pieces[index].quote:
         return True
     before = pattern.pieces[index - 1].text[-1] if index else " "
     after = pattern.pieces[index + 1].text[0] if index + 1 < len(pattern.pieces) else " "
-    return not (_SOLID.match(before) or _SOLID.match(after))
+    return not (_WORD_CHARACTER.match(before) or _WORD_CHARACTER.match(after))

@@ -32,7 +32,7 @@ from codra_dsl.language.load.yaml.repaired_text import RepairedText
 from codra_dsl.language.load.yaml.scalars import SPECIAL_FIRST, resolve
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.language.load.yaml.syntax import explain
-from codra_dsl.language.load.yaml.traps import Openings, read_as_block, read_as_tag
+from codra_dsl.language.load.yaml.traps import Openings, read_as_block_trap, read_as_tag_trap
 
 Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """Parses a text into events. Without libyaml, the parser is slower and gives the same result."""
@@ -67,7 +67,7 @@ class _StopError(Exception):
     """Stops the reading of a file that cannot be read any further."""
 
 
-class _SlipError(Exception):
+class _PunctuationError(Exception):
     """Stops the reading of a text that is valid YAML but does not have the intended shape."""
 
     def __init__(self, problem: Problem) -> None:
@@ -83,14 +83,14 @@ def compose(source: Source, findings: Findings) -> YamlNode | None:
     """
     repaired_text = RepairedText(source)
     for _ in range(max(1, min(MAX_REPAIRS, _MAX_REPARSED // max(1, len(source.text))))):
-        findings_of_round = Findings()
+        round_findings = Findings()
         try:
-            root = _Composer(repaired_text, findings_of_round).document()
+            root = _Composer(repaired_text, round_findings).document()
         except _StopError:
-            findings.extend(findings_of_round)
+            findings.extend(round_findings)
             return None
-        except (yaml.YAMLError, _SlipError) as error:
-            problem = error.problem if isinstance(error, _SlipError) else explain(repaired_text.text, error)
+        except (yaml.YAMLError, _PunctuationError) as error:
+            problem = error.problem if isinstance(error, _PunctuationError) else explain(repaired_text.text, error)
             if repaired_text.has_caused(problem):
                 return None
             findings.add(
@@ -103,7 +103,7 @@ def compose(source: Source, findings: Findings) -> YamlNode | None:
             if not repaired_text.repair(problem):
                 return None
         else:
-            findings.extend(findings_of_round)
+            findings.extend(round_findings)
             repaired_text.restore_offsets(root)
             return root
     return None
@@ -126,7 +126,7 @@ class _Composer:
         self._source = repaired_text
         self._text = repaired_text.text
         self._findings = findings
-        self._placeholders = repaired_text.placeholders
+        self._reported_offsets = repaired_text.reported_offsets
         self._root: YamlNode | None = None
         self._parents: list[tuple[MappingNode | SequenceNode | None, ScalarNode | None]] = []
         self._current: MappingNode | SequenceNode | None = None
@@ -175,7 +175,7 @@ class _Composer:
         """Handle a scalar. This event is the most frequent one, so rare cases are left to `_look_closely`."""
         text = event.value
         node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, _STYLES[event.style])
-        if text[:1] in SPECIAL_FIRST or node.style is not Style.PLAIN or len(text) > MAX_TEXT or self._placeholders:
+        if text[:1] in SPECIAL_FIRST or node.style is not Style.PLAIN or len(text) > MAX_TEXT or self._reported_offsets:
             self._look_closely(event, node)
         elif event.tag is not None or event.anchor is not None:
             self._refuse_properties(event, node)
@@ -203,7 +203,7 @@ class _Composer:
             self._examine(node)
         if len(node.text) > MAX_TEXT:
             self._report_too_long(node)
-        if node.start in self._placeholders:
+        if node.start in self._reported_offsets:
             node.reported = True
 
     def _suspect_key(self, node: ScalarNode, mapping: MappingNode) -> None:
@@ -213,7 +213,7 @@ class _Composer:
             self._key = _NOWHERE
             mapping.unread = True
         elif node.style is Style.PLAIN and (at := colon_before_bracket(node.text)) is not None:
-            raise _SlipError(missing_colon(self._text, node.start, node.start + at))
+            raise _PunctuationError(missing_colon(self._text, node.start, node.start + at))
 
     def _suspect_value(self, node: ScalarNode) -> None:
         """Handle a missing value: the text of the key may contain the value."""
@@ -221,17 +221,17 @@ class _Composer:
         plain = key is not None and key.style is Style.PLAIN and not key.reported
         if key is None or not plain or type(mapping) is not MappingNode or node.end > node.start:
             return
-        glued = colon_without_blank(key.text) if mapping.flow and ":" in key.text else None
-        if glued is not None:
-            raise _SlipError(missing_blank(self._text, key.start, key.start + glued, key.end))
+        colon_offset = colon_without_blank(key.text) if mapping.flow and ":" in key.text else None
+        if colon_offset is not None:
+            raise _PunctuationError(missing_blank(self._text, key.start, key.start + colon_offset, key.end))
         if " " not in key.text:
             return
         at = colon_between(key.text)
         if at is None or "\n" in self._text[key.start : key.end]:
             return
-        around = islice(reversed(mapping.entries.values()), _MAX_PIECES)
-        if not any(type(value) is ScalarNode and Openings(value.text).are_left for _, value in around):
-            raise _SlipError(missing_colon(self._text, key.start, key.start + at))
+        recent_entries = islice(reversed(mapping.entries.values()), _MAX_PIECES)
+        if not any(type(value) is ScalarNode and Openings(value.text).is_any_open for _, value in recent_entries):
+            raise _PunctuationError(missing_colon(self._text, key.start, key.start + at))
 
     def _report_too_long(self, node: ScalarNode) -> None:
         node.reported = True
@@ -255,9 +255,9 @@ class _Composer:
             help_text = "write the keys out, or use a template"
             self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), help_text)
 
-    def _report_duplicate_keys(self, duplicates: list[tuple[ScalarNode, ScalarNode]]) -> None:
+    def _report_duplicate_keys(self, duplicate_keys: list[tuple[ScalarNode, ScalarNode]]) -> None:
         """Report the duplicate keys of one mapping. Several are probably due to a missing line above an element."""
-        (key, first), *others = duplicates
+        (key, first), *others = duplicate_keys
         related = [Related("first one here", self._source.place(*_range(first)))]
         related += [
             Related(f"{shown(other.text)} is repeated as well", self._source.place(*_range(other)))
@@ -273,14 +273,14 @@ class _Composer:
         for item in items:
             if type(item) is not ScalarNode or item.style is not Style.PLAIN or " - " not in item.text:
                 continue
-            folded = _FOLDED.search(self._text, item.start, item.end)
-            if folded is not None and _is_not_condition(item.text):
+            folded_match = _FOLDED.search(self._text, item.start, item.end)
+            if folded_match is not None and _is_not_condition(item.text):
                 item.reported = True
                 message, help_text = (
                     "this item is indented deeper than the one above",
                     "put every '- ' in the same column",
                 )
-                self._report("yaml-syntax", message, *folded.span("item"), help_text)
+                self._report("yaml-syntax", message, *folded_match.span("item"), help_text)
 
     def _attach(self, node: YamlNode) -> None:
         self._values_left -= 1
@@ -321,18 +321,18 @@ class _Composer:
                 "reduce the nesting; no part of a spec needs more levels",
             )
             raise _StopError
-        waiting = None
+        parent_key = None
         if self._key is None and type(self._current) is MappingNode:
             if all(around is not _NOWHERE for _, around in self._parents):
                 help_text = "write a plain text before the ':'"
                 self._report("key-not-text", "a key must be a text", node.start, node.start + 1, help_text)
                 self._current.unread = True
-            waiting = _NOWHERE
-        continued = self._continued_section if type(node) is MappingNode else None
-        if waiting is None:
+            parent_key = _NOWHERE
+        continued_section = self._continued_section if type(node) is MappingNode else None
+        if parent_key is None:
             self._attach(node)
-        self._parents.append((self._current, waiting))
-        self._current, self._key = continued or node, None
+        self._parents.append((self._current, parent_key))
+        self._current, self._key = continued_section or node, None
 
     def _close(self, event: Any) -> None:
         collection = self._current
@@ -360,8 +360,8 @@ class _Composer:
     def _refuse_properties(self, event: Any, node: YamlNode) -> None:
         """Refuse a node's tag and anchor, and move its beginning after them."""
         start = node.start
-        written = _PROPERTIES.match(self._text, start)
-        node.start = min(node.end, written.end()) if written else start
+        properties = _PROPERTIES.match(self._text, start)
+        node.start = min(node.end, properties.end()) if properties else start
         for word in re.finditer(r"\S+", self._text[start : node.start]):
             first, last = start + word.start(), start + word.end()
             if word[0].startswith("&"):
@@ -378,7 +378,7 @@ class _Composer:
     def _refuse_tag(self, tag: str, start: int, end: int, node: YamlNode) -> None:
         if not tag.startswith("!!") and self._in_condition():
             rest = f" {node.text}" if isinstance(node, ScalarNode) and node.text else ""
-            trap = read_as_tag(tag, rest)
+            trap = read_as_tag_trap(tag, rest)
             place = self._source.place(start, end)
             self._findings.add(trap.rule, trap.message, place, help=trap.help, fix=trap_fix(trap, place))
             return
@@ -403,11 +403,11 @@ class _Composer:
             head = self._text[node.start : node.start + 2]
             if head[1:].isdigit() and self._in_condition():
                 node.reported = True
-                trap = read_as_block(head)
+                trap = read_as_block_trap(head)
                 self._report(trap.rule, trap.message, node.start, node.start + len(head), trap.help)
-        elif hidden := _HIDDEN.search(node.text):
+        elif control_match := _HIDDEN.search(node.text):
             node.reported = True
-            message = f"the text holds the control character U+{ord(hidden[0]):04X}"
+            message = f"the text holds the control character U+{ord(control_match[0]):04X}"
             self._report("control-character", message, *_range(node), "remove the escape of this character")
 
     def _in_condition(self) -> bool:
@@ -427,14 +427,14 @@ class _Composer:
 def _is_not_condition(text: str) -> bool:
     """Return whether a text is not a condition, or has a number where a truth value is required."""
     tree = parse(text)
-    return not isinstance(tree, Node) or any(isinstance(part, Arithmetic) for part in _truths(tree))
+    return not isinstance(tree, Node) or any(isinstance(part, Arithmetic) for part in _truth_valued_nodes(tree))
 
 
-def _truths(tree: Node) -> Iterator[Node]:
+def _truth_valued_nodes(tree: Node) -> Iterator[Node]:
     """Yield the parts of a condition that must be true or false."""
     yield tree
     for part in parts(tree) if isinstance(tree, (And, Or, Not)) else ():
-        yield from _truths(part)
+        yield from _truth_valued_nodes(part)
 
 
 def _range(node: YamlNode) -> tuple[int, int]:

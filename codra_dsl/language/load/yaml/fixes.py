@@ -26,40 +26,40 @@ _OTHER_NAMES = {
 _SURE_NAMES = frozenset({"boolean", "integer", "string", "enumeration"})
 """Type names of other languages that correspond to exactly one of ours."""
 
-_TRUTHS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+_TRUTH_VALUES = {"yes": "true", "on": "true", "no": "false", "off": "false"}
 _ONLY_SEPARATORS = re.compile(r"[\s,]*")
 _BULLET = re.compile(r"[ \t]*-[ \t]+")
 
 
-def truth_value_of(text: str) -> str | None:
+def corrected_truth_value(text: str) -> str | None:
     """Return `true` or `false` for a word that was a truth value in YAML 1.1; None for any other."""
-    return _TRUTHS.get(text.casefold())
+    return _TRUTH_VALUES.get(text.casefold())
 
 
 def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple[str | None, bool]:
     """Return the allowed word that another word probably means, and whether that is certain."""
-    other = _OTHER_NAMES.get(word.casefold())
-    if other in allowed:
-        return other, word.casefold() in _SURE_NAMES
-    near = findings.nearest(word, allowed)
-    return near, near is not None and surely_means(word, near, allowed)
+    known_word = _OTHER_NAMES.get(word.casefold())
+    if known_word in allowed:
+        return known_word, word.casefold() in _SURE_NAMES
+    suggestion = findings.nearest(word, allowed)
+    return suggestion, suggestion is not None and surely_means(word, suggestion, allowed)
 
 
-def without_item(sequence: SequenceNode, index: int, origin: Origin) -> Fix | None:
+def item_removal_fix(sequence: SequenceNode, index: int, origin: Origin) -> Fix | None:
     """Return the fix that removes an item from a list, but not the first item. None if this would remove a comment.
 
     The result is also None in the text of a template, because the item may differ in another use.
     """
     if origin.use is not None:
         return None
-    source, item, before = origin.source, sequence.items[index], sequence.items[index - 1]
+    source, item, previous_item = origin.source, sequence.items[index], sequence.items[index - 1]
     if sequence.flow:
-        start, end = before.end, item.end
+        start, end = previous_item.end, item.end
         separator = _ONLY_SEPARATORS.fullmatch(source.text, start, item.start)
     else:
-        first, last = source.span(item.start, item.end).line, source.span(item.start, item.end).end_line
-        start = source.line_starts[first - 1]
-        end = source.line_starts[last] if last < len(source.line_starts) else len(source.text)
+        first_line, last_line = source.span(item.start, item.end).line, source.span(item.start, item.end).end_line
+        start = source.line_starts[first_line - 1]
+        end = source.line_starts[last_line] if last_line < len(source.line_starts) else len(source.text)
         is_rest_blank = not source.text[item.end : end].strip()
         separator = _BULLET.fullmatch(source.text, start, item.start) if is_rest_blank else None
     if separator is None:

@@ -25,21 +25,21 @@ def is_identifier(name: str) -> bool:
     return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and name not in _RESERVED
 
 
-def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findings: Findings, *steps: str) -> bool:
+def check_name(node: ScalarNode, owner: Subject | str, subject: Subject, findings: Findings, *steps: str) -> bool:
     """Report an invalid name; return whether it is valid.
 
-    `bearer` is the element with the name, or the noun for a part of `subject`. `steps` lead from `subject` to the part.
+    `owner` is the element with the name, or the noun for a part of `subject`. `steps` lead from `subject` to the part.
     """
     name = node.text
     if node.reported or is_identifier(name):
         return not node.reported
-    bearer_text = f"{bearer} of {subject}" if isinstance(bearer, str) else str(bearer)
+    owner_text = f"{owner} of {subject}" if isinstance(owner, str) else str(owner)
     place, path = subject.origin.of(node), subject.part(*steps)
     if name in _RESERVED:
-        message = f"{bearer_text} has a reserved name"
-        findings.add("reserved-name", message, place, help=f"{_reservation(name)}; choose another", path=path)
+        message = f"{owner_text} has a reserved name"
+        findings.add("reserved-name", message, place, help=f"{_reservation_reason(name)}; choose another", path=path)
         return False
-    message = f"{bearer_text} has an invalid name" if name else "a name is empty"
+    message = f"{owner_text} has an invalid name" if name else "a name is empty"
     help_text = _name_help(node.written)
     if help_text.startswith("write") and node is subject.key and subject.section == "context":
         help_text += "; write the name for people under 'label'"
@@ -47,7 +47,7 @@ def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findin
     return False
 
 
-def _reservation(name: str) -> str:
+def _reservation_reason(name: str) -> str:
     if name in FUNCTIONS:
         return f"{shown(name)} is a function of the condition language"
     return f"{shown(name)} is a literal" if name in _LITERALS else f"{shown(name)} is a Python keyword"
@@ -56,10 +56,10 @@ def _reservation(name: str) -> str:
 def _name_help(name: str) -> str:
     if len(name) > MAX_NAME and "$(" not in name:
         return f"a name has at most {MAX_NAME} letters"
-    other = _OTHER_PARAMETER.search(name)
-    if other:
-        return f"parameters are written $({next(filter(None, other.groups()))}), and only inside a template"
-    better = re.sub(r"[^A-Za-z0-9_$()]+", "_", name).strip("_")
-    if name.isascii() and better != name and is_identifier(re.sub(r"\$\((\w+)\)", r"\1", better)):
-        return f"write {shown(better)}"
+    foreign_match = _OTHER_PARAMETER.search(name)
+    if foreign_match:
+        return f"parameters are written $({next(filter(None, foreign_match.groups()))}), and only inside a template"
+    corrected_name = re.sub(r"[^A-Za-z0-9_$()]+", "_", name).strip("_")
+    if name.isascii() and corrected_name != name and is_identifier(re.sub(r"\$\((\w+)\)", r"\1", corrected_name)):
+        return f"write {shown(corrected_name)}"
     return "names hold only letters A to Z, digits and '_', and begin with a letter"

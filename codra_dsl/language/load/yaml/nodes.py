@@ -40,11 +40,11 @@ class FilledText(NamedTuple):
     def letters(self) -> Letters:
         """Return the positions of the letters of the new text."""
         runs: list[tuple[int, int, int]] = []
-        at = 0
+        offset = 0
         for text, letters in self.pieces:
             if text:
-                runs.extend((at + first, position, width) for first, position, width in letters)
-            at += len(text)
+                runs.extend((offset + first, position, width) for first, position, width in letters)
+            offset += len(text)
         return tuple(runs)
 
 

@@ -38,18 +38,18 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParserError:
-    """A parser's error: `at` is where the parser stopped, `context_start` where the text that it was reading begins."""
+    """A parser's error: the parser stopped at `offset`, and the text that it was reading begins at `context_start`."""
 
     text: str
     problem: str
     context: str
-    at: int
+    offset: int
     context_start: int
 
     @property
     def letter(self) -> str:
         """The character at which the parser stopped, or an empty text at the end."""
-        return self.text[self.at : self.at + 1]
+        return self.text[self.offset : self.offset + 1]
 
     @property
     def in_brackets(self) -> bool:
@@ -57,8 +57,8 @@ class ParserError:
         return "flow" in self.context
 
     def before(self) -> str:
-        """Return the text before `at` on its line, at most LOOK_AROUND letters."""
-        return self.text[max(line_start(self.text, self.at), self.at - LOOK_AROUND) : self.at]
+        """Return the text before `offset` on its line, at most LOOK_AROUND letters."""
+        return self.text[max(line_start(self.text, self.offset), self.offset - LOOK_AROUND) : self.offset]
 
     def line(self, offset: int) -> int:
         """Return the number of an offset's line."""

@@ -84,15 +84,15 @@ class Reader:
         self.damaged.add(damaged_key((*self._within, *steps)))
 
     def fail(
-        self, rule: str, message: str, where: YamlNode | Place, help_text: str, *steps: str, fix: Fix | None = None
+        self, rule: str, message: str, location: YamlNode | Place, help_text: str, *steps: str, fix: Fix | None = None
     ) -> None:
         """Report a mistake in the part of the element at `steps`, which counts as unreadable."""
         self.damage(*steps)
         path = self.part(*steps)
-        if isinstance(where, Place):
-            self.findings.add(rule, message, where, help=help_text, path=path, fix=fix)
-        elif not where.reported:
-            place = self.origin.of(where)
+        if isinstance(location, Place):
+            self.findings.add(rule, message, location, help=help_text, path=path, fix=fix)
+        elif not location.reported:
+            place = self.origin.of(location)
             self.findings.add(rule, message, place, help=help_text, path=path, fix=fix)
 
     def scalar(self, key: str) -> ScalarNode | None:

@@ -41,7 +41,7 @@ _CLOSERS = {"{": "}", "[": "]"}
 def colon_between(key: str) -> int | None:
     """Return the offset at which a ':' is missing in a key without a value; None for another mistake."""
     words = _WORDS.fullmatch(key)
-    if words is None or words["value"][0] in "=<>!+*/%" or Openings(key).are_left or words["key"] in _NOT_A_VALUE:
+    if words is None or words["value"][0] in "=<>!+*/%" or Openings(key).is_any_open or words["key"] in _NOT_A_VALUE:
         return None
     return words.end("key") if words["value"].split()[0] not in _NOT_A_VALUE else None
 
@@ -52,49 +52,51 @@ def colon_before_bracket(key: str) -> int | None:
     return None if match is None else match.end("key")
 
 
-def missing_colon(text: str, start: int, at: int) -> Problem:
+def missing_colon(text: str, start: int, offset: int) -> Problem:
     """Return the problem of a missing ':' after the key between two offsets."""
-    key = text[start:at]
-    more = bool(text[at : end_of_line(text, at)].strip())
+    key = text[start:offset]
+    more = bool(text[offset : end_of_line(text, offset)].strip())
     help_text = f"write '{key}: ...'" if more else f"write '{key}:'"
-    return _insertion_problem(":", f"a ':' is missing after {shown(key)}", help_text, start=start, end=at, at=at)
+    return _insertion_problem(
+        ":", f"a ':' is missing after {shown(key)}", help_text, start=start, end=offset, offset=offset
+    )
 
 
-def _insertion_problem(letter: str, message: str, help_text: str, *, start: int, end: int, at: int) -> Problem:
-    return Problem("yaml-syntax", message, help_text, start, end, insertion=(at, letter))
+def _insertion_problem(letter: str, message: str, help_text: str, *, start: int, end: int, offset: int) -> Problem:
+    return Problem("yaml-syntax", message, help_text, start, end, insertion=(offset, letter))
 
 
 def _colon_before_bracket(error: ParserError) -> Problem | None:
     """Recognise `door {type: bool, valid_for: 5 s}`, in a block and within braces."""
     text = error.text
     if not error.in_brackets and "mapping values" in error.problem:
-        start = line_start(text, error.at)
+        start = line_start(text, error.offset)
         match = _KEY_AND_BRACKET.match(text, start, end_of_line(text, start))
         return None if match is None else missing_colon(text, match.start("key"), match.end("key"))
     if error.letter in ("{", "[") and error.in_brackets:
         before = error.before()
         key = _NAME_BEFORE.search(before)
         if key is not None and before[: key.start()].rstrip()[-1:] in ("{", ","):
-            first = error.at - len(before)
-            return missing_colon(text, first + key.start("key"), first + key.end("key"))
+            before_offset = error.offset - len(before)
+            return missing_colon(text, before_offset + key.start("key"), before_offset + key.end("key"))
     return None
 
 
 def _colon_after_key(error: ParserError) -> Problem | None:
     """Recognise a line in a block that has a key but no ':'. The parser stops only at a later line."""
-    text, at = error.text, error.at
+    text, offset = error.text, error.offset
     if error.in_brackets:
         return None
     if "simple key" in error.context:
         start = line_start(text, error.context_start)
     elif "mapping values" in error.problem and not re.search(r":[ \t]", error.before()):
-        start = _first_of_lines_without_colon(text, at)
+        start = _first_of_lines_without_colon(text, offset)
     elif "document start" in error.problem:
         first = re.search(r"^[^\s#]", text, re.MULTILINE)
-        start = at if first is None else first.start()
+        start = offset if first is None else first.start()
     else:
         return None
-    if start >= line_start(text, at):
+    if start >= line_start(text, offset):
         return None
     end = end_of_line(text, start)
     key_and_value = _KEY_AND_VALUE.match(text, start, end)
@@ -116,17 +118,17 @@ def colon_without_blank(key: str) -> int | None:
     return None if key_and_value is None or not is_known_key(key_and_value["key"]) else key_and_value.end("key")
 
 
-def missing_blank(text: str, start: int, at: int, end: int) -> Problem:
+def missing_blank(text: str, start: int, offset: int, end: int) -> Problem:
     """Return the problem of a missing blank between the ':' of a key and its value."""
-    key = text[start : at + 1]
-    message, help_text = f"a blank is missing after {shown(key)}", f"write {shown(f'{key} {text[at + 1 : end]}')}"
-    return _insertion_problem(" ", message, help_text, start=start, end=at + 1, at=at + 1)
+    key = text[start : offset + 1]
+    message, help_text = f"a blank is missing after {shown(key)}", f"write {shown(f'{key} {text[offset + 1 : end]}')}"
+    return _insertion_problem(" ", message, help_text, start=start, end=offset + 1, offset=offset + 1)
 
 
-def _first_of_lines_without_colon(text: str, at: int) -> int:
-    """Return the beginning of the first line in the unbroken sequence of lines without a ':' that ends at `at`."""
-    start = line_start(text, at)
-    while start > 0 and at - start < LOOK_AROUND:
+def _first_of_lines_without_colon(text: str, offset: int) -> int:
+    """Return the beginning of the first line in the unbroken sequence of lines without a ':' that ends at `offset`."""
+    start = line_start(text, offset)
+    while start > 0 and offset - start < LOOK_AROUND:
         above = line_start(text, start - 1)
         line = text[above : end_of_line(text, above)]
         if not line.strip() or re.search(r":(?:\s|$)|^\s*#", line):
@@ -140,21 +142,21 @@ def _comma_between_entries(error: ParserError) -> Problem | None:
     if not error.in_brackets or "expected ','" not in error.problem:
         return None
     before = error.before()[-_MAX_ENTRIES_LENGTH:]
-    first = error.at - len(before)
+    before_offset = error.offset - len(before)
     if error.letter == ":":
         entries_match = _TWO_ENTRIES.search(before)
         if entries_match is None or not _are_entries(
             before[: entries_match.start("key")], entries_match["value"], entries_match["key"]
         ):
             return None
-        return _missing_comma(error, first + entries_match.end("value"), entries_match["key"])
-    stripped = before.rstrip()
-    if stripped[-1:] in ("'", '"', "}", "]") and error.letter not in ("", "}", "]"):
-        key = _NEXT_ENTRY.match(error.text, error.at)
-        is_value_next = error.letter in ("{", "[", stripped[-1]) and stripped[-1] not in "}]"
-        if key is not None or is_value_next or (error.letter in "{[" and stripped[-1] in "}]"):
+        return _missing_comma(error, before_offset + entries_match.end("value"), entries_match["key"])
+    stripped_text = before.rstrip()
+    if stripped_text[-1:] in ("'", '"', "}", "]") and error.letter not in ("", "}", "]"):
+        key = _NEXT_ENTRY.match(error.text, error.offset)
+        is_value_next = error.letter in ("{", "[", stripped_text[-1]) and stripped_text[-1] not in "}]"
+        if key is not None or is_value_next or (error.letter in "{[" and stripped_text[-1] in "}]"):
             word = key[0].rstrip(": \t") if key is not None else error.letter
-            return _missing_comma(error, first + len(stripped), word)
+            return _missing_comma(error, before_offset + len(stripped_text), word)
     return None
 
 
@@ -178,10 +180,10 @@ def _known_keys() -> frozenset[str]:
     return frozenset(key for part in parts for key in part.get("properties", ()))
 
 
-def _missing_comma(error: ParserError, at: int, key: str) -> Problem:
-    start = error.text.index(key, at)
+def _missing_comma(error: ParserError, offset: int, key: str) -> Problem:
+    start = error.text.index(key, offset)
     message = f"a ',' is missing before {shown(key)}"
-    return _insertion_problem(",", message, "put ',' between entries", start=start, end=start + len(key), at=at)
+    return _insertion_problem(",", message, "put ',' between entries", start=start, end=start + len(key), offset=offset)
 
 
 def _opening_brace(error: ParserError) -> Problem | None:
@@ -190,12 +192,14 @@ def _opening_brace(error: ParserError) -> Problem | None:
     if error.letter != ":" or not (error.in_brackets or "mapping values" in error.problem):
         return None
     key = next(reversed(list(re.finditer(r":[ \t]+(?=\S)", before))), None)
-    start = line_start(text, error.at)
+    start = line_start(text, error.offset)
     if key is None or _missing_closers(text[start : end_of_line(text, start)]) != "!}":
         return None
-    at = error.at - len(before) + key.end()
+    offset = error.offset - len(before) + key.end()
     message = f"a '{{' is missing before {shown(before[key.end() :].strip())}"
-    return _insertion_problem("{", message, "put '{' where the mapping begins", start=at, end=error.at, at=at)
+    return _insertion_problem(
+        "{", message, "put '{' where the mapping begins", start=offset, end=error.offset, offset=offset
+    )
 
 
 def _closing_bracket(error: ParserError) -> Problem | None:
@@ -207,17 +211,17 @@ def _closing_bracket(error: ParserError) -> Problem | None:
     end = end_of_line(text, begin)
     closers = _missing_closers(text[start:end])
     lines = text[end : end + LOOK_AROUND].splitlines()[1:]
-    following = next((line for line in lines if line.strip() and line.strip()[0] != "#"), None)
-    is_block_next = following is None or (
-        _BLOCK_BEGINS.match(following) is not None and "!" not in _missing_closers(following)
+    next_line = next((line for line in lines if line.strip() and line.strip()[0] != "#"), None)
+    is_block_next = next_line is None or (
+        _BLOCK_BEGINS.match(next_line) is not None and "!" not in _missing_closers(next_line)
     )
-    if not is_block_next or not closers or "!" in closers or error.at <= end:
+    if not is_block_next or not closers or "!" in closers or error.offset <= end:
         return None
     bracket = text[begin]
     message, help_text = f"the {shown(bracket)} here is never closed", f"add {shown(_CLOSERS[bracket])} where it ends"
     if "{" in text[begin + 1 : end]:  # the missing bracket may then belong before the last entry
         return Problem("yaml-syntax", message, help_text, begin, begin + 1)
-    return _insertion_problem(closers, message, help_text, start=begin, end=begin + 1, at=end)
+    return _insertion_problem(closers, message, help_text, start=begin, end=begin + 1, offset=end)
 
 
 def _missing_closers(line: str) -> str:
@@ -245,29 +249,31 @@ def _missing_closers(line: str) -> str:
 
 def _closing_quote(error: ParserError) -> Problem | None:
     """Recognise a quote that is not closed on its line, so that the next quote far below closes it."""
-    text, at = error.text, error.at
-    quote = text[at - 1 : at]
+    text, offset = error.text, error.offset
+    quote = text[offset - 1 : offset]
     if quote not in ("'", '"'):
         return None
-    start = text.rfind(quote, 0, at - 1)
-    if start < 0 or "\n" not in text[start:at] or text[start - 1 : start].strip(" \t\n[{"):
+    start = text.rfind(quote, 0, offset - 1)
+    if start < 0 or "\n" not in text[start:offset] or text[start - 1 : start].strip(" \t\n[{"):
         return None
     end = end_of_line(text, start)
     message, help_text = "the quote that is opened here is not closed on its line", "close it with the same quote"
     before = text[line_start(text, start) : start]
     if not before.strip() or _missing_closers(before) or quote in text[start + 1 : end]:
         return Problem("yaml-syntax", message, help_text, start, start + 1)
-    return _insertion_problem(quote, message, help_text, start=start, end=start + 1, at=end)
+    return _insertion_problem(quote, message, help_text, start=start, end=start + 1, offset=end)
 
 
 def _key_before_colon(error: ParserError) -> Problem | None:
     """Recognise `{: bool}`, and a line that begins with ':'."""
-    if error.letter != ":" or error.text[error.at + 1 : error.at + 2].strip():
+    if error.letter != ":" or error.text[error.offset + 1 : error.offset + 2].strip():
         return None
     if error.before().rstrip()[-1:] not in ("", "{", ",", "-"):
         return None
-    at = error.at
-    return _insertion_problem(NO_KEY, "a key is missing before ':'", "write 'key: value'", start=at, end=at + 1, at=at)
+    offset = error.offset
+    return _insertion_problem(
+        NO_KEY, "a key is missing before ':'", "write 'key: value'", start=offset, end=offset + 1, offset=offset
+    )
 
 
 PUNCTUATION_RECOGNISERS: tuple[Callable[[ParserError], Problem | None], ...] = (

@@ -23,15 +23,15 @@ class RepairedText:
 
     Attributes:
         text: the repaired text that the parser reads. Its offsets equal the file's if nothing was inserted.
-        placeholders: the offsets in `text` of masked ranges and inserted placeholders, which have been reported.
+        reported_offsets: the offsets in `text` of masked ranges and inserted placeholders, which have been reported.
     """
 
     def __init__(self, source: Source) -> None:
         self.text = source.text
-        self.placeholders: set[int] = set()
+        self.reported_offsets: set[int] = set()
         self._source = source
-        self._masked: dict[int, int] = {}
-        self._missing: list[tuple[int, str]] = []
+        self._masked_ranges: dict[int, int] = {}
+        self._insertions: list[tuple[int, str]] = []
         self._repaired_lines: list[int] = []
 
     def place(self, start: int, end: int) -> Place:
@@ -40,8 +40,8 @@ class RepairedText:
 
     def line_end(self, offset: int) -> int:
         """Return the offset of the line break after an offset, or of the text's end."""
-        at = self._offset_in_file(offset)
-        return offset + self._source.line_end(at) - at
+        offset_in_file = self._offset_in_file(offset)
+        return offset + self._source.line_end(offset_in_file) - offset_in_file
 
     def fix(self, problem: Problem) -> Fix | None:
         """Return the fix of a problem, if there is one."""
@@ -50,67 +50,73 @@ class RepairedText:
             return trap_fix(problem.trap, place)
         if problem.insertion is None or problem.insertion[1] == NO_KEY:
             return None
-        at = self._offset_in_file(problem.insertion[0])
-        edit = Edit(self._source.span(at, at), problem.insertion[1])
+        offset_in_file = self._offset_in_file(problem.insertion[0])
+        edit = Edit(self._source.span(offset_in_file, offset_in_file), problem.insertion[1])
         return Fix(message=f"Insert '{edit.text}'", edits=(edit,), applicability=Applicability.SUGGESTED)
 
     def has_caused(self, problem: Problem) -> bool:
         """Return whether an insertion caused a problem: the problem cannot be repaired, and the insertion is nearby."""
-        helpless = problem.insertion is None and problem.mask is None
-        return helpless and any(abs(self._line(problem.start) - line) <= _NEARBY for line in self._repaired_lines)
+        is_unrepairable = problem.insertion is None and problem.mask is None
+        return is_unrepairable and any(
+            abs(self._line_number(problem.start) - line) <= _NEARBY for line in self._repaired_lines
+        )
 
     def repair(self, problem: Problem) -> bool:
         """Mask an unreadable range, or insert missing text; return whether either is possible."""
         if problem.insertion is not None:
-            at, missing = problem.insertion
-            insort(self._missing, (self._offset_in_file(at), missing))
-            self._repaired_lines.append(self._line(problem.insertion[0]))
+            offset, missing_text = problem.insertion
+            insort(self._insertions, (self._offset_in_file(offset), missing_text))
+            self._repaired_lines.append(self._line_number(problem.insertion[0]))
         elif problem.mask is not None:
             start, end = map(self._offset_in_file, problem.mask)
-            self._masked[start] = end
+            self._masked_ranges[start] = end
         else:
             return False
-        self._write()
+        self._rebuild_text()
         return True
 
     def restore_offsets(self, root: YamlNode | None) -> None:
         """Convert the offsets of nodes from the repaired text to the file."""
-        waiting = [root] if root is not None and self._missing else []
-        while waiting:
-            node = waiting.pop()
+        pending = [root] if root is not None and self._insertions else []
+        while pending:
+            node = pending.pop()
             node.start, node.end = self._offset_in_file(node.start), self._offset_in_file(node.end)
             if isinstance(node, SequenceNode):
-                waiting.extend(node.items)
+                pending.extend(node.items)
             elif isinstance(node, MappingNode):
-                waiting.extend(part for entry in node.entries.values() for part in entry)
+                pending.extend(part for entry in node.entries.values() for part in entry)
 
-    def _line(self, offset: int) -> int:
+    def _line_number(self, offset: int) -> int:
         """Return the line number in the file of an offset of the repaired text."""
         return self.place(offset, offset).span.line
 
-    def _write(self) -> None:
+    def _rebuild_text(self) -> None:
         text = self._source.text
-        for start, end in self._masked.items():
+        for start, end in self._masked_ranges.items():
             text = text[:start] + "x" * (end - start) + text[end:]
-        pieces, at = [], 0
-        for offset, missing in self._missing:
-            pieces += [text[at:offset], missing]
-            at = offset
-        self.text = "".join((*pieces, text[at:]))
-        self.placeholders = {self._offset_in_text(start) for start in self._masked}
-        self.placeholders |= {
-            self._offset_in_text(at) - len(letter) for at, letter in self._missing if letter == NO_KEY
+        pieces, position = [], 0
+        for offset, missing_text in self._insertions:
+            pieces += [text[position:offset], missing_text]
+            position = offset
+        self.text = "".join((*pieces, text[position:]))
+        self.reported_offsets = {self._offset_in_repaired_text(start) for start in self._masked_ranges}
+        self.reported_offsets |= {
+            self._offset_in_repaired_text(position) - len(missing_text)
+            for position, missing_text in self._insertions
+            if missing_text == NO_KEY
         }
 
     def _offset_in_file(self, offset: int) -> int:
         """Return the offset in the file of an offset in the repaired text."""
-        before = 0
-        for at, missing in self._missing:
-            if offset <= at + before:
+        inserted_length = 0
+        for insertion_offset, missing_text in self._insertions:
+            if offset <= insertion_offset + inserted_length:
                 break
-            before += min(len(missing), offset - at - before)
-        return offset - before
+            inserted_length += min(len(missing_text), offset - insertion_offset - inserted_length)
+        return offset - inserted_length
 
-    def _offset_in_text(self, offset: int) -> int:
+    def _offset_in_repaired_text(self, offset: int) -> int:
         """Return the offset in the repaired text of an offset in the file; it is after any text inserted there."""
-        return offset + sum(len(missing) for at, missing in self._missing if at <= offset)
+        return offset + sum(
+            len(missing_text) for insertion_offset, missing_text in self._insertions if insertion_offset <= offset
+        )

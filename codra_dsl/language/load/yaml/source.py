@@ -19,7 +19,7 @@ MAX_BYTES = 32 * 1024 * 1024
 
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
 _REFUSED_CHARACTER = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
-_WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
+_UTF16_AND_UTF32_MARKS = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ def _report_encoding(data: bytes, offset: int, file: str, findings: Findings) ->
     before = data[:offset].decode("utf-8")
     span = Source(file, before, _line_starts(before)).span(len(before), len(before))
     place = Place(Span(file, span.line, span.column, span.line, span.column + 1))
-    if data.startswith(_WIDE_MARKS):
+    if data.startswith(_UTF16_AND_UTF32_MARKS):
         message = "the file is UTF-16 or UTF-32, not UTF-8"
     else:
         message = f"the byte 0x{data[offset]:02x} is not valid UTF-8"

@@ -8,7 +8,7 @@ _BLANKS = " \t\r\n"
 _ESCAPE_WIDTHS = {"x": 4, "u": 6, "U": 10}
 
 
-def letters_of(node: ScalarNode, text: str) -> Letters:
+def letters_of_scalar(node: ScalarNode, text: str) -> Letters:
     """Return the positions of a scalar's letters in its file's text; empty if they cannot be matched."""
     if node.filled_text is not None:
         return node.filled_text.letters()
@@ -37,26 +37,31 @@ def cut(letters: Letters, start: int, end: int, offset: int) -> Letters:
 def _align(node: ScalarNode, text: str, start: int, end: int) -> Letters:
     """Match a scalar with its written form letter by letter; only blanks may differ."""
     runs: list[tuple[int, int, int]] = []
-    at = start
+    position = start
     for offset, letter in enumerate(node.text):
         if letter in _BLANKS:
-            at = _skip_blank(node, text, at, end)
+            position = _skip_blank(node, text, position, end)
             continue
-        while at < end and (text[at] in _BLANKS or _is_line_continued(node, text, at)):
-            at += 1
-        width = _width(node, text, at)
-        if at >= end or (width == 1 and text[at] != letter):
+        while position < end and (text[position] in _BLANKS or _is_line_continued(node, text, position)):
+            position += 1
+        width = _width(node, text, position)
+        if position >= end or (width == 1 and text[position] != letter):
             return ()
-        if not runs or width != 1 or runs[-1][2] != 1 or runs[-1][1] + offset - runs[-1][0] != at:
-            runs.append((offset, at, width))
-        at += width
+        if not runs or width != 1 or runs[-1][2] != 1 or runs[-1][1] + offset - runs[-1][0] != position:
+            runs.append((offset, position, width))
+        position += width
     return tuple(runs)
 
 
-def _skip_blank(node: ScalarNode, text: str, at: int, end: int) -> int:
-    if at < end and text[at] == "\\" and node.style is Style.DOUBLE_QUOTED and not _is_line_continued(node, text, at):
-        return at + _width(node, text, at)
-    return at + 1 if at < end and text[at] in " \t" else at
+def _skip_blank(node: ScalarNode, text: str, position: int, end: int) -> int:
+    if (
+        position < end
+        and text[position] == "\\"
+        and node.style is Style.DOUBLE_QUOTED
+        and not _is_line_continued(node, text, position)
+    ):
+        return position + _width(node, text, position)
+    return position + 1 if position < end and text[position] in " \t" else position
 
 
 def _is_line_continued(node: ScalarNode, text: str, at: int) -> bool:

@@ -25,15 +25,15 @@ from codra_dsl.language.load.yaml.repair import PUNCTUATION_RECOGNISERS, is_know
 from codra_dsl.language.load.yaml.traps import (
     Openings,
     Trap,
-    cut_off_by_comment,
-    read_as_block,
-    read_as_quoted,
-    read_as_tag,
-    torn_at_colon,
-    torn_at_comma,
-    torn_call,
-    torn_condition,
-    torn_mapping,
+    cut_off_by_comment_trap,
+    read_as_block_trap,
+    read_as_quoted_trap,
+    read_as_tag_trap,
+    torn_at_colon_trap,
+    torn_at_comma_trap,
+    torn_call_trap,
+    torn_condition_trap,
+    torn_mapping_trap,
 )
 
 _QUOTED_BEFORE = re.compile(r"""(?<![^\s\[{,])(?P<quoted>"(?:[^"\\]|\\.)*"|'(?:[^']|'')*')[ \t]*$""")
@@ -51,14 +51,14 @@ _WORD = re.compile(r"[^\s,\[\]{}:]+")
 
 def explain(text: str, yaml_error: YAMLError) -> Problem:
     """Return the problem behind a parser's error about a text."""
-    at, begin = _offset(yaml_error, "problem_mark", text), _offset(yaml_error, "context_mark", text)
-    at = len(text) if at is None else at
+    offset, begin = _offset(yaml_error, "problem_mark", text), _offset(yaml_error, "context_mark", text)
+    offset = len(text) if offset is None else offset
     error = ParserError(
         text=text,
         problem=str(getattr(yaml_error, "problem", None) or "it cannot be read"),
         context=str(getattr(yaml_error, "context", None) or ""),
-        at=at,
-        context_start=at if begin is None else begin,
+        offset=offset,
+        context_start=offset if begin is None else begin,
     )
     problems = (recognise(error) for recognise in _TRAPS)
     return next((problem for problem in problems if problem is not None), None) or _plain_problem(error)
@@ -75,13 +75,13 @@ def _trap_problem(trap: Trap, start: int, end: int) -> Problem | None:
 
 def _block_head(error: ParserError) -> Problem | None:
     """Recognise `x: > 3`."""
-    text, begin, at = error.text, error.context_start, error.at
+    text, begin, offset = error.text, error.context_start, error.offset
     if "block scalar" in error.context and text[begin : begin + 1] in (">", "|"):
         end = end_of_line(text, begin)
-        return _trap_problem(read_as_block(text[begin:end]), begin, end)
+        return _trap_problem(read_as_block_trap(text[begin:end]), begin, end)
     if "start any token" in error.problem and error.letter in (">", "|"):
-        end = end_in_brackets(text, at)
-        return _trap_problem(read_as_block(text[at:end]), at, end)
+        end = end_in_brackets(text, offset)
+        return _trap_problem(read_as_block_trap(text[offset:end]), offset, end)
     return None
 
 
@@ -91,18 +91,20 @@ def _negation(error: ParserError) -> Problem | None:
     if text[start : start + 1] != "!" or "tag" not in error.context:
         return None
     end = end_in_brackets(text, start)
-    return _trap_problem(read_as_tag(text[start:end], ""), start, end)
+    return _trap_problem(read_as_tag_trap(text[start:end], ""), start, end)
 
 
 def _hidden_bracket(error: ParserError) -> Problem | None:
     """Recognise `[x # y]`: the bracket that closes the list is in a comment."""
     if not error.in_brackets:
         return None
-    hidden = _HIDDEN_BRACKET.search(error.text, error.context_start, error.context_start + LOOK_AROUND)
-    if hidden is None or hidden.start() > error.at:
+    comment_match = _HIDDEN_BRACKET.search(error.text, error.context_start, error.context_start + LOOK_AROUND)
+    if comment_match is None or comment_match.start() > error.offset:
         return None
-    value = hidden["value"].rstrip()
-    return _trap_problem(cut_off_by_comment(value), hidden.start("value"), hidden.start("value") + len(value))
+    value = comment_match["value"].rstrip()
+    return _trap_problem(
+        cut_off_by_comment_trap(value), comment_match.start("value"), comment_match.start("value") + len(value)
+    )
 
 
 def _quoted_beginning(error: ParserError) -> Problem | None:
@@ -111,40 +113,40 @@ def _quoted_beginning(error: ParserError) -> Problem | None:
     first = _QUOTED_BEFORE.search(before)
     if first is None or not error.letter.strip() or error.letter in ",:]}#":
         return None
-    start = error.at - len(before) + first.start("quoted")
-    torn = _torn_before(error, start) if error.in_brackets else None
+    start = error.offset - len(before) + first.start("quoted")
+    torn = _torn_condition_start(error, start) if error.in_brackets else None
     if torn is not None:
         end = end_in_brackets(error.text, torn)
-        return _trap_problem(torn_at_comma(error.text[torn:end]), torn, end)
+        return _trap_problem(torn_at_comma_trap(error.text[torn:end]), torn, end)
     end = error.value_end(start)
-    trap = read_as_quoted(first["quoted"], error.text[error.at : end], error.text[start:end])
+    trap = read_as_quoted_trap(first["quoted"], error.text[error.offset : end], error.text[start:end])
     return _trap_problem(trap, start, end)
 
 
-def _torn_before(error: ParserError, start: int) -> int | None:
+def _torn_condition_start(error: ParserError, start: int) -> int | None:
     """Return the beginning of the condition that a comma before `start` splits, or None."""
     text = error.text
     pieces = _PIECE_BEGINS.finditer(text, max(error.context_start, start - LOOK_AROUND), start)
-    beginnings = [piece.end() for piece in pieces][-_MAX_PIECES:-1]
-    return next((begin for begin in reversed(beginnings) if Openings(text[begin:start]).are_left), None)
+    piece_ends = [piece.end() for piece in pieces][-_MAX_PIECES:-1]
+    return next((begin for begin in reversed(piece_ends) if Openings(text[begin:start]).is_any_open), None)
 
 
 def _second_colon(error: ParserError) -> Problem | None:
     """Recognise `x: a: b`."""
     before = error.before()
     keys = list(_KEY_BEFORE.finditer(before))
-    refused = "mapping values are not allowed" in error.problem
-    if not keys or not (refused or (error.in_brackets and error.letter == ":")):
+    is_mapping_refused = "mapping values are not allowed" in error.problem
+    if not keys or not (is_mapping_refused or (error.in_brackets and error.letter == ":")):
         return None
-    start = error.at - len(before) + keys[-1].end()
+    start = error.offset - len(before) + keys[-1].end()
     end = error.value_end(start)
     key, written = keys[-1][0].rstrip(": \t"), error.text[start:end]
     if key == "call":
-        trap = torn_call
+        trap = torn_call_trap
     elif key in _MAPPINGS or (is_known_key(before[keys[-1].end() :].strip()) and key not in _TEXTS):
-        trap = torn_mapping
+        trap = torn_mapping_trap
     else:
-        trap = torn_at_colon if key in _TEXTS else torn_condition
+        trap = torn_at_colon_trap if key in _TEXTS else torn_condition_trap
     return _trap_problem(trap(written), start, end)
 
 
@@ -228,7 +230,7 @@ _EXPLANATIONS: tuple[tuple[str, str, str, str], ...] = (
 
 def _is_misplaced_item(error: ParserError) -> bool:
     """Return whether `- ` begins a line at a column where no list has its items."""
-    is_item = error.text.startswith(("- ", "-\t"), error.at) and not error.before().strip()
+    is_item = error.text.startswith(("- ", "-\t"), error.offset) and not error.before().strip()
     return is_item and not error.in_brackets and "expected key" in error.problem
 
 
@@ -236,7 +238,7 @@ def _is_indented_further(error: ParserError) -> bool:
     """Return whether a key is indented deeper than the key on the line above, which has a value."""
     if "mapping values" not in error.problem:
         return False
-    start = line_start(error.text, error.at)
+    start = line_start(error.text, error.offset)
     above = error.text[line_start(error.text, max(0, start - 1)) : max(0, start - 1)]
     pattern = re.compile(r"(?P<indent>[ ]*)(?:- )?[\w$()]+:?")
     here, there = pattern.fullmatch(error.before()), _KEY_AND_VALUE.match(above)
@@ -245,37 +247,37 @@ def _is_indented_further(error: ParserError) -> bool:
 
 def _plain_problem(error: ParserError) -> Problem:
     """Return the problem of a parser error that is not a trap."""
-    problem, at, begin = error.problem, error.at, error.context_start
+    problem, offset, begin = error.problem, error.offset, error.context_start
     if "tab" in problem or (error.letter == "\t" and not error.before().strip()):
-        return Problem("yaml-syntax", "a tab indents this line", "indent with blanks", at, at + 1)
+        return Problem("yaml-syntax", "a tab indents this line", "indent with blanks", offset, offset + 1)
     if "end of stream" in problem and "quoted" in error.context:
         message = "the quote that is opened here is never closed"
         return Problem("yaml-syntax", message, "close it with the same quote", begin, begin + 1)
-    if error.in_brackets and not error.text[at:].strip():
+    if error.in_brackets and not error.text[offset:].strip():
         bracket = error.text[begin : begin + 1]
         help_text = f"add {shown('}' if bracket == '{' else ']')} where it ends"
         return Problem("yaml-syntax", f"the {shown(bracket)} here is never closed", help_text, begin, begin + 1)
     if _is_misplaced_item(error):
         message = "this item does not belong to a list"
         help_text = "begin every '- ' of a list in the same column; keys of a mapping have no '- '"
-        return Problem("yaml-syntax", message, help_text, at, at + 1)
+        return Problem("yaml-syntax", message, help_text, offset, offset + 1)
     if _is_indented_further(error):
-        start = at - len(error.before().lstrip())
+        start = offset - len(error.before().lstrip())
         message = (
-            f"{shown(error.text[start:at])} is indented deeper than the key above, "
+            f"{shown(error.text[start:offset])} is indented deeper than the key above, "
             "so YAML reads it as part of the value of that key"
         )
-        return Problem("yaml-syntax", message, "indent the keys of a mapping alike", start, at)
+        return Problem("yaml-syntax", message, "indent the keys of a mapping alike", start, offset)
     if error.letter in ("}", "]") and not error.in_brackets:
-        return Problem("yaml-syntax", f"{shown(error.letter)} closes nothing", "remove it", at, at + 1)
+        return Problem("yaml-syntax", f"{shown(error.letter)} closes nothing", "remove it", offset, offset + 1)
     if error.letter == "," and "expected key" in problem:
-        return Problem("yaml-syntax", "unexpected ',' after the end of a value", "remove it", at, at + 1)
-    word = _WORD.match(error.text, at)
-    end = word.end() if word else min(at + 1, len(error.text))
+        return Problem("yaml-syntax", "unexpected ',' after the end of a value", "remove it", offset, offset + 1)
+    word = _WORD.match(error.text, offset)
+    end = word.end() if word else min(offset + 1, len(error.text))
     letter = shown(error.letter) if error.letter.strip() else "the end of the line"
     for key_words, rule, message, help_text in _EXPLANATIONS:
         if key_words in problem or key_words in error.context:
-            return Problem(rule, message.format(letter=letter, line=error.line(begin)), help_text, at, end)
+            return Problem(rule, message.format(letter=letter, line=error.line(begin)), help_text, offset, end)
     return Problem(
-        "yaml-syntax", f"this is not valid YAML: {problem}", "check quotes, brackets and indentation", at, end
+        "yaml-syntax", f"this is not valid YAML: {problem}", "check quotes, brackets and indentation", offset, end
     )

@@ -144,7 +144,7 @@ class Node:
 
     def port(self, name: str, default: str = "") -> Value:
         text = self.attributes.get(name, default)
-        key = entry_name_in(name, text)
+        key = parse_entry_name(name, text)
         if key is None:
             return text
         stored_value = self.board.read(key)
@@ -161,9 +161,9 @@ class Node:
     # one tick
 
     def execute(self) -> Status:
-        status = self.precondition_status()
+        status = self.check_preconditions()
         if status is None:
-            status = self.leaf_status() if self.tick is None else self.tick(self)
+            status = self.tick_leaf() if self.tick is None else self.tick(self)
             if self.is_decorator and self.children[0].status in COMPLETED:
                 self.children[0].status = Status.IDLE
         if status in COMPLETED:
@@ -175,7 +175,7 @@ class Node:
             self.status = Status.IDLE
         return status
 
-    def precondition_status(self) -> Status | None:
+    def check_preconditions(self) -> Status | None:
         """Return the status that the preconditions decide, or None.
 
         They are evaluated in this order. All except `_while` are evaluated only while the node is not running.
@@ -184,14 +184,14 @@ class Node:
             for attribute, status in PRECONDITIONS:
                 if attribute in self.attributes and holds(self.attributes[attribute], self.board):
                     return status
-        asked = self.status in (Status.IDLE, Status.RUNNING) and "_while" in self.attributes
-        if not asked or holds(self.attributes["_while"], self.board):
+        is_while_checked = self.status in (Status.IDLE, Status.RUNNING) and "_while" in self.attributes
+        if not is_while_checked or holds(self.attributes["_while"], self.board):
             return None
         if self.status is Status.RUNNING:
             self.halt()
         return Status.SKIPPED
 
-    def leaf_status(self) -> Status:
+    def tick_leaf(self) -> Status:
         """Return the status of the robot's leaf, which continues if it is running, and is started otherwise."""
         if self.status in COMPLETED and self.has(Quirk.COMPLETED_ACTION_REPEATS):
             return self.status
@@ -237,7 +237,7 @@ class Node:
             child.reset()
 
 
-def entry_name_in(name: str, text: str) -> str | None:
+def parse_entry_name(name: str, text: str) -> str | None:
     """Return the entry that `{entry}` names; `{=}` means the port's own name."""
     if not (text.startswith("{") and text.endswith("}") and len(text) > 2):
         return None

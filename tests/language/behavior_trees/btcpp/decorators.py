@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.language.behavior_trees.btcpp.core import COMPLETED, Node, Quirk, Status, Tick, entry_name_in
+from tests.language.behavior_trees.btcpp.core import COMPLETED, Node, Quirk, Status, Tick, parse_entry_name
 from tests.language.behavior_trees.btcpp.scripts import holds, number
 
 
@@ -133,7 +133,7 @@ def tick_queue(node: Node) -> Status:
     if not memory.open:
         if memory.count == 0:
             return Status[str(node.port("if_empty", "SUCCESS"))]
-        item, key = items[-memory.count], entry_name_in("value", node.attributes.get("value", ""))
+        item, key = items[-memory.count], parse_entry_name("value", node.attributes.get("value", ""))
         memory.count -= 1
         if key is not None:
             node.board.write(key, item if node.kind == "LoopString" else number(item))
@@ -175,5 +175,5 @@ DECORATORS: dict[str, Tick] = {
 def updated(node: Node) -> bool:
     """Return whether the entry was written since this node last read it."""
     entry = node.attributes["entry"]
-    before, node.memory.seen = node.memory.seen, node.board.written(entry_name_in("entry", entry) or entry)
+    before, node.memory.seen = node.memory.seen, node.board.written(parse_entry_name("entry", entry) or entry)
     return node.memory.seen != before

@@ -32,15 +32,15 @@ class Entries(Protocol):
 
 
 def tokens(text: str) -> list[tuple[str, str]]:
-    result, at = [], 0
-    while text[at:].strip():
-        match = TOKEN.match(text, at)
+    token_list, position = [], 0
+    while text[position:].strip():
+        match = TOKEN.match(text, position)
         if match is None:
-            raise ScriptError(f"{text!r} at {at}")
+            raise ScriptError(f"{text!r} at {position}")
         kind = ("number", "string", "name", "operator")[(match.lastindex or 0) - 1]
-        result.append((kind, match.group(match.lastindex or 0)))
-        at = match.end()
-    return [*result, ("end", "")]
+        token_list.append((kind, match.group(match.lastindex or 0)))
+        position = match.end()
+    return [*token_list, ("end", "")]
 
 
 def run(text: str, entries: Entries) -> Value:
@@ -56,62 +56,62 @@ def holds(text: str, entries: Entries) -> bool:
 
 
 class Reading:
-    """Evaluates a script in one pass over its tokens; `live` is false in the branch of `?:` that is not taken."""
+    """Evaluates a script in one pass over its tokens; `is_live` is false in the branch of `?:` that is not taken."""
 
     def __init__(self, all_tokens: list[tuple[str, str]], entries: Entries) -> None:
-        self.tokens, self.entries, self.at, self.live = all_tokens, entries, 0, True
+        self.tokens, self.entries, self.position, self.is_live = all_tokens, entries, 0, True
 
     def statements(self) -> Value:
         value: Value = 0.0
-        while self.tokens[self.at][0] != "end":
+        while self.tokens[self.position][0] != "end":
             value = self.assignment()
-            if not self.taken(";"):
+            if not self.accept(";"):
                 break
-        if self.tokens[self.at][0] != "end":
-            raise ScriptError(f"unexpected {self.tokens[self.at][1]!r}")
+        if self.tokens[self.position][0] != "end":
+            raise ScriptError(f"unexpected {self.tokens[self.position][1]!r}")
         return value
 
-    def taken(self, *operators: str) -> str:
-        kind, text = self.tokens[self.at]
+    def accept(self, *operators: str) -> str:
+        kind, text = self.tokens[self.position]
         if kind != "operator" or text not in operators:
             return ""
-        self.at += 1
+        self.position += 1
         return text
 
     def assignment(self) -> Value:
-        kind, name = self.tokens[self.at]
-        following = self.tokens[self.at + 1] if kind == "name" else ("end", "")
-        if kind != "name" or following[0] != "operator" or following[1] not in {":=", "=", "+=", "-=", "*=", "/="}:
+        kind, name = self.tokens[self.position]
+        next_token = self.tokens[self.position + 1] if kind == "name" else ("end", "")
+        if kind != "name" or next_token[0] != "operator" or next_token[1] not in {":=", "=", "+=", "-=", "*=", "/="}:
             return self.conditional()
-        self.at += 2
-        old = self.entries.read(name)
-        if following[1] != ":=" and not self.entries.knows(name):
+        self.position += 2
+        old_value = self.entries.read(name)
+        if next_token[1] != ":=" and not self.entries.knows(name):
             raise ScriptError(f"no entry {name}")
         value = self.conditional()
-        if following[1] not in {":=", "="}:
-            if old is None:
+        if next_token[1] not in {":=", "="}:
+            if old_value is None:
                 raise ScriptError(f"{name} has no value")
-            value = arithmetic(following[1][0], old, value)
+            value = arithmetic(next_token[1][0], old_value, value)
         self.entries.write(name, value)
         return value
 
     def conditional(self) -> Value:
         condition = self.logical()
-        if not self.taken("?"):
+        if not self.accept("?"):
             return condition
-        was, yes = self.live, condition not in (0.0, "")
-        self.live = was and yes
-        first = self.conditional()
-        if not self.taken(":"):
+        was_live, is_true = self.is_live, condition not in (0.0, "")
+        self.is_live = was_live and is_true
+        then_value = self.conditional()
+        if not self.accept(":"):
             raise ScriptError("no ':' after '?'")
-        self.live = was and not yes
-        second = self.conditional()
-        self.live = was
-        return first if yes else second
+        self.is_live = was_live and not is_true
+        otherwise_value = self.conditional()
+        self.is_live = was_live
+        return then_value if is_true else otherwise_value
 
     def logical(self) -> Value:
         left = self.comparison()
-        while operator := self.taken("&&", "||"):
+        while operator := self.accept("&&", "||"):
             right = self.comparison()
             both = (left != 0.0, right != 0.0)
             left = float(all(both) if operator == "&&" else any(both))
@@ -119,7 +119,7 @@ class Reading:
 
     def comparison(self) -> Value:
         left, result = self.sum(), None
-        while operator := self.taken("==", "!=", "<=", ">=", "<", ">"):
+        while operator := self.accept("==", "!=", "<=", ">=", "<", ">"):
             right = self.sum()
             result = float(compare(operator, left, right) and result != 0.0)
             left = right
@@ -130,13 +130,13 @@ class Reading:
 
     def chain(self, operators: tuple[str, ...], operand: Callable[[], Value]) -> Value:
         left = operand()
-        while operator := self.taken(*operators):
+        while operator := self.accept(*operators):
             right = operand()
-            left = arithmetic(operator, left, right) if self.live else left
+            left = arithmetic(operator, left, right) if self.is_live else left
         return left
 
     def prefix(self) -> Value:
-        if operator := self.taken("-", "!"):
+        if operator := self.accept("-", "!"):
             value = self.atom()
             if isinstance(value, str):
                 raise ScriptError(f"{operator} before text")
@@ -144,13 +144,13 @@ class Reading:
         return self.atom()
 
     def atom(self) -> Value:
-        if self.taken("("):
+        if self.accept("("):
             value = self.conditional()
-            if not self.taken(")"):
+            if not self.accept(")"):
                 raise ScriptError("no ')'")
             return value
-        kind, text = self.tokens[self.at]
-        self.at += 1
+        kind, text = self.tokens[self.position]
+        self.position += 1
         if kind == "number":
             return float(text)
         if kind == "string":
@@ -160,7 +160,7 @@ class Reading:
         if text in {"true", "false"}:
             return float(text == "true")
         stored_value = self.entries.read(text)
-        if stored_value is None and self.live:
+        if stored_value is None and self.is_live:
             raise ScriptError(f"no entry {text}")
         return 0.0 if stored_value is None else stored_value
 

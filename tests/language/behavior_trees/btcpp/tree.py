@@ -14,7 +14,7 @@ from tests.language.behavior_trees.btcpp.core import (
     Tick,
     UndefinedError,
     World,
-    entry_name_in,
+    parse_entry_name,
 )
 from tests.language.behavior_trees.btcpp.decorators import DECORATORS, updated
 from tests.language.behavior_trees.btcpp.scripts import holds, run
@@ -84,7 +84,7 @@ class Tree:
             node.children = [self.build(inner, subtree_board(node.attributes, board))]
             return node
         for name, text in node.attributes.items():
-            key = entry_name_in(name, text)
+            key = parse_entry_name(name, text)
             if key is not None and not name.startswith("_"):
                 board.declare(key)
         node.children = [self.build(child, board) for child in element]
@@ -115,7 +115,7 @@ class Tree:
 def subtree_board(attributes: dict[str, str], parent: Board) -> Board:
     """Return the board of a subtree: remapped entries, constants as text, and, with autoremap, all other names."""
     ports = {name: text for name, text in attributes.items() if name not in {"ID", "name"} and not name.startswith("_")}
-    remapped = {name: key for name, text in ports.items() if (key := entry_name_in(name, text)) is not None}
+    remapped = {name: key for name, text in ports.items() if (key := parse_entry_name(name, text)) is not None}
     automatic = attributes.get("_autoremap", "false") in {"1", "true", "TRUE", "True"}
     board = Board(parent, remapped, automatic=automatic)
     board.values = {name: text for name, text in ports.items() if name not in remapped}
