@@ -65,8 +65,8 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
     }
     return AlgorithmSummary(
         name=algorithm.name,
-        conditions=_condition_rules(branch, key, places),
-        accepts=_rules(branch.accepts, f"{key}/accept_when", places),
+        preconditions=_condition_rules(branch, key, places),
+        acceptance_conditions=_rules(branch.accepts, f"{key}/accept_when", places),
         identifies=identifies,
         returns=algorithm.returns,
         timeout_s=algorithm.timeout_s,

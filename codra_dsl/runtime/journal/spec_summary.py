@@ -61,15 +61,15 @@ class AlgorithmSummary:
     """A perception algorithm: its preconditions and how its results are evaluated.
 
     Attributes:
-        conditions: the observability preconditions.
-        accepts: the conditions that a result must meet to be accepted.
+        preconditions: the observability preconditions.
+        acceptance_conditions: the conditions that a result must meet to be accepted.
         identifies: for each variable, the condition or value that is computed from a result.
         returns: the type of each value in a result.
     """
 
     name: str
-    conditions: tuple[Rule, ...]
-    accepts: tuple[Rule, ...]
+    preconditions: tuple[Rule, ...]
+    acceptance_conditions: tuple[Rule, ...]
     identifies: Mapping[str, Rule]
     returns: Mapping[str, ValueType]
     timeout_s: float
@@ -106,13 +106,13 @@ class SpecSummary:
     places: Mapping[str, Place]
     nodes: Mapping[str, str] = field(default_factory=dict)
 
-    def observer_of(self, variable: str) -> ObserverSummary | None:
+    def find_observer(self, variable: str) -> ObserverSummary | None:
         """Return the observer of a variable; None if the variable has no observer."""
         return next((observer for observer in self.observers.values() if variable in observer.identifies), None)
 
-    def algorithms_of(self, variable: str) -> tuple[AlgorithmSummary, ...]:
+    def find_algorithms(self, variable: str) -> tuple[AlgorithmSummary, ...]:
         """Return the algorithms that identify a variable, sorted by rank."""
-        observer = self.observer_of(variable)
+        observer = self.find_observer(variable)
         if observer is None:
             return ()
         return tuple(

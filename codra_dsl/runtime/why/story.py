@@ -23,7 +23,7 @@ def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summa
     else:
         yield from _unknown_lines(reading, latest_events, summary)
     yield from _later_lines(name, latest_events)
-    observer = summary.observer_of(name)
+    observer = summary.find_observer(name)
     if observer is not None:
         yield _observer_text(observer.name, latest_events.observers.get(observer.name))
     declaration = latest_events.declared.get(name)
@@ -59,7 +59,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
             yield f"unknown since {since}: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(summary.variables[name].sources)
-            is_observed = summary.observer_of(name) is not None
+            is_observed = summary.find_observer(name) is not None
             yield "not identified yet" if is_observed else f"not written yet; {sources} writes it"
         case Reason.STALE:
             valid_for_s = summary.variables[name].valid_for_s

@@ -123,7 +123,9 @@ def _edited(path: Path, folder: Path, chance: Random) -> tuple[str, list[str]]:
     with JournalReader(path) as reader:
         summary = reader.header().summary
         looked = {event.name for event in reader.events() if event.kind is Kind.JOB and event.what == "started"}
-    rules = [rule for name in sorted(looked) for rule in summary.algorithms[name].conditions if rule.place is not None]
+    rules = [
+        rule for name in sorted(looked) for rule in summary.algorithms[name].preconditions if rule.place is not None
+    ]
     stated = [rule for rule in rules if rule.source_text and not rule.source_text.startswith("known(")]
     place = chance.choice([rule.place for rule in stated])
     assert place is not None

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Term, Value, age, known, value
 from codra_dsl.runtime.values.cell import Cell, Reading, Reason
-from codra_dsl.runtime.values.conditions_held import ContextAt, Watch, first_loss, held
+from codra_dsl.runtime.values.conditions_held import ContextAt, ObservabilityMonitor, first_loss_s, held
 
 History = list[tuple[float, Value | None]]
 
@@ -94,11 +94,11 @@ def test_an_age_that_passes_its_limit_breaks_it() -> None:
 
 def test_a_condition_is_lost_when_it_first_fails() -> None:
     history = cells(a=[(0, True), (3, False), (4, True), (5, False)])
-    assert first_loss(A, history, 1, 9) == 3
-    assert first_loss(A, history, 4, 9) == 5
-    assert first_loss(A, history, 3, 9) == 3
-    assert first_loss(A, history, 3, 9, held_before=False) == 5
-    assert first_loss(A, history, 1, 2) is None
+    assert first_loss_s(A, history, 1, 9) == 3
+    assert first_loss_s(A, history, 4, 9) == 5
+    assert first_loss_s(A, history, 3, 9) == 3
+    assert first_loss_s(A, history, 3, 9, held_before=False) == 5
+    assert first_loss_s(A, history, 1, 2) is None
 
 
 def test_a_history_that_does_not_reach_back_counts_as_a_break() -> None:
@@ -131,8 +131,8 @@ def test_a_condition_held_exactly_if_it_holds_at_every_sampled_instant(
     assert held(term, made, start_s, start_s + length_s) is everywhere
 
 
-def watched(term: Term, history: History) -> tuple[Watch, Mapping[str, Cell]]:
-    return Watch(term), cells(a=history)
+def watched(term: Term, history: History) -> tuple[ObservabilityMonitor, Mapping[str, Cell]]:
+    return ObservabilityMonitor(term), cells(a=history)
 
 
 def own(evidence_s: float) -> Reading[Value]:

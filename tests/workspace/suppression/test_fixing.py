@@ -294,9 +294,13 @@ RULE = Rule(code="CDR3999", name="example", severity=Severity.ERROR)
 
 
 def finding(message: str, *edits: tuple[int, int, str]) -> Diagnostic:
-    spans = [(Span("f", 1, start, 1, end), text) for start, end, text in edits]
-    made = Fix(message="fix", edits=tuple(Edit(*span) for span in spans), applicability=Applicability.SAFE)
-    return Diagnostic(rule=RULE, message=message, place=Place(spans[0][0]), fix=made)
+    spans_and_texts = [(Span("f", 1, start, 1, end), text) for start, end, text in edits]
+    fix = Fix(
+        message="fix",
+        edits=tuple(Edit(*span_and_text) for span_and_text in spans_and_texts),
+        applicability=Applicability.SAFE,
+    )
+    return Diagnostic(rule=RULE, message=message, place=Place(spans_and_texts[0][0]), fix=fix)
 
 
 class Words:
