@@ -140,7 +140,7 @@ def fix(lint_input: LintInput, *, write: bool) -> FixResult:
     return FixResult(
         planned=planned,
         diagnostics=(*planned.diagnostics, *refusals.values()),
-        fixed_count=sum(not _touches(fixed_diagnostic, refusals) for fixed_diagnostic in fix_result.applied),
+        fixed_count=sum(not _touches(fixed_diagnostic, refusals) for fixed_diagnostic in fix_result.fixed_findings),
         before=before,
         after=fix_result.texts,
     )

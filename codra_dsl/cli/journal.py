@@ -129,7 +129,7 @@ def _recovery_text(recovery: Recovery) -> str:
     from codra_dsl.runtime.why.values import instant
 
     damage = recovery.damage
-    lines = [f"{recovery.message_count} messages from {instant(recovery.from_s)} to {instant(recovery.to_s)}"]
+    lines = [f"{recovery.message_count} messages from {instant(recovery.start_s)} to {instant(recovery.end_s)}"]
     if not damage.is_torn and not damage.unreadable_parts:
         lines.append("the journal was complete: nothing was lost")
     if damage.regained_message_count:

@@ -111,7 +111,7 @@ class CallbackQueue(Generic[ChangeT]):
                 self._is_running = False
 
     def _run(self, _: Work) -> None:
-        while (change := self._next()) is not None:
+        while (change := self._next_change()) is not None:
             try:
                 self._callback(change[0])
             except BaseException as error:
@@ -120,7 +120,7 @@ class CallbackQueue(Generic[ChangeT]):
                     raise  # in simulated time, the user interrupts the program
                 _LOGGER.exception("a callback raised: %r", self._callback)
 
-    def _next(self) -> tuple[ChangeT] | None:
+    def _next_change(self) -> tuple[ChangeT] | None:
         """Return the next change. If no change waits, mark the queue as not running and return None."""
         with self._lock:
             if self._waiting_changes:

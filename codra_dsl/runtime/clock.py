@@ -224,7 +224,7 @@ class SimClock(Clock):
                     raise RuntimeError("this would wait forever: no event is left that could end it")
                 self._now_s = end_s
                 return is_ready()
-            self._run_next()
+            self._run_next_event()
         return True
 
     def notify(self) -> None:
@@ -241,7 +241,7 @@ class SimClock(Clock):
         work.deliver(lambda: deliver(outcome))
         return work
 
-    def _run_next(self) -> None:
+    def _run_next_event(self) -> None:
         self._now_s, _, timer = heapq.heappop(self._events)
         self._is_inside_event = True
         try:
@@ -362,7 +362,7 @@ class WallClock(Clock):
         return work
 
     def _dispatch(self) -> None:
-        while (timer := self._next()) is not None:
+        while (timer := self._next_due_timer()) is not None:
             try:
                 timer.fire()
             except BaseException:  # an event that raises must not stop the others
@@ -372,7 +372,7 @@ class WallClock(Clock):
         if threading.current_thread() is self._dispatcher:
             raise RuntimeError("an event (a callback) must not wait on the clock")
 
-    def _next(self) -> Timer | None:
+    def _next_due_timer(self) -> Timer | None:
         with self._condition:
             while not self._is_closed:
                 wait_s = self._events[0][0] - self.now_s() if self._events else None

@@ -60,7 +60,7 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
     algorithm = branch.algorithm
     key = f"perception/{algorithm.name}"
     identifies = {
-        variable: Rule(python=repr(term), place=places.get(f"{key}/identifies/{variable}"))
+        variable: Rule(python_text=repr(term), place=places.get(f"{key}/identifies/{variable}"))
         for variable, term in branch.value_terms.items()
     }
     return AlgorithmSummary(
@@ -80,7 +80,7 @@ def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> t
     own_conditions = [(text, term) for text, term in branch.conditions if text not in given_conditions]
     rules = {rule.source_text: rule for rule in _rules(own_conditions, f"{key}/observable_when", places)}
     return tuple(
-        rules.get(text, Rule(source_text=text, python=repr(term), place=places.get(key)))
+        rules.get(text, Rule(source_text=text, python_text=repr(term), place=places.get(key)))
         for text, term in branch.conditions
     )
 
@@ -91,6 +91,6 @@ def _rules(conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str
     if f"{key}/{len(conditions)}" in places:
         condition_places = [None] * len(conditions)
     return tuple(
-        Rule(source_text=text, python=repr(term), place=place)
+        Rule(source_text=text, python_text=repr(term), place=place)
         for (text, term), place in zip(conditions, condition_places, strict=True)
     )

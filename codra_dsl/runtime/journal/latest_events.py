@@ -9,7 +9,7 @@ from typing import Self
 
 from codra_dsl.runtime.journal.events import Event, Kind
 
-_MAPPING_NAMES = (
+_MAPPING_ATTRIBUTES = (
     "present",
     "known",
     "basis",
@@ -30,21 +30,21 @@ class EventsAfterReading:
     """The events about a variable that came after its present reading and did not replace this reading.
 
     Attributes:
-        counts: for each `what`, the number of events.
-        last: for each `what`, the last event.
+        event_counts: for each `what`, the number of events.
+        last_events: for each `what`, the last event.
     """
 
-    counts: dict[str, int] = field(default_factory=dict)
-    last: dict[str, Event] = field(default_factory=dict)
+    event_counts: dict[str, int] = field(default_factory=dict)
+    last_events: dict[str, Event] = field(default_factory=dict)
 
     def add(self, event: Event) -> None:
         """Count an event."""
-        self.counts[event.what] = self.counts.get(event.what, 0) + 1
-        self.last[event.what] = event
+        self.event_counts[event.what] = self.event_counts.get(event.what, 0) + 1
+        self.last_events[event.what] = event
 
     def copy(self) -> EventsAfterReading:
         """Return an independent copy."""
-        return EventsAfterReading(dict(self.counts), dict(self.last))
+        return EventsAfterReading(dict(self.event_counts), dict(self.last_events))
 
 
 class LatestEvents:
@@ -94,7 +94,7 @@ class LatestEvents:
         """Return an independent copy."""
         other = type(self)()
         other.until_s = self.until_s
-        for name in _MAPPING_NAMES:
+        for name in _MAPPING_ATTRIBUTES:
             setattr(other, name, dict(getattr(self, name)))
         other.later = {name: later.copy() for name, later in self.later.items()}
         return other

@@ -52,8 +52,8 @@ class McapFile:
         writer: Any = Writer(stream, chunk_size=_ALL_CHUNKS_BYTES)
         self._writer = writer
         self._writer.start(profile="")
-        for name, entries in metadata.items():
-            self._writer.add_metadata(name, dict(entries))
+        for name, metadata_entries in metadata.items():
+            self._writer.add_metadata(name, dict(metadata_entries))
         for name, data in files.items():
             self._writer.add_attachment(0, 0, name, "application/json", data)
         stream.write(RECORD_HEADER.pack(OPEN_CHUNK_OPCODE, CHUNK_BYTES))

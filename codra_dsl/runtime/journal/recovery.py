@@ -15,15 +15,15 @@ class Recovery:
 
     Attributes:
         message_count: the number of messages.
-        from_s: the instant at which the first message was written; 0 if the journal has no messages.
-        to_s: the instant at which the last message was written.
+        start_s: the instant at which the first message was written; 0 if the journal has no messages.
+        end_s: the instant at which the last message was written.
         damage: the missing and unreadable parts of the torn journal.
         is_live: whether a program was still writing the torn journal.
     """
 
     message_count: int
-    from_s: float
-    to_s: float
+    start_s: float
+    end_s: float
     damage: Damage
     is_live: bool
 
@@ -53,8 +53,8 @@ def recover(path: Path, target: Path) -> Recovery:
         raise
     return Recovery(
         message_count=message_count,
-        from_s=first_ns / 1e9,
-        to_s=last_ns / 1e9,
+        start_s=first_ns / 1e9,
+        end_s=last_ns / 1e9,
         damage=reader.damage,
         is_live=reader.is_live,
     )

@@ -37,23 +37,23 @@ class Rule:
     """A condition of the spec.
 
     Attributes:
-        python: the Python expression that builds the condition.
+        python_text: the Python expression that builds the condition.
         source_text: the text of the condition in the spec; None if this text is not known.
     """
 
-    python: str
+    python_text: str
     source_text: str | None = None
     place: Place | None = None
 
     @property
     def term(self) -> Term:
         """Return the parsed condition."""
-        return parse_condition(self.python)
+        return parse_condition(self.python_text)
 
     @property
     def text(self) -> str:
-        """Return the condition's text in the spec; if this text is not known, a text formatted from `python`."""
-        return format_condition(self.python) if self.source_text is None else self.source_text
+        """Return the condition's text in the spec; if this text is not known, a text formatted from `python_text`."""
+        return format_condition(self.python_text) if self.source_text is None else self.source_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,9 +57,9 @@ def find_changes(before: SpecSummary, now: SpecSummary) -> Iterator[Change]:
 def _setting_changes(
     owner: str, setting_name: str, old_rules: Sequence[Rule], new_rules: Sequence[Rule]
 ) -> Iterator[Change]:
-    old_texts, new_texts = {rule.python for rule in old_rules}, {rule.python for rule in new_rules}
-    removed_rules = [rule for rule in old_rules if rule.python not in new_texts]
-    added_rules = [rule for rule in new_rules if rule.python not in old_texts]
+    old_texts, new_texts = {rule.python_text for rule in old_rules}, {rule.python_text for rule in new_rules}
+    removed_rules = [rule for rule in old_rules if rule.python_text not in new_texts]
+    added_rules = [rule for rule in new_rules if rule.python_text not in old_texts]
     for old_rule, new_rule in zip_longest(removed_rules, added_rules):
         yield Change(owner=owner, what=setting_name, before=old_rule, now=new_rule)
 
@@ -102,7 +102,7 @@ def _algorithm_settings(algorithm: AlgorithmSummary) -> Mapping[str, Sequence[Ru
 
 
 def _rules_of_text(text: str, place: Place | None) -> Sequence[Rule]:
-    return (Rule(python=text, source_text=text, place=place),)
+    return (Rule(python_text=text, source_text=text, place=place),)
 
 
 def _type_text(value_type: ValueType) -> str:

@@ -73,7 +73,7 @@ def _algorithm_to_data(algorithm: AlgorithmSummary) -> dict[str, Any]:
 
 
 def _rule_to_data(rule: Rule) -> dict[str, Any]:
-    return {"text": rule.source_text, "python": rule.python, "place": _place_to_data(rule.place)}
+    return {"text": rule.source_text, "python": rule.python_text, "place": _place_to_data(rule.place)}
 
 
 def _place_to_data(place: Place | None) -> dict[str, Any] | None:
@@ -162,4 +162,4 @@ def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary
 
 
 def _rule_from_data(data: Mapping[str, Any]) -> Rule:
-    return Rule(source_text=data["text"], python=str(data["python"]), place=place_from_data(data["place"]))
+    return Rule(source_text=data["text"], python_text=str(data["python"]), place=place_from_data(data["place"]))

@@ -12,7 +12,7 @@ from codra_dsl.runtime.observers.failed_look import FailedLook
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.perception import CostMeter, Failure, Interval, JobRun, Result, State
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reason
-from codra_dsl.runtime.values.conditions_held import ContextNow, complete_from_s, first_loss_s, held
+from codra_dsl.runtime.values.conditions_held import ContextNow, complete_from_s, first_loss_s, has_held
 from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, Vote, Votes
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
@@ -213,7 +213,9 @@ class Branch:
             return None
         end_s = self.observer.now_s if interval.stamp_s is None else interval.stamp_s
         cells = self.observer.services.cells
-        broken_conditions = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
+        broken_conditions = (
+            name for name, term in self.conditions if not has_held(term, cells, interval.start_s, end_s)
+        )
         return next(broken_conditions, None)
 
     def cancel(self) -> None:

@@ -60,7 +60,7 @@ class ContextAt:
         return reading.age_s(self.instant_s) if reading.known else None
 
 
-def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> bool:
+def has_held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> bool:
     """Return whether a condition held without a break from `start_s` to `end_s`, both included.
 
     If the histories no longer cover all of this time, the condition counts as broken, so the evidence does not count.

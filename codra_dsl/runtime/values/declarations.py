@@ -53,7 +53,7 @@ class Declarations:
         """Return C_E(t)."""
         return frozenset(self._holder_counts)
 
-    def of(self, holder: str) -> tuple[str, ...]:
+    def names_of(self, holder: str) -> tuple[str, ...]:
         """Return the variables that a holder declares, in order."""
         return tuple(self._holders.get(holder, ()))
 
@@ -70,7 +70,7 @@ class Declarations:
         return self._names_by_prefix(_SKILL_PREFIX)
 
     def _names_by_prefix(self, prefix: str) -> tuple[str, ...]:
-        return tuple(name for holder in self._holders if holder.startswith(prefix) for name in self.of(holder))
+        return tuple(name for holder in self._holders if holder.startswith(prefix) for name in self.names_of(holder))
 
     def add(self, holder: str, name: str) -> None:
         """Declare a variable for a holder. If the holder already declares it, this has no effect."""
@@ -97,7 +97,7 @@ class Declarations:
 
     def hold(self, holder: str, names: Iterable[str]) -> None:
         """Let a holder declare exactly these variables. A variable that it has declared before stays in C_E(t)."""
-        before, after = self.of(holder), dict.fromkeys(names)
+        before, after = self.names_of(holder), dict.fromkeys(names)
         for name in after:
             self.add(holder, name)
         for name in before:

@@ -82,7 +82,7 @@ class PersistentMap(Generic[KeyT, ValueT]):
         """Return the mapping with this value for a key. Only one thread at a time may call this."""
         return self.with_changes({key: value})
 
-    def without(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
+    def without_key(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
         """Return the mapping without a key; if it lacks the key, the same mapping.
 
         Only one thread at a time may call this.

@@ -82,8 +82,8 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
 def _later_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
     """Yield the events after the present reading that did not replace it."""
     superseded = latest_events.later.get(name)
-    for what, last in () if superseded is None else superseded.last.items():
-        count = superseded.counts[what] if superseded is not None else 0
+    for what, last in () if superseded is None else superseded.last_events.items():
+        count = superseded.event_counts[what] if superseded is not None else 0
         at = f"the last at {instant(last.instant_s)}" if count > 1 else f"at {instant(last.instant_s)}"
         match what:
             case "rejected":

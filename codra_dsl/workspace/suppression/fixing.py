@@ -33,21 +33,21 @@ _FixKey = tuple[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fixed:
+class FixResult:
     """The result of fixing.
 
     Attributes:
         texts: the files that change, with their new contents.
-        applied: the findings that were fixed, in the order of fixing.
+        fixed_findings: the findings that were fixed, in the order of fixing.
         diagnostics: the findings after fixing.
     """
 
     texts: Texts
-    applied: tuple[Diagnostic, ...]
+    fixed_findings: tuple[Diagnostic, ...]
     diagnostics: tuple[Diagnostic, ...]
 
 
-def fix_all(lint: Lint, texts: Texts) -> Fixed:
+def fix_all(lint: Lint, texts: Texts) -> FixResult:
     """Return the result of applying the safe fixes of specs.
 
     All fixes are tried together. If this causes an error, the first fix that causes an error is left out, and the other
@@ -61,7 +61,7 @@ def fix_all(lint: Lint, texts: Texts) -> Fixed:
     try:
         return fixing.run()
     except _TooManyLintsError:
-        return Fixed(texts={}, applied=(), diagnostics=fixing.initial_diagnostics)
+        return FixResult(texts={}, fixed_findings=(), diagnostics=fixing.initial_diagnostics)
 
 
 class _TooManyLintsError(Exception):
@@ -74,7 +74,7 @@ class _State:
 
     diagnostics: tuple[Diagnostic, ...]
     texts: dict[str, bytes] = field(default_factory=dict)
-    applied: list[Diagnostic] = field(default_factory=list)
+    fixed_findings: list[Diagnostic] = field(default_factory=list)
 
 
 class _Fixing:
@@ -90,16 +90,16 @@ class _Fixing:
         self._remaining_lint_count = MAX_LINTS
         self.initial_diagnostics = self._lint_texts({})
 
-    def run(self) -> Fixed:
+    def run(self) -> FixResult:
         """Return the result of all fixes that cause no new error."""
         refused_keys: set[_FixKey] = set()
         while True:
             state = self._fix_until_stable(lambda key: key not in refused_keys)
             if not self._has_new_errors(state):
                 changed_texts = {file: data for file, data in state.texts.items() if data != self._original_texts[file]}
-                applied = tuple(state.applied) if changed_texts else ()
-                return Fixed(texts=changed_texts, applied=applied, diagnostics=state.diagnostics)
-            refused_keys.add(self._find_culprit(list(dict.fromkeys(map(_fix_key, state.applied))), refused_keys))
+                fixed_findings = tuple(state.fixed_findings) if changed_texts else ()
+                return FixResult(texts=changed_texts, fixed_findings=fixed_findings, diagnostics=state.diagnostics)
+            refused_keys.add(self._find_culprit(list(dict.fromkeys(map(_fix_key, state.fixed_findings))), refused_keys))
 
     def _lint_texts(self, texts: Texts) -> tuple[Diagnostic, ...]:
         self._remaining_lint_count -= 1
@@ -112,11 +112,11 @@ class _Fixing:
         state = _State(self.initial_diagnostics)
         earlier_texts: list[dict[str, bytes]] = []
         while len(earlier_texts) < MAX_ROUNDS:
-            texts, applied = self._fix_once(state, is_allowed)
-            if not applied or texts in earlier_texts:
+            texts, fixed_findings = self._fix_once(state, is_allowed)
+            if not fixed_findings or texts in earlier_texts:
                 break
             earlier_texts.append(texts)
-            state = _State(self._lint_texts(texts), texts, [*state.applied, *applied])
+            state = _State(self._lint_texts(texts), texts, [*state.fixed_findings, *fixed_findings])
         return state
 
     def _fix_once(
@@ -125,7 +125,7 @@ class _Fixing:
         """Apply all fixes that do not overlap, and the first of overlapping fixes."""
         texts: dict[str, EditableText] = {}
         taken_splices: dict[str, list[Splice]] = {}
-        applied: list[Diagnostic] = []
+        fixed_findings: list[Diagnostic] = []
         fixable_diagnostics = (
             diagnostic for diagnostic in state.diagnostics if is_safe(diagnostic) and is_allowed(_fix_key(diagnostic))
         )
@@ -135,8 +135,10 @@ class _Fixing:
                 continue
             for file, splice in splices:
                 insort(taken_splices.setdefault(file, []), splice)
-            applied.append(diagnostic)
-        return state.texts | {file: texts[file].apply(splices) for file, splices in taken_splices.items()}, applied
+            fixed_findings.append(diagnostic)
+        return state.texts | {
+            file: texts[file].apply(splices) for file, splices in taken_splices.items()
+        }, fixed_findings
 
     def _splices_of_fix(
         self, diagnostic: Diagnostic, state: _State, texts: dict[str, EditableText]

@@ -245,11 +245,11 @@ def test_a_recovered_journal_equals_one_that_was_finished_then(tmp_path: Path) -
         torn_journal.begin(lambda: header)
         for event in events[:event_count]:
             torn_journal.add(event)
-        unfinished_journal_path = tmp_path / "dead.mcap"
-        unfinished_journal_path.write_bytes(torn_journal.path.read_bytes())  # what another process reads now
+        unfinished_path = tmp_path / "dead.mcap"
+        unfinished_path.write_bytes(torn_journal.path.read_bytes())  # what another process reads now
         torn_journal.end()
 
-        recovery = recover(unfinished_journal_path, tmp_path / "recovered.mcap")
+        recovery = recover(unfinished_path, tmp_path / "recovered.mcap")
         assert (recovery.message_count, recovery.damage.is_torn, recovery.damage.unreadable_parts) == (
             event_count + 1,
             True,
@@ -495,9 +495,9 @@ def test_numpy_numbers_are_written_as_numbers(tmp_path: Path) -> None:
         manager.decide("size", lambda: np.int64(3), max_age_s=np.float32(0.5), since_s=np.int32(9))
 
     assert journal.failure is None
-    input_contents = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/input"]
-    assert input_contents[0]["evidence_s"] == [8.5]
-    assert (input_contents[1]["max_age_s"], input_contents[1]["since_s"], input_contents[2]["value"]) == (
+    contents = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/input"]
+    assert contents[0]["evidence_s"] == [8.5]
+    assert (contents[1]["max_age_s"], contents[1]["since_s"], contents[2]["value"]) == (
         0.5,
         9.0,
         "3.0",

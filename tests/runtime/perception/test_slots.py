@@ -116,7 +116,7 @@ def test_slots_never_run_out_or_multiply(requests: list[tuple[str, int, bool]]) 
     for number, (what, priority, must_release) in enumerate(requests):
         desk.request(str(number), *(["eye", "arm"] if what == "both" else [what]), priority=priority)
         if must_release and desk.release():
-            desk.release(desk.granted[number % len(desk.granted)])
+            desk.release(desk.granted_names[number % len(desk.granted_names)])
         free_slot_counts = desk.slots.free_slot_counts
         assert 0 <= free_slot_counts["eye"] <= 1
         assert 0 <= free_slot_counts["arm"] <= 2
@@ -192,7 +192,7 @@ def test_the_more_urgent_request_goes_first_among_equal_priorities() -> None:
         desk.request(name, "eye", priority=priority, urgency=urgency)
     for name in ("holder", "c", "b", "d"):
         desk.release(name)
-    assert desk.granted == ["holder", "c", "b", "d", "a"]
+    assert desk.granted_names == ["holder", "c", "b", "d", "a"]
 
 
 def test_priority_decides_until_the_oldest_request_could_wait_too_long() -> None:
@@ -205,8 +205,8 @@ def test_priority_decides_until_the_oldest_request_could_wait_too_long() -> None
     for number in range(6):
         desk.clock.sleep(1.0)
         desk.request(f"high {number + 1}", "eye", priority=9, max_duration_s=3.0)
-        desk.release(desk.granted[-1])
-    assert desk.granted == ["high 0", "high 1", "high 2", "high 3", "low", "high 4", "high 5"]
+        desk.release(desk.granted_names[-1])
+    assert desk.granted_names == ["high 0", "high 1", "high 2", "high 3", "low", "high 4", "high 5"]
 
 
 def test_requests_do_not_age_while_the_main_execution_holds_the_slot() -> None:

@@ -48,8 +48,8 @@ def test_an_old_version_is_read_after_thousands_of_changes(count: int, data: st.
 
 def test_removing_a_missing_key_returns_the_same_mapping() -> None:
     mapping = PersistentMap[str, int]().with_entry("a", 1)
-    assert mapping.without("b") is mapping
-    assert "a" not in mapping.without("a")
+    assert mapping.without_key("b") is mapping
+    assert "a" not in mapping.without_key("a")
     assert "a" in mapping
 
 
