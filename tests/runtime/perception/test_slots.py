@@ -230,7 +230,7 @@ def need(manager: Manager, variable: str, how: str, expected: list[str]) -> None
         manager.commands.begin(f"use_{variable}")
     elif how == "expected":
         expected.append(f"use_{variable}")
-        manager.register_user(*expected)
+        manager.expect(*expected)
     else:
         manager.declare(variable)
     if how == "waited for":

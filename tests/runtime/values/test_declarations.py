@@ -36,7 +36,7 @@ def test_a_variable_that_a_holder_keeps_does_not_leave_and_enter_again() -> None
     declarations.hold("main", ["a", "b"])
     declarations.hold("main", (name for name in ("b", "c", "b")))
     assert event_log == ["+a main", "+b main", "+c main", "-a main"]
-    assert declarations.of("main") == ("b", "c")
+    assert declarations.names_of("main") == ("b", "c")
 
 
 def variable_list_strategies() -> Iterator[st.SearchStrategy[list[str]]]:
