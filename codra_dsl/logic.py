@@ -203,18 +203,18 @@ def _operands(kind: type[_Conjunction] | type[_Disjunction], term: Term) -> tupl
     return term.terms if isinstance(term, kind) else (term,)
 
 
-def _grouped(term: Term) -> str:
+def _grouped_text(term: Term) -> str:
     """Return the text of an operand, in brackets where an operator beside it could tear it apart."""
     return f"({term!r})" if isinstance(term, (_Conjunction, _Disjunction, _Comparison, _Arithmetic)) else repr(term)
 
 
-def _method_operand(term: Term) -> str:
+def _method_operand_text(term: Term) -> str:
     """Return the text of a term whose method is called: `.` binds closer than any operator."""
     is_prefixed = isinstance(term, _Negation) or (isinstance(term, _Function) and term.name == "-")
-    return f"({term!r})" if is_prefixed else _grouped(term)
+    return f"({term!r})" if is_prefixed else _grouped_text(term)
 
 
-def _constant(constant: Value) -> str:
+def _constant_text(constant: Value) -> str:
     is_finite = not isinstance(constant, float) or math.isfinite(constant)
     return repr(constant) if is_finite else f"float({str(constant)!r})"
 
@@ -227,7 +227,7 @@ class _Literal(Term):
         return None if self.constant != self.constant else self.constant
 
     def __repr__(self) -> str:
-        return f"literal({_constant(self.constant)})"
+        return f"literal({_constant_text(self.constant)})"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -235,8 +235,10 @@ class _Variable(Term):
     name: str
 
     def evaluate(self, scope: Scope) -> Value | None:
-        current = scope.value(self.name)
-        return None if current != current else current  # NaN is the one value that differs from itself
+        current_value = scope.value(self.name)
+        return (
+            None if current_value != current_value else current_value
+        )  # NaN is the one value that differs from itself
 
     def __repr__(self) -> str:
         return f"value({self.name!r})"
@@ -247,8 +249,8 @@ class _Known(Term):
     name: str
 
     def evaluate(self, scope: Scope) -> Value | None:
-        current = scope.value(self.name)
-        return current is not None and current == current
+        current_value = scope.value(self.name)
+        return current_value is not None and current_value == current_value
 
     def __repr__(self) -> str:
         return f"known({self.name!r})"
@@ -283,7 +285,7 @@ class _Conjunction(Term):
         return result
 
     def __repr__(self) -> str:
-        return " & ".join(map(_grouped, self.terms))
+        return " & ".join(map(_grouped_text, self.terms))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -304,7 +306,7 @@ class _Disjunction(Term):
         return result
 
     def __repr__(self) -> str:
-        return " | ".join(map(_grouped, self.terms))
+        return " | ".join(map(_grouped_text, self.terms))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -319,7 +321,7 @@ class _Negation(Term):
         return None if held is None else not held
 
     def __repr__(self) -> str:
-        return f"~{_grouped(self.term)}"
+        return f"~{_grouped_text(self.term)}"
 
 
 _COMPARISONS: dict[str, Callable[[Value, Value], bool]] = {
@@ -357,11 +359,11 @@ class _Comparison(Term):
         return None
 
     def __repr__(self) -> str:
-        return f"{_grouped(self.left)} {self.symbol} {_side(self.right)}"
+        return f"{_grouped_text(self.left)} {self.symbol} {_side_text(self.right)}"
 
 
-def _side(term: Term) -> str:
-    return _constant(term.constant) if isinstance(term, _Literal) else _grouped(term)
+def _side_text(term: Term) -> str:
+    return _constant_text(term.constant) if isinstance(term, _Literal) else _grouped_text(term)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -377,7 +379,7 @@ class _Membership(Term):
         return None if operand_value is None else operand_value in self.options
 
     def __repr__(self) -> str:
-        return f"{_method_operand(self.term)}.is_in({', '.join(map(_constant, self.options))})"
+        return f"{_method_operand_text(self.term)}.is_in({', '.join(map(_constant_text, self.options))})"
 
 
 _ARITHMETIC: dict[str, Callable[[float, float], float]] = {
@@ -408,7 +410,7 @@ class _Arithmetic(Term):
             return None
 
     def __repr__(self) -> str:
-        return f"{_grouped(self.left)} {self.symbol} {_side(self.right)}"
+        return f"{_grouped_text(self.left)} {self.symbol} {_side_text(self.right)}"
 
 
 _FUNCTIONS: dict[str, Callable[[list[float]], float]] = {
@@ -435,7 +437,7 @@ class _Function(Term):
 
     def __repr__(self) -> str:
         if self.name == "-":
-            return f"-{_grouped(self.arguments[0])}"
+            return f"-{_grouped_text(self.arguments[0])}"
         return f"{self.name}({', '.join(map(repr, self.arguments))})"
 
 
@@ -474,5 +476,5 @@ class _FirstOf(Term):
         return None
 
     def __repr__(self) -> str:
-        cases = (f"({_constant(result)}, {condition!r})" for result, condition in self.cases)
+        cases = (f"({_constant_text(result)}, {condition!r})" for result, condition in self.cases)
         return f"first_of({', '.join(cases)})"

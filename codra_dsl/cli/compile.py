@@ -115,7 +115,7 @@ def _compile_or_recall(
     """
     from codra_dsl.generation.output import is_as_made
 
-    run = None if cache is None else cache.recall()
+    run = None if cache is None else cache.load()
     if run is not None and is_as_made(run.outputs, folder, run.covered):
         return run, _OutputResult(
             summary="" if check else f"{folder.name}: {len(run.outputs)} files, 0 written, 0 removed"
@@ -125,7 +125,7 @@ def _compile_or_recall(
     compilation = compile_paths(paths, root, timings)
     run = compilation.as_run()
     if cache is not None:
-        cache.remember(run)
+        cache.store(run)
     with timings.stage("write"):
         if not compilation.files:
             return run, _OutputResult()

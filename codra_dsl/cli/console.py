@@ -342,10 +342,10 @@ def made_folder(folder: Path) -> Path:
 
 def writable_journal(journal: Path) -> Path:
     """Return the path of a journal. If the journal cannot be written, fail before the run."""
-    from codra_dsl.runtime.journal.file_lock import create_locked
+    from codra_dsl.runtime.journal.file_lock import create_locked_file
 
     try:
-        create_locked(journal).close()
+        create_locked_file(journal).close()
     except OSError as error:
         raise typer.BadParameter(f"cannot write '{journal}': {error.strerror}", param_hint="--journal") from error
     return journal

@@ -37,10 +37,10 @@ class LintInput:
 
     def texts(self, planned: Planned) -> dict[str, bytes]:
         """Return the contents of the files that fixes may change."""
-        from codra_dsl.workspace.suppression import rewritable
+        from codra_dsl.workspace.suppression import read_rewritable_files
 
         files = filter(self.may_change, planned.files)
-        return rewritable(files, self.root) if self.data is None else {STANDARD_INPUT: self.data}
+        return read_rewritable_files(files, self.root) if self.data is None else {STANDARD_INPUT: self.data}
 
     def may_change(self, file: str) -> bool:
         """Return whether fixes may change a file: one on the command line, or in a folder on the command line."""
@@ -117,9 +117,9 @@ class FixResult:
 
     def diff(self) -> str:
         """Return the difference between the previous and the new contents of the files."""
-        from codra_dsl.workspace.suppression import unified
+        from codra_dsl.workspace.suppression import unified_diff
 
-        return "".join(unified(self.before[file], after, file) for file, after in sorted(self.after.items()))
+        return "".join(unified_diff(self.before[file], after, file) for file, after in sorted(self.after.items()))
 
 
 def fix(lint_input: LintInput, *, write: bool) -> FixResult:
@@ -143,7 +143,7 @@ def fix(lint_input: LintInput, *, write: bool) -> FixResult:
     return FixResult(
         planned=planned,
         diagnostics=(*planned.diagnostics, *refusals.values()),
-        fixed_count=sum(not _touches(fixed_diagnostic, refusals) for fixed_diagnostic in fix_result.applied),
+        fixed_count=sum(not _touches(fixed_diagnostic, refusals) for fixed_diagnostic in fix_result.fixed_findings),
         before=before,
         after=fix_result.texts,
     )

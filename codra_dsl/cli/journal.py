@@ -129,14 +129,14 @@ def _recovery_text(recovery: Recovery) -> str:
     from codra_dsl.runtime.why.values import instant
 
     damage = recovery.damage
-    lines = [f"{recovery.messages} messages from {instant(recovery.from_s)} to {instant(recovery.to_s)}"]
-    if not damage.is_torn and not damage.unread:
+    lines = [f"{recovery.message_count} messages from {instant(recovery.start_s)} to {instant(recovery.end_s)}"]
+    if not damage.is_torn and not damage.unreadable_parts:
         lines.append("the journal was complete: nothing was lost")
-    if damage.regained:
-        lines.append(f"{damage.regained} of these messages were not yet in a chunk")
-    lines.extend(f"cannot be read: {part}" for part in damage.unread)
-    if damage.unread and damage.lost:
-        lines.append(f"lost: {damage.lost} messages between readable ones")
+    if damage.regained_message_count:
+        lines.append(f"{damage.regained_message_count} of these messages were not yet in a chunk")
+    lines.extend(f"cannot be read: {part}" for part in damage.unreadable_parts)
+    if damage.unreadable_parts and damage.lost_message_count:
+        lines.append(f"lost: {damage.lost_message_count} messages between readable ones")
     if recovery.is_live:
         lines.append("the program is still writing this journal: this is its content so far")
     elif damage.is_torn:

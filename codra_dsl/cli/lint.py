@@ -78,11 +78,11 @@ def lint_command(
 
 def _lint_or_recall(lint_input: LintInput, cache: Cache | None) -> Run:
     """Return the findings about the specs, from the cache if nothing has changed since an earlier run."""
-    run = None if cache is None else cache.recall()
+    run = None if cache is None else cache.load()
     if run is None:
         run = lint_input.plan({}).as_run()
         if cache is not None:
-            cache.remember(run)
+            cache.store(run)
     return run
 
 

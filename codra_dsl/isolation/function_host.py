@@ -42,7 +42,7 @@ class FunctionHost:
 
     def __init__(self, call: Callable[..., Any]) -> None:
         self._class = call if isinstance(call, type) else None
-        self._object: Any = None
+        self._instance: Any = None
         self._function: Callable[..., Any] | None = None if isinstance(call, type) else call
 
     @property
@@ -53,17 +53,17 @@ class FunctionHost:
     @property
     def is_open(self) -> bool:
         """Return whether there is an object to close."""
-        return self._object is not None
+        return self._instance is not None
 
-    def setup(self, given: Mapping[str, object]) -> None:
+    def setup(self, arguments: Mapping[str, object]) -> None:
         """Create the object, and call its `setup` with those values of `with` and handles that `setup` declares."""
         if self._class is None or self._function is not None:
             return
         instance = self._class()
         setup_method = getattr(instance, "setup", None)
         if setup_method is not None:
-            setup_method(**_declared_arguments(setup_method, given))
-        self._object, self._function = instance, instance.perceive
+            setup_method(**_declared_arguments(setup_method, arguments))
+        self._instance, self._function = instance, instance.perceive
 
     def perceive(self, **arguments: object) -> object:
         """Execute one job."""
@@ -73,7 +73,7 @@ class FunctionHost:
 
     def close(self) -> None:
         """Close the object, if it was set up."""
-        instance, self._object = self._object, None
+        instance, self._instance = self._instance, None
         if self._class is not None:
             self._function = None
         close_method = getattr(instance, "close", None)
@@ -81,10 +81,10 @@ class FunctionHost:
             close_method()
 
 
-def _declared_arguments(function: Callable[..., object], given: Mapping[str, object]) -> dict[str, object]:
+def _declared_arguments(function: Callable[..., object], arguments: Mapping[str, object]) -> dict[str, object]:
     """Return those of some arguments that a function declares, or all of them if it accepts `**kwargs`."""
     parameters = inspect.signature(function).parameters.values()
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
-        return dict(given)
-    names = {parameter.name for parameter in parameters if parameter.kind is not parameter.POSITIONAL_ONLY}
-    return {name: value for name, value in given.items() if name in names}
+        return dict(arguments)
+    parameter_names = {parameter.name for parameter in parameters if parameter.kind is not parameter.POSITIONAL_ONLY}
+    return {name: value for name, value in arguments.items() if name in parameter_names}

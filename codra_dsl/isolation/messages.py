@@ -13,21 +13,21 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-MAX_REPLY_BYTES = 2**20
+MAX_BYTES_FROM_PROCESS = 2**20
 """The maximum size of a frame from a process. The results of a process are for decisions; they are not payload."""
 
-MAX_REQUEST_BYTES = 64 * 2**20
+MAX_BYTES_TO_PROCESS = 64 * 2**20
 """The maximum size of a frame to a process. For comparison: the image of a large camera has 36 MB."""
 
-MAX_SHOWN = 200
+MAX_SHOWN_CHARACTERS = 200
 """The maximum number of characters of a foreign text that a message shows."""
 
-_HEAD = struct.Struct("!I")
+_FRAME_HEADER = struct.Struct("!I")
 _MAX_ENTRIES = 1000
-_MAX_NAME = 60
+_MAX_NAME_CHARACTERS = 60
 _MAX_INTEGER = 2**63 - 1
 _MAX_BITS = 2**16
-_MAX_TEXT = 10_000
+_MAX_TEXT_CHARACTERS = 10_000
 
 
 class GarbageError(ValueError):
@@ -37,10 +37,10 @@ class GarbageError(ValueError):
 class Connection:
     """One end of the connection between a program and a process."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        self.connection = connection
+    def __init__(self, message_socket: socket.socket) -> None:
+        self.socket = message_socket
 
-    def send(self, content: object) -> None:
+    def send_pickle(self, content: object) -> None:
         """Send an object towards a process.
 
         Raises:
@@ -52,31 +52,31 @@ class Connection:
             data = pickle.dumps(content, protocol=5)
         except Exception as error:
             raise TypeError(f"cannot be copied to another process: {described(error)}") from error
-        if len(data) > MAX_REQUEST_BYTES:
-            raise ValueError(f"{len(data)} bytes are more than the {MAX_REQUEST_BYTES} that a process is sent")
-        self.connection.sendall(_HEAD.pack(len(data)))
-        self.connection.sendall(data)
+        if len(data) > MAX_BYTES_TO_PROCESS:
+            raise ValueError(f"{len(data)} bytes are more than the {MAX_BYTES_TO_PROCESS} that a process is sent")
+        self.socket.sendall(_FRAME_HEADER.pack(len(data)))
+        self.socket.sendall(data)
 
-    def receive(self) -> Any:
+    def receive_pickle(self) -> Any:
         """Receive an object from the program. A process calls this method; it trusts the program.
 
         Raises:
             EOFError: if the program is gone.
         """
-        return pickle.loads(self._read(MAX_REQUEST_BYTES))
+        return pickle.loads(self._read_frame(MAX_BYTES_TO_PROCESS))
 
-    def reply(self, *message: object) -> None:
+    def send_json(self, *message: object) -> None:
         """Send a message of plain values towards the program.
 
         Raises:
             ValueError: if the message is too long.
         """
         data = json.dumps(message).encode()
-        if len(data) > MAX_REPLY_BYTES:
-            raise ValueError(f"{len(data)} bytes are more than the {MAX_REPLY_BYTES} that a process may send")
-        self.connection.sendall(_HEAD.pack(len(data)) + data)
+        if len(data) > MAX_BYTES_FROM_PROCESS:
+            raise ValueError(f"{len(data)} bytes are more than the {MAX_BYTES_FROM_PROCESS} that a process may send")
+        self.socket.sendall(_FRAME_HEADER.pack(len(data)) + data)
 
-    def receive_reply(self) -> list[Any]:
+    def receive_json(self) -> list[Any]:
         """Receive a message from a process. The process is not trusted.
 
         Raises:
@@ -84,7 +84,7 @@ class Connection:
             TimeoutError: if the time limit of the connection has passed.
             GarbageError: if the message is invalid or too long.
         """
-        data = self._read(MAX_REPLY_BYTES)
+        data = self._read_frame(MAX_BYTES_FROM_PROCESS)
         try:
             message = json.loads(data)
         except (ValueError, RecursionError) as error:
@@ -93,23 +93,23 @@ class Connection:
             raise GarbageError("its process sent an invalid message")
         return message
 
-    def _read(self, limit: int) -> bytearray:
-        (length,) = _HEAD.unpack(self._read_all(_HEAD.size))
-        if length > limit:
-            raise GarbageError(f"its process sent more than {limit} bytes")
-        return self._read_all(length)
+    def _read_frame(self, max_bytes: int) -> bytearray:
+        (length,) = _FRAME_HEADER.unpack(self._read_exactly(_FRAME_HEADER.size))
+        if length > max_bytes:
+            raise GarbageError(f"its process sent more than {max_bytes} bytes")
+        return self._read_exactly(length)
 
-    def _read_all(self, length: int) -> bytearray:
+    def _read_exactly(self, length: int) -> bytearray:
         data = bytearray(length)
-        remaining = memoryview(data)
-        while remaining:
+        unfilled_buffer = memoryview(data)
+        while unfilled_buffer:
             try:
-                count = self.connection.recv_into(remaining)
+                received_bytes = self.socket.recv_into(unfilled_buffer)
             except ConnectionError:
-                count = 0
-            if not count:
+                received_bytes = 0
+            if not received_bytes:
                 raise EOFError("the other end is closed")
-            remaining = remaining[count:]
+            unfilled_buffer = unfilled_buffer[received_bytes:]
         return data
 
 
@@ -130,44 +130,48 @@ class _LongText(str):
 # Messages for a function's result
 
 
-def encode_result(returned: object) -> object:
+def encode_result(result: object) -> object:
     """Return a perception function's result as plain values; of a value of another type, the name of the type."""
-    if not isinstance(returned, Mapping):
-        return _encode_value(returned)
+    if not isinstance(result, Mapping):
+        return _encode_value(result)
     pairs: list[object] = []
-    for name in returned:
+    for name in result:
         if len(pairs) == _MAX_ENTRIES:
             break
-        pairs.append([_encode_value(name), _encode_value(returned[name])])
+        pairs.append([_encode_value(name), _encode_value(result[name])])
     return {"mapping": pairs}
 
 
-def decode_result(encoded: object) -> object:
+def decode_result(encoded_result: object) -> object:
     """Return the result that `encode_result` encoded. A value of another type is a placeholder with the type's name.
 
     Raises:
         GarbageError: if the message is not an encoded result.
     """
-    if not isinstance(encoded, dict) or "mapping" not in encoded:
-        return _decode_value(encoded)
+    if not isinstance(encoded_result, dict) or "mapping" not in encoded_result:
+        return _decode_value(encoded_result)
     try:
-        return {_decode_value(name): _decode_value(value) for name, value in encoded["mapping"]}
+        return {_decode_value(name): _decode_value(value) for name, value in encoded_result["mapping"]}
     except (TypeError, ValueError) as error:
         raise GarbageError("its process sent an invalid result") from error
 
 
 def _encode_value(value: object) -> object:
-    plain_value = _without_numpy(value)
+    plain_value = _unbox_numpy(value)
     if isinstance(plain_value, int) and abs(plain_value) > _MAX_INTEGER:
         return {"bits": int(plain_value).bit_length()}
     if isinstance(plain_value, str):
-        is_long = len(plain_value) > _MAX_TEXT
-        return {"text": plain_value[:_MAX_TEXT], "length": len(plain_value)} if is_long else str.__str__(plain_value)
+        is_long = len(plain_value) > _MAX_TEXT_CHARACTERS
+        return (
+            {"text": plain_value[:_MAX_TEXT_CHARACTERS], "length": len(plain_value)}
+            if is_long
+            else str.__str__(plain_value)
+        )
     return plain_value if isinstance(plain_value, (bool, int, float)) else {"foreign": type(plain_value).__name__}
 
 
-def _decode_value(encoded: object) -> Any:
-    match encoded:
+def _decode_value(encoded_value: object) -> Any:
+    match encoded_value:
         case {"bits": int(bits)}:
             return 1 << (min(max(bits, 1), _MAX_BITS) - 1)
         case {"text": str(text), "length": int(length)}:
@@ -175,9 +179,9 @@ def _decode_value(encoded: object) -> Any:
         case {"foreign": "NoneType"}:
             return None
         case {"foreign": str(name)}:
-            return type(name[:_MAX_NAME].encode("ascii", "replace").decode().replace("\0", "?"), (), {})()
+            return type(name[:_MAX_NAME_CHARACTERS].encode("ascii", "replace").decode().replace("\0", "?"), (), {})()
         case bool() | int() | float() | str():
-            return encoded
+            return encoded_value
         case _:
             raise GarbageError("its process sent an invalid value")
 
@@ -191,19 +195,19 @@ def encode_argument(value: object) -> object:
     Raises:
         TypeError: if the argument is something else.
     """
-    plain_value = _without_numpy(value)
+    plain_value = _unbox_numpy(value)
     if plain_value is None or isinstance(plain_value, (bool, int, float, str)):
         return plain_value
     if isinstance(plain_value, (list, tuple)):
-        return [encode_argument(part) for part in plain_value]
+        return [encode_argument(element) for element in plain_value]
     if isinstance(plain_value, dict) and all(isinstance(name, str) for name in plain_value):
-        return {name: encode_argument(part) for name, part in plain_value.items()}
+        return {name: encode_argument(element) for name, element in plain_value.items()}
     raise TypeError(
         f"a handle takes numbers, texts, lists and mappings from a process, not a {type(plain_value).__name__}"
     )
 
 
-def _without_numpy(value: object) -> object:
+def _unbox_numpy(value: object) -> object:
     """Return the number of a numpy scalar, and any other value unchanged."""
     try:
         item = getattr(value, "item", None)
@@ -218,5 +222,5 @@ def described(error: BaseException) -> str:
         message = str(error)
     except Exception:  # noqa: BLE001 - even `str` of an error may fail
         message = "its message cannot be shown"
-    shown_message = message if len(message) <= MAX_SHOWN else f"{message[:MAX_SHOWN]}..."
+    shown_message = message if len(message) <= MAX_SHOWN_CHARACTERS else f"{message[:MAX_SHOWN_CHARACTERS]}..."
     return f"{type(error).__name__}: {shown_message}".encode(errors="replace").decode()

@@ -19,65 +19,65 @@ import traceback
 from pathlib import Path
 
 TERMINATE = b"T"
-STATUS = struct.Struct("!i")
+WAIT_STATUS = struct.Struct("!i")
 """How the process ended, as returned by `os.waitpid`."""
 
-LEAVE_MS = 500
+EXIT_TIMEOUT_MS = 500
 """How long a process may take to end by itself once the program hangs up."""
 
-TERMINATE_MS = 300
+SIGTERM_TIMEOUT_MS = 300
 """How long a process may take to end after SIGTERM."""
 
-_POLL_MS = 500
+_POLL_PERIOD_MS = 500
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
-_STANDARD_STREAMS = (0, 1, 2)
+_STANDARD_DESCRIPTORS = (0, 1, 2)
 
 
-def main(talk_fd: int, life_fd: int, program: int, call: str) -> None:
+def main(message_fd: int, control_fd: int, program_pid: int, call: str) -> None:
     """Start the process of an algorithm and supervise it until it has ended.
 
     Args:
-        talk_fd: the connection between the process and the program.
-        life_fd: the connection between the supervisor and the program.
-        program: the process ID of the program.
+        message_fd: the connection between the process and the program.
+        control_fd: the connection between the supervisor and the program.
+        program_pid: the process ID of the program.
         call: the function or class that the process runs.
     """
     signal.pthread_sigmask(signal.SIG_SETMASK, [])
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    supervisor = os.getpid()
-    worker = os.fork()
-    if worker == 0:
-        os.close(life_fd)
-        _work(talk_fd, supervisor, call)
-    os.close(talk_fd)
-    _release_output()
+    supervisor_pid = os.getpid()
+    worker_pid = os.fork()
+    if worker_pid == 0:
+        os.close(control_fd)
+        _become_worker(message_fd, supervisor_pid, call)
+    os.close(message_fd)
+    _release_standard_streams()
     with contextlib.suppress(OSError):
-        os.setpgid(worker, worker)
-    life = socket.socket(fileno=life_fd)
-    _await_end(worker, life, program)
-    _signal_group(worker, signal.SIGKILL)
-    status = os.waitpid(worker, 0)[1]
-    _end_rest()
+        os.setpgid(worker_pid, worker_pid)
+    control_socket = socket.socket(fileno=control_fd)
+    _await_end(worker_pid, control_socket, program_pid)
+    _signal_group(worker_pid, signal.SIGKILL)
+    status = os.waitpid(worker_pid, 0)[1]
+    _kill_orphans()
     with contextlib.suppress(OSError):
-        life.sendall(STATUS.pack(status))
+        control_socket.sendall(WAIT_STATUS.pack(status))
     os._exit(0)
 
 
-def _work(talk_fd: int, supervisor: int, call: str) -> None:
+def _become_worker(message_fd: int, supervisor_pid: int, call: str) -> None:
     """Become the process, in a separate process group."""
-    from codra_dsl.isolation.worker import work  # noqa: PLC0415 - the supervisor does not need it
+    from codra_dsl.isolation.worker import run_worker  # noqa: PLC0415 - the supervisor does not need it
 
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != supervisor:
+    if os.getppid() != supervisor_pid:
         os._exit(1)
     with contextlib.suppress(OSError):  # when memory runs out, the perception process is killed before the program
         Path("/proc/self/oom_score_adj").write_text("500", "ascii")
     sys.argv[:] = [call]
     try:
-        work(socket.socket(fileno=talk_fd), call)
+        run_worker(socket.socket(fileno=message_fd), call)
     except BaseException:  # noqa: BLE001 - printed to the log of the process
         traceback.print_exc()
         sys.stderr.flush()
@@ -85,36 +85,36 @@ def _work(talk_fd: int, supervisor: int, call: str) -> None:
     sys.exit(0)
 
 
-def _await_end(worker: int, life: socket.socket, program: int) -> None:
+def _await_end(worker_pid: int, control_socket: socket.socket, program_pid: int) -> None:
     """Return once the process has ended, by itself or after an order, or once the last signal was sent to it."""
-    end_descriptor = os.pidfd_open(worker)
-    while not (ready := _ready_descriptors(end_descriptor, life, _POLL_MS)):
-        if os.getppid() != program:
+    worker_pidfd = os.pidfd_open(worker_pid)
+    while not (ready := _ready_descriptors(worker_pidfd, control_socket, _POLL_PERIOD_MS)):
+        if os.getppid() != program_pid:
             break
-    if end_descriptor in ready:
+    if worker_pidfd in ready:
         return
-    order = life.recv(1) if ready else b""
-    if order != TERMINATE and _ready_descriptors(end_descriptor, None, LEAVE_MS):
+    command = control_socket.recv(1) if ready else b""
+    if command != TERMINATE and _ready_descriptors(worker_pidfd, None, EXIT_TIMEOUT_MS):
         return
-    _signal_group(worker, signal.SIGTERM)
-    if not _ready_descriptors(end_descriptor, None, TERMINATE_MS):
-        _signal_group(worker, signal.SIGKILL)
+    _signal_group(worker_pid, signal.SIGTERM)
+    if not _ready_descriptors(worker_pidfd, None, SIGTERM_TIMEOUT_MS):
+        _signal_group(worker_pid, signal.SIGKILL)
 
 
-def _ready_descriptors(end_descriptor: int, life: socket.socket | None, timeout_ms: int) -> list[int]:
+def _ready_descriptors(worker_pidfd: int, control_socket: socket.socket | None, timeout_ms: int) -> list[int]:
     poll = select.poll()
-    poll.register(end_descriptor, select.POLLIN)
-    if life is not None:
-        poll.register(life, select.POLLIN)
+    poll.register(worker_pidfd, select.POLLIN)
+    if control_socket is not None:
+        poll.register(control_socket, select.POLLIN)
     return [descriptor for descriptor, _ in poll.poll(timeout_ms)]
 
 
-def _signal_group(worker: int, number: signal.Signals) -> None:
+def _signal_group(worker_pid: int, signal_number: signal.Signals) -> None:
     with contextlib.suppress(ProcessLookupError):
-        os.killpg(worker, number)
+        os.killpg(worker_pid, signal_number)
 
 
-def _end_rest() -> None:
+def _kill_orphans() -> None:
     """End the orphans of the process in any process group. They are now the supervisor's children."""
     children = Path(f"/proc/self/task/{os.getpid()}/children")  # Linux can be built without this file
     with contextlib.suppress(OSError):
@@ -125,12 +125,12 @@ def _end_rest() -> None:
             os.waitpid(-1, 0)
 
 
-def _release_output() -> None:
+def _release_standard_streams() -> None:
     """Release the standard streams, so that the end of the output pipe marks the end of the process."""
-    null_device = os.open(os.devnull, os.O_RDWR)
-    for standard_stream in _STANDARD_STREAMS:
-        os.dup2(null_device, standard_stream)
-    os.close(null_device)
+    null_descriptor = os.open(os.devnull, os.O_RDWR)
+    for descriptor in _STANDARD_DESCRIPTORS:
+        os.dup2(null_descriptor, descriptor)
+    os.close(null_descriptor)
 
 
 def _prctl(option: int, argument: int) -> None:

@@ -31,8 +31,8 @@ class _RequestSender:
         """
         try:
             with self._lock:
-                self._connection.reply(*request)
-                kind, content = self._connection.receive()
+                self._connection.send_json(*request)
+                kind, content = self._connection.receive_pickle()
         except (EOFError, OSError):
             raise Cancelled from None
         if kind == "cancelled":
@@ -45,36 +45,36 @@ class _RequestSender:
 class RemoteJob:
     """The `job` of one call. It asks the program for everything, so that it behaves like the `job` in a thread."""
 
-    def __init__(self, sender: _RequestSender, index: int, chance: str) -> None:
+    def __init__(self, request_sender: _RequestSender, index: int, random_seed: str) -> None:
         self.index = index
-        self.random = random.Random(chance)
-        self._sender = sender
+        self.random = random.Random(random_seed)
+        self._request_sender = request_sender
 
     @property
     def cancelled(self) -> bool:
         """Return whether the job has been cancelled."""
-        return bool(self._sender.ask("job", "cancelled", [])[1])
+        return bool(self._request_sender.ask("job", "cancelled", [])[1])
 
     def now_s(self) -> float:
         """Return the instant that the job has reached."""
-        return float(self._sender.ask("job", "now_s", [])[1])
+        return float(self._request_sender.ask("job", "now_s", [])[1])
 
     def sleep(self, duration_s: float) -> None:
         """Sleep; raise `Cancelled` once the job has been cancelled."""
-        self._sender.ask("job", "sleep", [encode_argument(duration_s)])
+        self._request_sender.ask("job", "sleep", [encode_argument(duration_s)])
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
         """Report when the evidence was taken."""
-        self._sender.ask("job", "evidence", [encode_argument(start_s), encode_argument(stamp_s)])
+        self._request_sender.ask("job", "evidence", [encode_argument(start_s), encode_argument(stamp_s)])
 
 
 class RemoteHandle:
     """A handle that stays in the program: its attributes are copied to the process, its methods run in the program."""
 
-    __slots__ = ("_path", "_sender")
+    __slots__ = ("_path", "_request_sender")
 
-    def __init__(self, sender: _RequestSender, path: Sequence[str]) -> None:
-        object.__setattr__(self, "_sender", sender)
+    def __init__(self, request_sender: _RequestSender, path: Sequence[str]) -> None:
+        object.__setattr__(self, "_request_sender", request_sender)
         object.__setattr__(self, "_path", list(path))
 
     def __getattr__(self, name: str) -> Any:
@@ -82,8 +82,8 @@ class RemoteHandle:
             raise AttributeError(
                 f"a process cannot access private attribute {name!r} of handle {'.'.join(self._path)!r}"
             )
-        kind, content = self._sender.ask("get", [*self._path, name])
-        return content if kind == "value" else RemoteHandle(self._sender, [*self._path, name])
+        kind, content = self._request_sender.ask("get", [*self._path, name])
+        return content if kind == "value" else RemoteHandle(self._request_sender, [*self._path, name])
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"an observer is passive: it cannot set {name!r} of handle {'.'.join(self._path)!r}")
@@ -91,58 +91,60 @@ class RemoteHandle:
     def __call__(self, *arguments: object, **keyword_arguments: object) -> Any:
         """Call a method, or the handle itself, in the program."""
         encoded_arguments = [encode_argument(argument) for argument in arguments]
-        return self._sender.ask("call", self._path, encoded_arguments, encode_argument(keyword_arguments))[1]
+        return self._request_sender.ask("call", self._path, encoded_arguments, encode_argument(keyword_arguments))[1]
 
 
-def work(stream: socket.socket, call: str) -> None:
+def run_worker(message_socket: socket.socket, call: str) -> None:
     """Import the target of a `call`, and serve the program's requests until the program is gone."""
-    connection = Connection(stream)
+    connection = Connection(message_socket)
     try:
-        host = FunctionHost(resolve_call(call))
+        function_host = FunctionHost(resolve_call(call))
     except AbsentError as error:
-        connection.reply("absent", str(error))
+        connection.send_json("absent", str(error))
         return
     except BaseException as error:  # noqa: BLE001 - a module may raise anything while it is imported
-        connection.reply("absent", f": {described(error)}")
+        connection.send_json("absent", f": {described(error)}")
         return
-    connection.reply("here")
+    connection.send_json("here")
     try:
-        _serve(connection, host)
+        _serve(connection, function_host)
     finally:
-        host.close()
+        function_host.close()
 
 
-def _serve(connection: Connection, host: FunctionHost) -> None:
-    sender = _RequestSender(connection)
+def _serve(connection: Connection, function_host: FunctionHost) -> None:
+    request_sender = _RequestSender(connection)
     while True:
         try:
-            step, details = connection.receive()
+            method, request = connection.receive_pickle()
         except (EOFError, OSError):
             return
         try:
-            answer = _execute(sender, host, step, details)
+            answer = _execute_request(request_sender, function_host, method, request)
         except Cancelled:
             answer = ("cancelled",)
         except BaseException as error:  # noqa: BLE001 - every error of a user's function is reported
-            answer = ("raised", f"{'setup: ' if step == 'setup' else ''}{described(error)}")
+            answer = ("raised", f"{'setup: ' if method == 'setup' else ''}{described(error)}")
         try:
-            _reply(connection, answer)
+            _send_answer(connection, answer)
         except OSError:
             return
 
 
-def _reply(connection: Connection, answer: tuple[object, ...]) -> None:
+def _send_answer(connection: Connection, answer: tuple[object, ...]) -> None:
     try:
-        connection.reply(*answer)
+        connection.send_json(*answer)
     except ValueError as error:
-        connection.reply("raised", f"returned too much: {error}")
+        connection.send_json("raised", f"returned too much: {error}")
 
 
-def _execute(sender: _RequestSender, host: FunctionHost, step: str, details: Mapping[str, Any]) -> tuple[object, ...]:
-    remote_handles = {name: RemoteHandle(sender, [name]) for name in details["handles"]}
-    if step == "setup":
-        host.setup({**details["given"], **remote_handles})
+def _execute_request(
+    request_sender: _RequestSender, function_host: FunctionHost, method: str, request: Mapping[str, Any]
+) -> tuple[object, ...]:
+    remote_handles = {name: RemoteHandle(request_sender, [name]) for name in request["handles"]}
+    if method == "setup":
+        function_host.setup({**request["arguments"], **remote_handles})
         return ("ready",)
-    job = RemoteJob(sender, details["index"], details["chance"])
-    result = host.perceive(**details["given"], **remote_handles, job=job)
-    return ("returned", encode_result(result))
+    job = RemoteJob(request_sender, request["index"], request["random_seed"])
+    perception_result = function_host.perceive(**request["arguments"], **remote_handles, job=job)
+    return ("returned", encode_result(perception_result))

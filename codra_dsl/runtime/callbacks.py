@@ -13,7 +13,7 @@ from codra_dsl.runtime.values.cell import Reading
 
 _LOGGER = logging.getLogger(__name__)
 
-MOST_WAITING = 1_000
+MAX_WAITING_CHANGES = 1_000
 """The largest number of changes that wait for a slow callback. If there are more, the oldest one is dropped."""
 
 ChangeT = TypeVar("ChangeT")
@@ -33,7 +33,7 @@ class Subscription:
     def __init__(self, end: Callable[[], None]) -> None:
         self.dropped = 0
         self._end = end
-        self._then: Callable[[], None] = _no_op
+        self._on_end: Callable[[], None] = _no_op
         self._is_over = False
         self._lock = threading.Lock()
 
@@ -41,7 +41,7 @@ class Subscription:
         """End the subscription. If the callback is running, it runs to its end."""
         self._end()
         with self._lock:
-            then, self._then, self._is_over = self._then, _no_op, True
+            then, self._on_end, self._is_over = self._on_end, _no_op, True
         then()
 
     def and_then(self, then: Callable[[], None]) -> None:
@@ -51,7 +51,7 @@ class Subscription:
         """
         with self._lock:
             if not self._is_over:
-                self._then = then
+                self._on_end = then
                 return
         then()
 
@@ -95,7 +95,7 @@ class CallbackQueue(Generic[ChangeT]):
             if self._is_closed:
                 return
             self._waiting_changes.append(change)
-            if len(self._waiting_changes) > MOST_WAITING:
+            if len(self._waiting_changes) > MAX_WAITING_CHANGES:
                 self._waiting_changes.popleft()
                 self.subscription.dropped += 1
             must_start, self._is_running = not self._is_running, True
@@ -111,7 +111,7 @@ class CallbackQueue(Generic[ChangeT]):
                 self._is_running = False
 
     def _run(self, _: Work) -> None:
-        while (change := self._next()) is not None:
+        while (change := self._next_change()) is not None:
             try:
                 self._callback(change[0])
             except BaseException as error:
@@ -120,7 +120,7 @@ class CallbackQueue(Generic[ChangeT]):
                     raise  # in simulated time, the user interrupts the program
                 _LOGGER.exception("a callback raised: %r", self._callback)
 
-    def _next(self) -> tuple[ChangeT] | None:
+    def _next_change(self) -> tuple[ChangeT] | None:
         """Return the next change. If no change waits, mark the queue as not running and return None."""
         with self._lock:
             if self._waiting_changes:
@@ -147,76 +147,78 @@ class Subscriptions:
         """
         self._clock = clock
         self._lock = lock
-        self._queues: dict[str, list[CallbackQueue[Reading[Any]]]] = {}
+        self._variable_queues: dict[str, list[CallbackQueue[Reading[Any]]]] = {}
         self._last_states: dict[tuple[int, str], tuple[object, object]] = {}
-        self._followers: dict[str, list[CallbackQueue[None]]] = {}
+        self._follower_queues: dict[str, list[CallbackQueue[None]]] = {}
         self._skill_queues: dict[int, list[CallbackQueue[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
         """Call `callback` with the present readings of some variables, then with each changed reading of them."""
         present_readings = tuple(readings)
-        queue = CallbackQueue(self._clock, callback, self._forget)
+        queue = CallbackQueue(self._clock, callback, self._remove_queue)
         for reading in present_readings:
-            self._queues[reading.name] = [*self._queues.get(reading.name, ()), queue]
-            self._put_change(queue, reading)
+            self._variable_queues[reading.name] = [*self._variable_queues.get(reading.name, ()), queue]
+            self._put_if_changed(queue, reading)
         return queue.subscription
 
     def follow(self, name: str, callback: Callable[[], object]) -> Subscription:
         """Call `callback` for each new reading of a variable, even if only its evidence is newer."""
         queue: CallbackQueue[None] = CallbackQueue(
-            self._clock, lambda _: callback(), lambda queue: self._forget_follower(name, queue)
+            self._clock, lambda _: callback(), lambda queue: self._remove_follower_queue(name, queue)
         )
-        self._followers[name] = [*self._followers.get(name, ()), queue]
+        self._follower_queues[name] = [*self._follower_queues.get(name, ()), queue]
         return queue.subscription
 
-    def subscribe_to_skill(self, number: int, callback: Callable[[Any], object]) -> Subscription:
+    def subscribe_to_skill(self, skill_number: int, callback: Callable[[Any], object]) -> Subscription:
         """Call `callback` with the outcome of each expectation of a skill."""
         queue: CallbackQueue[Any] = CallbackQueue(
-            self._clock, callback, lambda queue: self._forget_skill_queue(number, queue)
+            self._clock, callback, lambda queue: self._remove_skill_queue(skill_number, queue)
         )
-        self._skill_queues[number] = [*self._skill_queues.get(number, ()), queue]
+        self._skill_queues[skill_number] = [*self._skill_queues.get(skill_number, ()), queue]
         return queue.subscription
 
-    def changed(self, name: str, read: Callable[[str], Reading[Any]]) -> None:
+    def notify_change(self, name: str, read_reading: Callable[[str], Reading[Any]]) -> None:
         """Notify the subscribers and followers of a variable that may have changed."""
-        for queue in self._queues.get(name, ()):
-            self._put_change(queue, read(name))
-        for follower in self._followers.get(name, ()):
-            follower.put(None)
+        for queue in self._variable_queues.get(name, ()):
+            self._put_if_changed(queue, read_reading(name))
+        for follower_queue in self._follower_queues.get(name, ()):
+            follower_queue.put(None)
 
-    def wake(self) -> None:
+    def wake_followers(self) -> None:
         """Call all followers of variables, because the context manager has closed and no reading will follow."""
-        for followers in self._followers.values():
-            for follower in followers:
-                follower.put(None)
+        for follower_queues in self._follower_queues.values():
+            for follower_queue in follower_queues:
+                follower_queue.put(None)
 
-    def judged(self, number: int, verdict: object) -> None:
+    def notify_verdict(self, skill_number: int, verdict: object) -> None:
         """Report the outcome of an expectation to the subscribers of its skill."""
-        for queue in self._skill_queues.get(number, ()):
+        for queue in self._skill_queues.get(skill_number, ()):
             queue.put(verdict)
 
-    def finished(self, number: int) -> None:
+    def remove_skill(self, skill_number: int) -> None:
         """Remove the subscriptions to a skill that has ended; outcomes that still wait are delivered."""
-        self._skill_queues.pop(number, None)
+        self._skill_queues.pop(skill_number, None)
 
-    def _put_change(self, queue: CallbackQueue[Reading[Any]], reading: Reading[Any]) -> None:
+    def _put_if_changed(self, queue: CallbackQueue[Reading[Any]], reading: Reading[Any]) -> None:
         key, state = (id(queue), reading.name), (reading.content, reading.reason)
         if self._last_states.get(key) != state:
             self._last_states[key] = state
             queue.put(reading)
 
-    def _forget(self, queue: CallbackQueue[Reading[Any]]) -> None:
+    def _remove_queue(self, queue: CallbackQueue[Reading[Any]]) -> None:
         with self._lock:
-            for name, queues in list(self._queues.items()):
+            for name, queues in list(self._variable_queues.items()):
                 if queue in queues:
-                    self._queues[name] = [other for other in queues if other is not queue]
+                    self._variable_queues[name] = [other for other in queues if other is not queue]
                     self._last_states.pop((id(queue), name), None)
 
-    def _forget_follower(self, name: str, queue: CallbackQueue[None]) -> None:
+    def _remove_follower_queue(self, name: str, queue: CallbackQueue[None]) -> None:
         with self._lock:
-            self._followers[name] = [other for other in self._followers[name] if other is not queue]
+            self._follower_queues[name] = [other for other in self._follower_queues[name] if other is not queue]
 
-    def _forget_skill_queue(self, number: int, queue: CallbackQueue[Any]) -> None:
+    def _remove_skill_queue(self, skill_number: int, queue: CallbackQueue[Any]) -> None:
         with self._lock:
-            if number in self._skill_queues:
-                self._skill_queues[number] = [other for other in self._skill_queues[number] if other is not queue]
+            if skill_number in self._skill_queues:
+                self._skill_queues[skill_number] = [
+                    other for other in self._skill_queues[skill_number] if other is not queue
+                ]

@@ -42,10 +42,10 @@ _LOGGER = logging.getLogger(__name__)
 _LONGEST_WAIT_S = 3600.0
 """The dispatcher checks its events at least this often."""
 
-_LAST_NUMBER = 2**62
+_LAST_EVENTS_OFFSET = 2**62
 """Larger than the number of any usual event. An event with this number or more runs after all others of its instant."""
 
-PUNCTUAL_S = 0.01
+PUNCTUALITY_TOLERANCE_S = 0.01
 """An event that begins at most this long after its time counts as happening at its time.
 
 So a run in real time is determined by its inputs, like a run in simulated time, and a replay is exact.
@@ -203,7 +203,7 @@ class SimClock(Clock):
         self._check_thread()
         self._event_count += 1
         timer = Timer(max(instant_s, self._now_s), callback)
-        heapq.heappush(self._events, (timer.instant_s, _LAST_NUMBER + self._event_count, timer))
+        heapq.heappush(self._events, (timer.instant_s, _LAST_EVENTS_OFFSET + self._event_count, timer))
 
     def sleep(self, duration_s: float) -> None:
         """Let `duration_s` seconds pass, and run all events in this time, including those at its start and end."""
@@ -224,7 +224,7 @@ class SimClock(Clock):
                     raise RuntimeError("this would wait forever: no event is left that could end it")
                 self._now_s = end_s
                 return is_ready()
-            self._run_next()
+            self._run_next_event()
         return True
 
     def notify(self) -> None:
@@ -241,7 +241,7 @@ class SimClock(Clock):
         work.deliver(lambda: deliver(outcome))
         return work
 
-    def _run_next(self) -> None:
+    def _run_next_event(self) -> None:
         self._now_s, _, timer = heapq.heappop(self._events)
         self._is_inside_event = True
         try:
@@ -258,17 +258,17 @@ class _RealWork(Work):
     def __init__(self, clock: Clock) -> None:
         super().__init__()
         self._clock = clock
-        self._waking = threading.Event()
+        self._cancel_event = threading.Event()
 
     def now_s(self) -> float:
         return self._clock.now_s()
 
     def cancel(self) -> None:
         super().cancel()
-        self._waking.set()
+        self._cancel_event.set()
 
     def sleep(self, duration_s: float) -> None:
-        if self._waking.wait(min(_checked_duration(duration_s), threading.TIMEOUT_MAX)):
+        if self._cancel_event.wait(min(_checked_duration(duration_s), threading.TIMEOUT_MAX)):
             raise Cancelled
 
 
@@ -286,7 +286,7 @@ class WallClock(Clock):
             start_s: the time on the clock now; by default the seconds since 1970.
         """
         self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
-        self._change = threading.Condition()
+        self._condition = threading.Condition()
         self._events: list[tuple[float, int, Timer]] = []
         self._event_count = 0
         self._waiter_count = 0
@@ -302,9 +302,9 @@ class WallClock(Clock):
 
     def close(self) -> None:
         """Run no more events; waiting calls return."""
-        with self._change:
+        with self._condition:
             self._is_closed = True
-            self._change.notify_all()
+            self._condition.notify_all()
 
     def now_s(self) -> float:
         """Return the present instant."""
@@ -319,10 +319,10 @@ class WallClock(Clock):
         """Schedule an event in the dispatcher thread."""
         timer = Timer(instant_s, callback)
         if instant_s < math.inf:
-            with self._change:
+            with self._condition:
                 heapq.heappush(self._events, (instant_s, self._event_count, timer))
                 self._event_count += 1
-                self._change.notify_all()
+                self._condition.notify_all()
         return timer
 
     def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
@@ -331,11 +331,11 @@ class WallClock(Clock):
         `is_ready` is called at the start, and again after each `notify`.
         """
         self._check_thread()
-        with self._change:
+        with self._condition:
             self._waiter_count += 1
             try:
                 wait_s = min(_checked_duration(timeout_s), threading.TIMEOUT_MAX)
-                self._change.wait_for(lambda: is_ready() or self._is_closed, wait_s)
+                self._condition.wait_for(lambda: is_ready() or self._is_closed, wait_s)
                 return is_ready()
             finally:
                 self._waiter_count -= 1
@@ -347,8 +347,8 @@ class WallClock(Clock):
         its change. So no change is missed.
         """
         if self._waiter_count:
-            with self._change:
-                self._change.notify_all()
+            with self._condition:
+                self._condition.notify_all()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Run the work in a separate daemon thread."""
@@ -362,7 +362,7 @@ class WallClock(Clock):
         return work
 
     def _dispatch(self) -> None:
-        while (timer := self._next()) is not None:
+        while (timer := self._next_due_timer()) is not None:
             try:
                 timer.fire()
             except BaseException:  # an event that raises must not stop the others
@@ -372,13 +372,13 @@ class WallClock(Clock):
         if threading.current_thread() is self._dispatcher:
             raise RuntimeError("an event (a callback) must not wait on the clock")
 
-    def _next(self) -> Timer | None:
-        with self._change:
+    def _next_due_timer(self) -> Timer | None:
+        with self._condition:
             while not self._is_closed:
                 wait_s = self._events[0][0] - self.now_s() if self._events else None
                 if wait_s is not None and wait_s <= 0:
                     return heapq.heappop(self._events)[2]
-                self._change.wait(None if wait_s is None else min(wait_s, _LONGEST_WAIT_S))
+                self._condition.wait(None if wait_s is None else min(wait_s, _LONGEST_WAIT_S))
         return None
 
 

@@ -20,10 +20,10 @@ class AgentTakenError(PermissionError):
 
 def unknown(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
     """Return the error for an undeclared name. `kind` is the kind of element, `names` are its declared names."""
-    return UnknownNameError(f"the spec has no {kind} {name!r}{nearest(str(name), names)}")
+    return UnknownNameError(f"the spec has no {kind} {name!r}{suggestion_text(str(name), names)}")
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
+def suggestion_text(name: str, names: Iterable[str]) -> str:
     """Return a question that suggests a similar name; empty if there is no similar name."""
-    similar = difflib.get_close_matches(name, list(names), n=1)
-    return f": did you mean {similar[0]!r}?" if similar else ""
+    similar_names = difflib.get_close_matches(name, list(names), n=1)
+    return f": did you mean {similar_names[0]!r}?" if similar_names else ""

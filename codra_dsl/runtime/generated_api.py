@@ -302,13 +302,13 @@ __all__ = [
 
 _TREES_PACKAGE = "codra_dsl.runtime.behavior_trees"
 _FUZZY_PACKAGE = "codra_dsl.runtime.loops.fuzzy"
-_FUZZY_MODULES = frozenset(
+_FUZZY_MODULE_NAMES = frozenset(
     {
         *("activations", "bounded_activations", "bounded_formulas", "bounded_outputs", "bounds", "defuzzifiers"),
         *("formulas", "hedges", "norms", "outputs", "terms"),
     }
 )
-_LATE_IMPORTS = {
+_LAZY_IMPORTS = {
     "codra_dsl.runtime.loops.declarations": (
         *("CourseModel", "HardRuleModel", "InputModel", "LoopModel", "MapeModel", "OutputModel", "ParameterModel"),
         *("RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"),
@@ -318,26 +318,26 @@ _LATE_IMPORTS = {
     "codra_dsl.runtime.loops.loop": ("Mape",),
     "codra_dsl.runtime.behavior_trees.node": ("Leaves",),
 }
-_LATE_MODULES = {name: module for module, names in _LATE_IMPORTS.items() for name in names}
-"""For names that are imported on first use, their module; not for names of `_FUZZY_MODULES` and `_TREES_PACKAGE`."""
+_MODULES_OF_LAZY_NAMES = {name: module for module, names in _LAZY_IMPORTS.items() for name in names}
+"""For names imported on first use, their module; not for names of `_FUZZY_MODULE_NAMES` and `_TREES_PACKAGE`."""
 
 _ORIGINAL_NAMES = {"TreeNode": "Node", "TreePrecondition": "Precondition"}
 """Classes of `_TREES_PACKAGE` whose name is already used here: the name that they have here, and their original name.
 """
 
 
-def _import_on_first_use(name: str) -> object:
+def _import_lazily(name: str) -> object:
     """Import an object of loops, fuzzy engines or behavior trees when its name is used for the first time."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if name in _FUZZY_MODULES:
+    if name in _FUZZY_MODULE_NAMES:
         imported_object: object = import_module(f"{_FUZZY_PACKAGE}.{name}")
     else:
-        module = import_module(_LATE_MODULES.get(name, _TREES_PACKAGE))
+        module = import_module(_MODULES_OF_LAZY_NAMES.get(name, _TREES_PACKAGE))
         imported_object = getattr(module, _ORIGINAL_NAMES.get(name, name))
     globals()[name] = imported_object
     return imported_object
 
 
 if not TYPE_CHECKING:  # type checkers see only the imports above, so they report names that do not exist
-    __getattr__ = _import_on_first_use
+    __getattr__ = _import_lazily

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Mapping
 from threading import get_ident
 
-from codra_dsl.runtime.clock import PUNCTUAL_S, Clock, Outcome, Timer, Work
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, Work
 
 
 class LockedClock(Clock):
@@ -19,49 +19,49 @@ class LockedClock(Clock):
     it. Therefore a run in real time can be repeated from its journal as exactly as a run in simulated time.
 
     Attributes:
-        steps: how many events have happened.
-        works: how many pieces of work have been started.
-        on_late: called when an event happens later than its time by more than `PUNCTUAL_S`.
+        step_count: how many events have happened.
+        work_count: how many pieces of work have been started.
+        on_late_event: called when an event happens later than its time by more than `PUNCTUALITY_TOLERANCE_S`.
     """
 
     def __init__(self, clock: Clock, lock: threading.RLock) -> None:
-        self.steps = 0
-        self.works = 0
-        self.on_late: Callable[[], None] = _no_op
-        self._clock = clock
-        self._outer_now_s = clock.now_s
+        self.step_count = 0
+        self.work_count = 0
+        self.on_late_event: Callable[[], None] = _no_op
+        self._outer_clock = clock
+        self._read_outer_now_s = clock.now_s
         self._lock = lock
         self._timers: list[tuple[float, int, Timer]] = []
         self._event_count = 0
-        self._depth = 0
+        self._step_depth = 0
         self._stepping_thread: int | None = None
-        self._instant_s = -math.inf
-        self._work_number: int | None = None
+        self._step_instant_s = -math.inf
+        self._running_work_number: int | None = None
 
     def __enter__(self) -> None:
         self._lock.acquire()
-        if not self._depth:
-            now_s = self._outer_now_s()
-            if now_s > self._instant_s:  # noqa: PLR1730 - every step runs this, and `max` takes longer
-                self._instant_s = now_s
+        if not self._step_depth:
+            now_s = self._read_outer_now_s()
+            if now_s > self._step_instant_s:  # noqa: PLR1730 - every step runs this, and `max` takes longer
+                self._step_instant_s = now_s
             self._stepping_thread = get_ident()
-        self._depth += 1
+        self._step_depth += 1
 
     def __exit__(self, *_: object) -> None:
-        self._depth -= 1
-        if not self._depth:
+        self._step_depth -= 1
+        if not self._step_depth:
             self._stepping_thread = None
         self._lock.release()
 
     def now_s(self) -> float:
         """Return the present instant; within a step, the instant at which the step began."""
         if self._stepping_thread is not None and self._stepping_thread == get_ident():
-            return self._instant_s
-        return self._outer_now_s()
+            return self._step_instant_s
+        return self._read_outer_now_s()
 
     def sleep(self, duration_s: float) -> None:
         """Let time pass."""
-        self._clock.sleep(duration_s)
+        self._outer_clock.sleep(duration_s)
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
         """Schedule an event that runs while the lock is held; the caller must hold the lock."""
@@ -69,61 +69,68 @@ class LockedClock(Clock):
         if instant_s < math.inf:
             heapq.heappush(self._timers, (timer.instant_s, self._event_count, timer))
             self._event_count += 1
-            self._clock.call_at(timer.instant_s, self._run_next)
+            self._outer_clock.call_at(timer.instant_s, self._run_next_event)
         return timer
 
     def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
         """Let time pass until `is_ready()` is true; `is_ready` must not acquire the lock."""
-        return self._clock.wait_until(is_ready, timeout_s)
+        return self._outer_clock.wait_until(is_ready, timeout_s)
 
     def notify(self) -> None:
         """Wake every `wait_until`, because its condition may have changed."""
-        self._clock.notify()
+        self._outer_clock.notify()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Start a piece of work whose outcome is delivered in a step."""
-        self.works += 1
-        number = self.works
+        self.work_count += 1
+        work_number = self.work_count
 
         def run_as_numbered_work(work: Work) -> Outcome:
             if self._stepping_thread != get_ident():
                 return run(work)  # in a separate thread
-            outer_number, self._work_number = self._work_number, number
+            outer_work_number, self._running_work_number = self._running_work_number, work_number
             try:
                 return run(work)
             finally:
-                self._work_number = outer_number
+                self._running_work_number = outer_work_number
 
         def deliver_in_step(outcome: Outcome) -> None:
             with self:
                 deliver(outcome)
 
-        return self._clock.start(run_as_numbered_work, deliver_in_step)
+        return self._outer_clock.start(run_as_numbered_work, deliver_in_step)
 
-    def place(self) -> Mapping[str, int]:
+    def position(self) -> Mapping[str, int]:
         """Return the position of the present moment in the run. A replay repeats a command at the same position.
 
         The position consists of the number of events so far and, in simulated time, the number of the piece of work
         whose function runs within the present step.
         """
-        return {"step": self.steps} if self._work_number is None else {"step": self.steps, "work": self._work_number}
+        return (
+            {"step": self.step_count}
+            if self._running_work_number is None
+            else {"step": self.step_count, "work": self._running_work_number}
+        )
 
-    def _run_next(self) -> None:
-        """Run the first due event. It counts as happening at its time, unless it is late by more than `PUNCTUAL_S`."""
+    def _run_next_event(self) -> None:
+        """Run the first due event.
+
+        It counts as happening at its time, unless it is late by more than `PUNCTUALITY_TOLERANCE_S`.
+        """
         with self._lock:
             instant_s, _, timer = heapq.heappop(self._timers)
-            now_s = self._clock.now_s()
-            is_late = now_s > instant_s + PUNCTUAL_S
-            self._instant_s = max(self._instant_s, now_s if is_late else instant_s)
+            now_s = self._outer_clock.now_s()
+            is_late = now_s > instant_s + PUNCTUALITY_TOLERANCE_S
+            self._step_instant_s = max(self._step_instant_s, now_s if is_late else instant_s)
             self._stepping_thread = get_ident()
-            self._depth += 1
+            self._step_depth += 1
             try:
                 if is_late:
-                    self.on_late()
-                self.steps += 1
+                    self.on_late_event()
+                self.step_count += 1
                 timer.fire()
             finally:
-                self._depth -= 1
+                self._step_depth -= 1
                 self._stepping_thread = None
 
 

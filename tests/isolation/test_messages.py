@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.isolation.messages import (
-    MAX_REPLY_BYTES,
+    MAX_BYTES_FROM_PROCESS,
     Connection,
     GarbageError,
     decode_result,
@@ -40,8 +40,8 @@ def sent(returned: object) -> Any:
     """Send a message through a connection, and return what arrives."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        Connection(theirs).reply("returned", returned)
-        return Connection(ours).receive_reply()[1]
+        Connection(theirs).send_json("returned", returned)
+        return Connection(ours).receive_json()[1]
 
 
 @given(st.dictionaries(st.text(max_size=20), SCALARS | st.none(), max_size=20))
@@ -57,17 +57,17 @@ def test_a_value_of_a_foreign_type_arrives_as_the_name_of_its_type(value: object
 
 
 def test_numpy_numbers_arrive_as_numbers_and_large_values_as_large_placeholders() -> None:
-    given_ = {"a": np.int32(3), "b": np.float32(0.5), "c": 2**70, "d": "x" * 20_000}
-    arrived: Any = decode_result(sent(encode_result(given_)))
+    result = {"a": np.int32(3), "b": np.float32(0.5), "c": 2**70, "d": "x" * 20_000}
+    arrived: Any = decode_result(sent(encode_result(result)))
     assert (arrived["a"], arrived["b"]) == (3, 0.5)
     assert arrived["c"].bit_length() == 71
     assert len(arrived["d"]) == 20_000
 
 
 @given(JSON)
-def test_an_arbitrary_result_is_decoded_as_garbage_or_plain(encoded: Any) -> None:
+def test_an_arbitrary_result_is_decoded_as_garbage_or_plain(encoded_result: Any) -> None:
     try:
-        arrived = decode_result(encoded)
+        arrived = decode_result(encoded_result)
     except GarbageError:
         return
     assert arrived is None or isinstance(arrived, (bool, int, float, str, dict)) or not vars(arrived)
@@ -76,18 +76,18 @@ def test_an_arbitrary_result_is_decoded_as_garbage_or_plain(encoded: Any) -> Non
 @given(st.binary(max_size=200))
 def test_any_bytes_from_a_process_are_a_message_or_garbage_or_an_end(data: bytes) -> None:
     connection = through(data)
-    with connection.connection:
+    with connection.socket:
         try:
-            message = connection.receive_reply()
+            message = connection.receive_json()
         except (GarbageError, EOFError):
             return
     assert isinstance(message[0], str)
 
 
 def test_a_message_that_is_announced_as_too_long_is_refused_before_it_is_read() -> None:
-    connection = through((MAX_REPLY_BYTES + 1).to_bytes(4, "big"))
-    with connection.connection, pytest.raises(GarbageError, match="sent more than 1048576 bytes"):
-        connection.receive_reply()
+    connection = through((MAX_BYTES_FROM_PROCESS + 1).to_bytes(4, "big"))
+    with connection.socket, pytest.raises(GarbageError, match="sent more than 1048576 bytes"):
+        connection.receive_json()
 
 
 @given(JSON)

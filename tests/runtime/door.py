@@ -41,8 +41,8 @@ class Door:
     instead: Callable[[Any], object] | None = None
     calls: list[tuple[str, float]] = field(default_factory=list)
 
-    def asked_s(self, function: str) -> list[float]:
-        return [at_s for name, at_s in self.calls if name == function]
+    def asked_s(self, function_name: str) -> list[float]:
+        return [at_s for name, at_s in self.calls if name == function_name]
 
 
 def measure_distance(*, door: Door, job: Any) -> dict[str, object]:
@@ -54,11 +54,11 @@ def look(*, door: Door, job: Any) -> object:
     door.calls.append(("look", job.now_s()))
     if door.instead is not None:
         return door.instead(job)
-    result = {"angle": door.angle_rad, "markers": door.markers}
+    look_result = {"angle": door.angle_rad, "markers": door.markers}
     if door.snapshot:
         job.evidence(job.now_s(), job.now_s())
     job.sleep(door.duration_s)
-    return result
+    return look_result
 
 
 MEASURE_DISTANCE = Algorithm(

@@ -156,27 +156,27 @@ class Net:
 
     def setup(self, *, log: str, camera: Any = None) -> None:
         self.log = Path(log)
-        self._log_call("setup" if camera is None else f"setup {camera.edges}")
+        self._append_to_log("setup" if camera is None else f"setup {camera.edges}")
 
     def perceive(self, *, log: str, job: Any, **_: Any) -> dict[str, object]:
         self.jobs += 1
-        self._log_call("perceive")
+        self._append_to_log("perceive")
         return {"seen": True, "number": self.jobs}
 
     def close(self) -> None:
-        self._log_call("close")
+        self._append_to_log("close")
 
-    def _log_call(self, what: str) -> None:
+    def _append_to_log(self, what: str) -> None:
         with self.log.open("a") as stream:
             stream.write(f"{what}\n")
 
 
 class NetThatDies(Net):
     def perceive(self, *, log: str, job: Any, **_: Any) -> dict[str, object]:
-        result = super().perceive(log=log, job=job)
+        perception_result = super().perceive(log=log, job=job)
         if job.index == 1:
             os._exit(0)
-        return result
+        return perception_result
 
 
 class NeverSetUp:

@@ -100,12 +100,13 @@ def tree(*looks: Look) -> Callable[[Observer], Behaviour]:
     def build(observer: Observer) -> Behaviour:
         children: list[Behaviour] = [ControlFlag(observer)]
         branches = [(look, observer.branch(look.algorithm)) for look in looks]
-        parts = [[*look.start(branch), *look.rest(branch)] for look, branch in branches]
-        if len(parts) == 1:
-            children += parts[0]
+        branch_children = [[*look.start(branch), *look.rest(branch)] for look, branch in branches]
+        if len(branch_children) == 1:
+            children += branch_children[0]
         else:
             alternatives = [
-                TreeSequence(look.algorithm.name, False, part) for look, part in zip(looks, parts, strict=True)
+                TreeSequence(look.algorithm.name, False, behaviours)
+                for look, behaviours in zip(looks, branch_children, strict=True)
             ]
             children.append(Selector("alternatives", False, alternatives))
         return TreeSequence(observer.name, False, children)

@@ -80,19 +80,19 @@ def test_time_does_not_run_backwards(duration_s: float, wall: WallClock) -> None
 
 
 def test_simulated_work_runs_at_once_and_is_delivered_after_its_duration() -> None:
-    clock, records = SimClock(), []
+    clock, logged_steps = SimClock(), []
 
     def run(work: Work) -> float:
-        records.append(("ran", clock.now_s()))
+        logged_steps.append(("ran", clock.now_s()))
         work.sleep(1.5)
         work.sleep(0.5)
         return work.now_s()
 
-    clock.call_at(1.0, lambda: clock.start(run, lambda outcome: records.append((outcome, clock.now_s()))))
+    clock.call_at(1.0, lambda: clock.start(run, lambda outcome: logged_steps.append((outcome, clock.now_s()))))
     clock.sleep(2.9)
-    assert records == [("ran", 1.0)]
+    assert logged_steps == [("ran", 1.0)]
     clock.sleep(0.1)
-    assert records == [("ran", 1.0), (3.0, 3.0)]
+    assert logged_steps == [("ran", 1.0), (3.0, 3.0)]
 
 
 def test_cancelled_work_ends_at_once_in_both_kinds_of_time(wall: WallClock) -> None:
@@ -180,17 +180,17 @@ def test_an_event_that_fails_does_not_stop_the_others(wall: WallClock, caplog: p
 
 
 def test_an_event_must_not_wait_in_real_time_either(wall: WallClock) -> None:
-    results: list[str] = []
+    refusals: list[str] = []
 
     def waits() -> None:
         for call in (lambda: wall.sleep(1), lambda: wall.wait_until(lambda: False, 1)):
             with pytest.raises(RuntimeError, match="must not wait on the clock"):
                 call()
-        results.append("refused")
+        refusals.append("refused")
         wall.notify()
 
     wall.call_at(wall.now_s(), waits)
-    assert wall.wait_until(lambda: bool(results), 60)
+    assert wall.wait_until(lambda: bool(refusals), 60)
 
 
 def test_waiting_on_a_closed_clock_returns_false() -> None:
@@ -205,21 +205,21 @@ def test_waiting_on_a_closed_clock_returns_false() -> None:
 def test_a_wait_may_have_any_length(wall: WallClock) -> None:
     for timeout_s in (1e30, math.inf):
         assert wall.wait_until(lambda: True, timeout_s)
-    endings: list[str] = []
+    outcomes: list[str] = []
 
     def run(work: Work) -> None:
         with pytest.raises(Cancelled):
             work.sleep(math.inf)
-        endings.append("cancelled")
+        outcomes.append("cancelled")
 
     wall.start(run, lambda _: wall.notify()).cancel()
-    assert wall.wait_until(lambda: bool(endings), 60)
+    assert wall.wait_until(lambda: bool(outcomes), 60)
 
 
 def test_a_real_clock_shows_the_time_of_day_or_the_given_start() -> None:
-    with WallClock(5.0) as given_clock, WallClock() as day_clock:
-        assert 5.0 <= given_clock.now_s() < 65.0
-        assert day_clock.now_s() > 1.7e9
+    with WallClock(5.0) as clock_with_start, WallClock() as default_clock:
+        assert 5.0 <= clock_with_start.now_s() < 65.0
+        assert default_clock.now_s() > 1.7e9
 
 
 def test_events_of_a_locked_clock_hold_the_lock_and_work_does_not(wall: WallClock) -> None:

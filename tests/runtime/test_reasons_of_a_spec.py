@@ -87,39 +87,39 @@ def why_unknown(codra: Any, name: str) -> tuple[Reason, str]:
 
 def test_every_reason_is_reached_and_reported(gate: Any) -> None:
     codra, clock, eye = gate
-    reasons: list[tuple[Reason, str]] = []
+    reasons_and_details: list[tuple[Reason, str]] = []
     codra.declare("open")
-    reasons.append(why_unknown(codra, "open"))
+    reasons_and_details.append(why_unknown(codra, "open"))
     codra.set("near", True)
     clock.sleep(0.5)
     assert (codra.get("open").value, codra.get("free").value) == (True, True)
     with codra.skill("push") as skill, skill.acting():
-        reasons.append(why_unknown(codra, "open"))
+        reasons_and_details.append(why_unknown(codra, "open"))
     clock.sleep(1.0)
     codra.set("near", False)
     clock.sleep(0.0)
-    reasons.append(why_unknown(codra, "free"))
+    reasons_and_details.append(why_unknown(codra, "free"))
     clock.sleep(11.0)
-    reasons.append(why_unknown(codra, "open"))
+    reasons_and_details.append(why_unknown(codra, "open"))
     eye.sharpness = 0.1
     codra.set("near", True)
     clock.sleep(0.5)
-    reasons.append(why_unknown(codra, "open"))
+    reasons_and_details.append(why_unknown(codra, "open"))
     eye.sharpness, eye.error = 0.9, ValueError("no picture")
     clock.sleep(1.0)
-    reasons.append(why_unknown(codra, "open"))
+    reasons_and_details.append(why_unknown(codra, "open"))
     eye.error, eye.takes_s = None, 3.0
     clock.sleep(4.0)
-    reasons.append(why_unknown(codra, "open"))
+    reasons_and_details.append(why_unknown(codra, "open"))
     eye.takes_s = 0.1
     clock.sleep(3.0)
     codra.withdraw("open")
-    reasons.append(why_unknown(codra, "free"))
+    reasons_and_details.append(why_unknown(codra, "free"))
     codra.declare("steady")
     clock.sleep(0.5)
-    reasons.append(why_unknown(codra, "steady"))
+    reasons_and_details.append(why_unknown(codra, "steady"))
 
-    assert reasons == [
+    assert reasons_and_details == [
         (Reason.NEVER_OBSERVED, "near"),
         (Reason.INVALIDATED, "push"),
         (Reason.FORGOTTEN, "near"),
@@ -130,7 +130,7 @@ def test_every_reason_is_reached_and_reported(gate: Any) -> None:
         (Reason.WITHDRAWN, "look"),
         (Reason.UNCONFIRMED, "true in 1 of the last 3 results, 2 are needed"),
     ]
-    assert {reason for reason, _ in reasons} == set(Reason)
+    assert {reason for reason, _ in reasons_and_details} == set(Reason)
 
 
 def test_between_enter_and_leave_a_gate_is_what_it_was(gate: Any) -> None:

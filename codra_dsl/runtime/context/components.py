@@ -53,15 +53,20 @@ class Components:
         self.time = clock
         self.clock = LockedClock(clock, self.lock)
         self.skills = {skill.name: skill for skill in model.skills}
-        self.event_writer = EventWriter(record, self.clock, self.clock.place)
-        self.clock.on_late = lambda: self.event_writer.write_input("clock", "late")
+        self.event_writer = EventWriter(record, self.clock, self.clock.position)
+        self.clock.on_late_event = lambda: self.event_writer.write_input("clock", "late")
         self.store = Store(model.variables, self.clock, self.event_writer, self.notify_readers)
         self.slots = Slots(self.clock, {resource.name: resource for resource in model.resources})
         self.perception = Perception(
-            clock=self.clock, slots=self.slots, handles=resources, seed=seed, event_writer=self.event_writer, find=find
+            clock=self.clock,
+            slots=self.slots,
+            handles=resources,
+            seed=seed,
+            event_writer=self.event_writer,
+            find_function=find,
         )
         self.subscriptions = Subscriptions(clock, self.lock)
-        self.expectations = Expectations(self.store, self.clock, self.event_writer, self.subscriptions.judged)
+        self.expectations = Expectations(self.store, self.clock, self.event_writer, self.subscriptions.notify_verdict)
         self.event_triggers = EventTriggers()
         self.forest = Forest(model.observers, self._services(), self.clock, self.store.write, self.forget_variables_of)
         observers = self.forest.observers.values()
@@ -123,7 +128,7 @@ class Components:
         """Notify all readers of a variable that the variable has another reading."""
         self.forest.changed(name, is_renewed)
         self.expectations.changed(name)
-        self.subscriptions.changed(name, self.store.reading)
+        self.subscriptions.notify_change(name, self.store.reading)
         self.time.notify()
 
     def forget_variables_of(self, observer: Observer) -> None:

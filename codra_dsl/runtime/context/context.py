@@ -121,7 +121,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 self.commands.close()
                 self.record.end()
                 self._clock.notify()
-                self._subscriptions.wake()
+                self._subscriptions.wake_followers()
         self._perception.close()
 
     # Declarations of the main execution (P1, Equation 4)
@@ -164,7 +164,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             yield self._skill_under_way(model, number)
         finally:
             self.commands.finish(number)
-            self._subscriptions.finished(number)
+            self._subscriptions.remove_skill(number)
 
     def modelled(self) -> tuple[str, ...]:
         """Return C_M, all variables of the spec (P1, Equation 3)."""

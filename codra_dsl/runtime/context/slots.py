@@ -75,9 +75,9 @@ class MainExecutionSlots:
         return held_resources
 
     def _check(self, resource: str) -> None:
-        if resource not in self._slots.resources:
-            raise unknown("resource", resource, self._slots.resources)
-        if self._slots.resources[resource] == math.inf:
+        if resource not in self._slots.free_slot_counts:
+            raise unknown("resource", resource, self._slots.free_slot_counts)
+        if self._slots.free_slot_counts[resource] == math.inf:
             raise UnknownNameError(
                 f"resource {resource!r} has no slots: use its handle, or declare `slots: 1` for it in the spec"
             )

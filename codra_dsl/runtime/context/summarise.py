@@ -62,13 +62,13 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
     algorithm = branch.algorithm
     key = f"perception/{algorithm.name}"
     value_rules = {
-        variable: Rule(python=repr(term), place=places.get(f"{key}/identifies/{variable}"))
+        variable: Rule(python_text=repr(term), place=places.get(f"{key}/identifies/{variable}"))
         for variable, term in branch.value_terms.items()
     }
     return AlgorithmSummary(
         name=algorithm.name,
-        conditions=_condition_rules(branch, key, places),
-        accepts=_rules_with_places(branch.accepts, f"{key}/accept_when", places),
+        preconditions=_condition_rules(branch, key, places),
+        acceptance_conditions=_rules_with_places(branch.accepts, f"{key}/accept_when", places),
         identifies=value_rules,
         returns=algorithm.returns,
         timeout_s=algorithm.timeout_s,
@@ -84,7 +84,7 @@ def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> t
         rule.source_text: rule for rule in _rules_with_places(own_conditions, f"{key}/observable_when", places)
     }
     return tuple(
-        rules_by_text.get(text, Rule(source_text=text, python=repr(term), place=places.get(key)))
+        rules_by_text.get(text, Rule(source_text=text, python_text=repr(term), place=places.get(key)))
         for text, term in branch.conditions
     )
 
@@ -97,6 +97,6 @@ def _rules_with_places(
     if f"{key}/{len(conditions)}" in places:
         condition_places = [None] * len(conditions)
     return tuple(
-        Rule(source_text=text, python=repr(term), place=place)
+        Rule(source_text=text, python_text=repr(term), place=place)
         for (text, term), place in zip(conditions, condition_places, strict=True)
     )

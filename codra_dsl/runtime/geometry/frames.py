@@ -103,7 +103,7 @@ class Frames:
 
     def without(self, name: str) -> Frames:
         """Return the frames without one frame and its history."""
-        return self._with_tracks(self._tracks.without(name))
+        return self._with_tracks(self._tracks.without_key(name))
 
     def __contains__(self, name: object) -> bool:
         return name in self._tracks

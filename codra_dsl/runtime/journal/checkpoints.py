@@ -17,7 +17,7 @@ from codra_dsl.runtime.journal.schemas import kind_of
 _MAX_CHECKPOINTS = 64
 """The maximum number of checkpoints of a file."""
 
-_NEEDED_KINDS = frozenset(Kind) - {Kind.INPUT, Kind.DECISION}
+_STATE_EVENT_KINDS = frozenset(Kind) - {Kind.INPUT, Kind.DECISION}
 _CLOSE_FIELD = b'"what":"close"'
 
 
@@ -39,37 +39,41 @@ class Checkpoints:
             OSError: if the file cannot be read.
         """
         self._reader = reader
-        self._latest = LatestEvents()
+        self._latest_events = LatestEvents()
         self._checkpoints: list[tuple[int, LatestEvents]] = []
         self._until_s = until_s
         self.end_s: float | None = None
-        self._read()
+        self._read_file()
 
     def latest_events(self, until_s: float) -> LatestEvents:
         """Return the latest events up to an instant."""
-        if until_s >= self._latest.until_s:
-            return self._latest
-        earlier = (checkpoint for checkpoint in reversed(self._checkpoints) if checkpoint[1].until_s <= until_s)
-        place, latest_events = next(earlier)
-        return LatestEvents.of(self._needed_events(self._reader.raw_messages_from(place)), until_s, latest_events)
+        if until_s >= self._latest_events.until_s:
+            return self._latest_events
+        earlier_checkpoints = (
+            checkpoint for checkpoint in reversed(self._checkpoints) if checkpoint[1].until_s <= until_s
+        )
+        chunk_offset, latest_events = next(earlier_checkpoints)
+        return LatestEvents.of(self._state_events(self._reader.raw_messages_from(chunk_offset)), until_s, latest_events)
 
-    def _read(self) -> None:
+    def _read_file(self) -> None:
         min_distance_bytes, last_message, has_closed = max(self._reader.size() // _MAX_CHECKPOINTS, 1), None, False
         for raw_message in self._reader.raw_messages():
-            place = self._reader.place
-            if not self._checkpoints or place >= self._checkpoints[-1][0] + min_distance_bytes:
-                self._checkpoints.append((place, self._latest.copy()))
+            chunk_offset = self._reader.chunk_offset
+            if not self._checkpoints or chunk_offset >= self._checkpoints[-1][0] + min_distance_bytes:
+                self._checkpoints.append((chunk_offset, self._latest_events.copy()))
             kind, last_message = kind_of(raw_message.channel.topic), raw_message
-            is_close = kind is Kind.INPUT and _CLOSE_FIELD in raw_message.message.data
-            has_closed = has_closed or (self._until_s == math.inf and is_close)
-            event = self._reader.event(raw_message) if kind in _NEEDED_KINDS and not has_closed else None
+            is_close_command = kind is Kind.INPUT and _CLOSE_FIELD in raw_message.message.data
+            has_closed = has_closed or (self._until_s == math.inf and is_close_command)
+            event = self._reader.event(raw_message) if kind in _STATE_EVENT_KINDS and not has_closed else None
             if event is not None and event.instant_s > self._until_s:
                 break
             if event is not None:
-                self._latest.take(event)
+                self._latest_events.add(event)
         last_event = None if last_message is None else self._reader.event(last_message)
         self.end_s = None if last_event is None else last_event.instant_s
 
-    def _needed_events(self, raw_messages: Iterator[RawMessage]) -> Iterator[Event]:
-        needed = (raw_message for raw_message in raw_messages if kind_of(raw_message.channel.topic) in _NEEDED_KINDS)
-        return (event for raw_message in needed if (event := self._reader.event(raw_message)) is not None)
+    def _state_events(self, raw_messages: Iterator[RawMessage]) -> Iterator[Event]:
+        state_messages = (
+            raw_message for raw_message in raw_messages if kind_of(raw_message.channel.topic) in _STATE_EVENT_KINDS
+        )
+        return (event for raw_message in state_messages if (event := self._reader.event(raw_message)) is not None)

@@ -13,7 +13,7 @@ from typing import Any
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.schemas import TOPICS, Kind
 
-_encoded = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
+_encode_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
 _KINDS_ON_SHARED_TOPICS = frozenset(kind for kind, topic in TOPICS.items() if topic.is_shared)
 """Kinds whose events share one topic."""
@@ -28,7 +28,7 @@ def message_of(event: Event) -> bytes:
         if type(detail) in _SCALAR_TYPES:
             fields[key] = detail
         elif isinstance(detail, Mapping):
-            fields[key] = {name: part for name, part in detail.items() if part is not None}
+            fields[key] = {name: inner_detail for name, inner_detail in detail.items() if inner_detail is not None}
         elif detail is not None:
             fields[key] = detail
     if event.kind in _KINDS_ON_SHARED_TOPICS:
@@ -65,14 +65,14 @@ def bytes_of(text: str) -> bytes:
 def json_text(value: Any) -> str:
     """Return plain data as JSON."""
     try:
-        return _encoded(value)
+        return _encode_json(value)
     except ValueError:  # a number that is not finite
         return _encode_nonfinite(value)
 
 
 def _encode_nonfinite(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{json.dumps(key)}:{_encode_nonfinite(part)}" for key, part in value.items()) + "}"
+        return "{" + ",".join(f"{json.dumps(key)}:{_encode_nonfinite(element)}" for key, element in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ",".join(map(_encode_nonfinite, value)) + "]"
     if isinstance(value, float) and not math.isfinite(value):

@@ -22,7 +22,7 @@ Python's garbage collector stops tracking tuples of plain values, but it would n
 number of `Reading` or `Event` objects.
 """
 
-DEFAULT_LIMIT = 100_000
+DEFAULT_EVENT_LIMIT = 100_000
 """The number of events that an event log keeps by default: about twenty minutes of a busy robot.
 
 These events need about 100 MB at most.
@@ -39,14 +39,14 @@ class EventLog:
 
     takes_inputs = False
 
-    def __init__(self, limit: float = DEFAULT_LIMIT) -> None:
+    def __init__(self, limit: float = DEFAULT_EVENT_LIMIT) -> None:
         self.limit = limit
         self._max_events = 2 * limit
         self._events: list[Event | StoredReading] = []
-        self._dropped_events = LatestEvents()
+        self._latest_dropped_events = LatestEvents()
 
     def __iter__(self) -> Iterator[Event]:
-        return map(_event, tuple(self._events))
+        return map(_to_event, tuple(self._events))
 
     def __len__(self) -> int:
         return len(self._events)
@@ -58,20 +58,20 @@ class EventLog:
         """Add an event."""
         self._events.append(event)
         if len(self._events) >= self._max_events:
-            self._drop()
+            self._drop_surplus_events()
 
     def add_reading(self, reading: StoredReading) -> None:
         """Add a new reading of a variable. It becomes an event when events are read."""
         self._events.append(reading)
         if len(self._events) >= self._max_events:
-            self._drop()
+            self._drop_surplus_events()
 
     def end(self) -> None:
         """Handle the end of the run."""
 
     def of(self, kind: Kind, name: str | None = None) -> tuple[Event, ...]:
         """Return the events of one kind in order; if a name is given, only the events with this name."""
-        return tuple(map(_event, _events_of(tuple(self._events), kind, name)))
+        return tuple(map(_to_event, _select_events(tuple(self._events), kind, name)))
 
     def text(self) -> str:
         """Return the event log as JSON lines."""
@@ -79,9 +79,9 @@ class EventLog:
 
     def copy(self) -> EventLog:
         """Return the events in memory as a separate event log. The caller must prevent additions meanwhile."""
-        copy = EventLog(math.inf)
-        copy._events, copy._dropped_events = self._events.copy(), self._dropped_events.copy()
-        return copy
+        event_log = EventLog(math.inf)
+        event_log._events, event_log._latest_dropped_events = self._events.copy(), self._latest_dropped_events.copy()
+        return event_log
 
     def latest_events(self, until_s: float) -> LatestEvents:
         """Return the latest events up to an instant.
@@ -89,17 +89,17 @@ class EventLog:
         Raises:
             ValueError: if the events of that time have been dropped.
         """
-        if self._dropped_events.until_s > until_s:
+        if self._latest_dropped_events.until_s > until_s:
             raise ValueError(
-                f"events before {self._dropped_events.until_s} s have been dropped from memory: read the journal"
+                f"events before {self._latest_dropped_events.until_s} s have been dropped from memory: read the journal"
             )
-        return LatestEvents.of(map(_event, self._events), until_s, self._dropped_events)
+        return LatestEvents.of(map(_to_event, self._events), until_s, self._latest_dropped_events)
 
-    def _drop(self) -> None:
-        surplus = len(self._events) - int(self.limit)
-        for event in self._events[:surplus]:
-            self._dropped_events.take(_event(event))
-        del self._events[:surplus]
+    def _drop_surplus_events(self) -> None:
+        surplus_count = len(self._events) - int(self.limit)
+        for event in self._events[:surplus_count]:
+            self._latest_dropped_events.add(_to_event(event))
+        del self._events[:surplus_count]
 
 
 class EventWriter:
@@ -110,24 +110,24 @@ class EventWriter:
     """
 
     def __init__(
-        self, record: EventLog, clock: Clock, find_position: Callable[[], Mapping[str, object]] = lambda: {"step": 0}
+        self, event_log: EventLog, clock: Clock, find_position: Callable[[], Mapping[str, object]] = lambda: {"step": 0}
     ) -> None:
         """Write to an event log.
 
         Args:
-            record: the event log.
+            event_log: the event log.
             clock: gives the instants of the events.
             find_position: returns the details that give an input's position in the order of all events.
         """
-        self.takes_inputs = record.takes_inputs
-        self._add_reading = record.add_reading if type(record).add is EventLog.add else self._add_at_once
-        self._record = record
+        self.takes_inputs = event_log.takes_inputs
+        self._add_reading = event_log.add_reading if type(event_log).add is EventLog.add else self._add_as_event
+        self._event_log = event_log
         self._clock = clock
         self._find_position = find_position
 
     def write(self, kind: Kind, name: str, what: str, /, **details: object) -> None:
         """Add an event at the current instant."""
-        self._record.add(Event(self._clock.now_s(), kind, name, what, details))
+        self._event_log.add(Event(self._clock.now_s(), kind, name, what, details))
 
     def write_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
         """Add a new reading of a variable, either as its present reading or only in its history."""
@@ -141,12 +141,14 @@ class EventWriter:
         if self.takes_inputs:
             self.write(Kind.INPUT, name, what, **self._find_position(), **details)
 
-    def _add_at_once(self, reading: StoredReading) -> None:
+    def _add_as_event(self, reading: StoredReading) -> None:
         """Add a reading as an event, for an event log whose `add` does more than store events in memory."""
-        self._record.add(_event(reading))
+        self._event_log.add(_to_event(reading))
 
 
-def _events_of(events: Sequence[Event | StoredReading], kind: Kind, name: str | None) -> list[Event | StoredReading]:
+def _select_events(
+    events: Sequence[Event | StoredReading], kind: Kind, name: str | None
+) -> list[Event | StoredReading]:
     """Return the events of one kind and, if a name is given, with this name.
 
     Comprehensions are fast enough for very many events.
@@ -165,7 +167,7 @@ def _events_of(events: Sequence[Event | StoredReading], kind: Kind, name: str | 
     ]
 
 
-def _event(entry: Event | StoredReading) -> Event:
+def _to_event(entry: Event | StoredReading) -> Event:
     """Return an event; if only a reading was stored, create the event from it."""
     if isinstance(entry, Event):
         return entry

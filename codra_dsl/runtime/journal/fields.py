@@ -7,17 +7,17 @@ from typing import Any
 
 from codra_dsl.runtime.values.cell import Reason
 
-Field = dict[str, Any]
+JsonSchema = dict[str, Any]
 
 _JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
 
-BOUND_FIELDS: Mapping[str, Field] = {
+BOUND_FIELDS: Mapping[str, JsonSchema] = {
     "low": {"type": "number", "description": "The lowest possible value; left out when unknown."},
     "high": {"type": "number", "description": "The highest possible value."},
 }
 """The fields of a range of values."""
 
-JUDGEMENT_FIELDS: Mapping[str, Field] = {
+METRIC_AND_WEIGHT_FIELDS: Mapping[str, JsonSchema] = {
     "name": {"type": "string", "description": "The metric or action."},
     **BOUND_FIELDS,
     "value": {"type": "number", "description": "The resulting value; left out when unknown."},
@@ -32,13 +32,15 @@ JUDGEMENT_FIELDS: Mapping[str, Field] = {
 """The fields of a metric or of the weight of an action."""
 
 
-def object_list_schema(description: str, **properties: Field) -> Field:
+def object_list_schema(description: str, **properties: JsonSchema) -> JsonSchema:
     """Return the schema of a list of objects with some properties."""
     item_schema = {"type": "object", "properties": properties, "additionalProperties": False}
     return {"type": "array", "items": item_schema, "description": description}
 
 
-def event_schema(description: str, name_description: str, meanings: Mapping[str, str], **details: Field) -> Field:
+def event_schema(
+    description: str, name_description: str, meanings: Mapping[str, str], **details: JsonSchema
+) -> JsonSchema:
     """Return the schema of an event: its instant, its name, what happened (one of the keys of `meanings`), details."""
     meanings_text = ", ".join(f"{what}: {meaning}" for what, meaning in meanings.items())
     return {
@@ -58,26 +60,26 @@ def event_schema(description: str, name_description: str, meanings: Mapping[str,
     }
 
 
-def field_schema(json_type: str, description: str) -> Field:
+def field_schema(json_type: str, description: str) -> JsonSchema:
     """Return the schema of a field of one JSON type."""
     return {"type": json_type, "description": description}
 
 
-def list_schema(json_type: str, description: str) -> Field:
+def list_schema(json_type: str, description: str) -> JsonSchema:
     """Return the schema of a list of values of one JSON type."""
     return {"type": "array", "items": {"type": json_type}, "description": description}
 
 
-def reason_schema(description: str) -> Field:
+def reason_schema(description: str) -> JsonSchema:
     """Return the schema of the reason why a variable is unknown."""
     return {"type": "string", "enum": [str(reason) for reason in Reason], "description": description}
 
 
-def value_schema(kind: str, description: str) -> Field:
+def value_schema(value_kind: str, description: str) -> JsonSchema:
     """Return the schema of a field with a value of a kind of the spec language."""
-    return field_schema(_JSON_TYPES[kind], description)
+    return field_schema(_JSON_TYPES[value_kind], description)
 
 
-def unit_text(unit: str | None) -> str:
+def unit_sentence(unit: str | None) -> str:
     """Return the sentence about the unit of a number."""
     return f"In {unit}." if unit else "Declared under `returns` in the spec."

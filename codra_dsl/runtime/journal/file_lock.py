@@ -12,11 +12,11 @@ from typing import BinaryIO
 _LOGGER = logging.getLogger(__name__)
 
 MAGIC = b"\x89MCAP0\r\n"
-_MARK = b"codra-journal"
-_MARK_WITHIN_BYTES = 4096
+_JOURNAL_MARK = b"codra-journal"
+_MAX_MARK_OFFSET_BYTES = 4096
 
 
-def create_locked(path: Path) -> BinaryIO:
+def create_locked_file(path: Path) -> BinaryIO:
     """Return a new, empty file at a path, locked for this program.
 
     A finished journal at the path is replaced. An unfinished one is renamed to `NAME.unfinished-1.mcap`; if the program
@@ -54,7 +54,7 @@ def is_being_written(stream: BinaryIO) -> bool:
     return False
 
 
-def check_is_there(stream: BinaryIO) -> None:
+def check_exists(stream: BinaryIO) -> None:
     """Raise an error if the file has been removed, so that further writes would be lost."""
     if os.fstat(stream.fileno()).st_nlink == 0:
         raise FileNotFoundError(errno.ENOENT, "the file was removed while it was being written")
@@ -75,33 +75,35 @@ def _clear_path(path: Path) -> None:
     except FileNotFoundError:  # another program has just removed or renamed the file
         return
     with old_file:
-        is_free = _lock(old_file)
+        is_unlocked = _lock(old_file)
         if not _is_file_at(path, old_file):
             return
-        if is_free and _is_replaceable(path, old_file):
+        if is_unlocked and _is_replaceable(path, old_file):
             path.unlink()
         else:
-            _move_aside(path)
+            _rename_unfinished(path)
 
 
 def _is_replaceable(path: Path, old_file: BinaryIO) -> bool:
     """Return whether a file may be replaced, because it is empty or a finished journal."""
-    start = old_file.read(_MARK_WITHIN_BYTES)
-    if not start:
+    first_bytes = old_file.read(_MAX_MARK_OFFSET_BYTES)
+    if not first_bytes:
         return True
-    if not start.startswith(MAGIC[: len(start)]) or (len(start) > len(MAGIC) and _MARK not in start):
+    if not first_bytes.startswith(MAGIC[: len(first_bytes)]) or (
+        len(first_bytes) > len(MAGIC) and _JOURNAL_MARK not in first_bytes
+    ):
         raise FileExistsError(errno.EEXIST, "the file exists and is not a journal: choose another path", str(path))
-    if len(start) <= len(MAGIC):
+    if len(first_bytes) <= len(MAGIC):
         return False
     old_file.seek(-len(MAGIC), os.SEEK_END)
     return old_file.read() == MAGIC
 
 
-def _move_aside(path: Path) -> None:
+def _rename_unfinished(path: Path) -> None:
     """Rename an unfinished journal, so that it is not overwritten when a program starts again with the same path."""
     numbers = range(1, 1_000_000)
-    candidates = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
-    new_path = next(other for other in candidates if not other.exists())
+    candidate_paths = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
+    new_path = next(candidate_path for candidate_path in candidate_paths if not candidate_path.exists())
     path.rename(new_path)
     _LOGGER.warning("the journal %s was not finished; it was renamed to %s", path, new_path.name)
 

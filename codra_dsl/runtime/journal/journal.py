@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from codra_dsl.runtime.journal.event_log import DEFAULT_LIMIT, EventLog
+from codra_dsl.runtime.journal.event_log import DEFAULT_EVENT_LIMIT, EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.file_lock import create_locked, unlock
+from codra_dsl.runtime.journal.file_lock import create_locked_file, unlock
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.run_header import RunHeader
@@ -37,7 +37,7 @@ class Journal(EventLog):
 
     takes_inputs = True
 
-    def __init__(self, path: Path | str, limit: float = DEFAULT_LIMIT) -> None:
+    def __init__(self, path: Path | str, limit: float = DEFAULT_EVENT_LIMIT) -> None:
         """Create the file; replace a finished journal at its path, and rename an unfinished one.
 
         Args:
@@ -50,9 +50,9 @@ class Journal(EventLog):
         super().__init__(limit)
         self.path = Path(path)
         self.failure: str | None = None
-        self._stream: BinaryIO = create_locked(self.path)
+        self._stream: BinaryIO = create_locked_file(self.path)
         self._writer: JournalWriter | None = None
-        self._finish: weakref.finalize[..., Journal] = weakref.finalize(self, self._stream.close)
+        self._finalizer: weakref.finalize[..., Journal] = weakref.finalize(self, self._stream.close)
 
     def begin(self, make_header: Callable[[], RunHeader]) -> None:
         """Write the run header.
@@ -62,7 +62,7 @@ class Journal(EventLog):
         """
         from codra_dsl.runtime.journal.writer import JournalWriter  # noqa: PLC0415 - 60 ms, for journals only
 
-        if not self._finish.alive or self._writer is not None:
+        if not self._finalizer.alive or self._writer is not None:
             raise ValueError(f"{self.path} is the journal of another run")
         header = make_header()
         try:
@@ -70,8 +70,8 @@ class Journal(EventLog):
         except OSError as error:
             self._fail(error)
             return
-        self._finish.detach()
-        self._finish = weakref.finalize(self, _finish, self._stream, self._writer, self.path, os.getpid())
+        self._finalizer.detach()
+        self._finalizer = weakref.finalize(self, _finish_file, self._stream, self._writer, self.path, os.getpid())
 
     def add(self, event: Event) -> None:
         """Add an event; once this returns, the event survives the death of the process."""
@@ -86,22 +86,22 @@ class Journal(EventLog):
     def end(self) -> None:
         """Finish the file; later events are kept in memory only."""
         self._writer = None
-        self.failure = self._finish() or self.failure
+        self.failure = self._finalizer() or self.failure
 
     def _fail(self, error: Exception) -> None:
         """Stop writing; the events in the file can be recovered."""
         self._writer = None
-        self._finish.detach()
+        self._finalizer.detach()
         self.failure = _log_failure(self.path, error)
         with contextlib.suppress(OSError):
             self._stream.close()
 
 
-def _finish(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process: int) -> str | None:
+def _finish_file(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process_id: int) -> str | None:
     """Finish a file, unless this process inherited it from its parent. If that fails, return the text of the error."""
     try:
         with stream:
-            if os.getpid() == writing_process:
+            if os.getpid() == writing_process_id:
                 writer.finish()
                 unlock(stream)
     except OSError as error:
@@ -110,6 +110,6 @@ def _finish(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process
 
 
 def _log_failure(path: Path, error: Exception) -> str:
-    failure = f"{type(error).__name__}: {error}"
-    _LOGGER.error("the journal %s ends here: %s", path, failure)
-    return failure
+    failure_text = f"{type(error).__name__}: {error}"
+    _LOGGER.error("the journal %s ends here: %s", path, failure_text)
+    return failure_text

@@ -9,7 +9,7 @@ from typing import Self
 
 from codra_dsl.runtime.journal.events import Event, Kind
 
-_MAPPING_NAMES = (
+_MAPPING_ATTRIBUTES = (
     "present",
     "known",
     "basis",
@@ -22,29 +22,29 @@ _MAPPING_NAMES = (
     "adaptations",
 )
 
-_JOB_ENDS = frozenset({"returned", "failed", "voided", "cancelled"})
+_JOB_END_NAMES = frozenset({"returned", "failed", "voided", "cancelled"})
 
 
 @dataclass(slots=True)
-class LaterEvents:
+class EventsAfterReading:
     """The events about a variable that came after its present reading and did not replace this reading.
 
     Attributes:
-        counts: for each `what`, the number of events.
-        last: for each `what`, the last event.
+        event_counts: for each `what`, the number of events.
+        last_events: for each `what`, the last event.
     """
 
-    counts: dict[str, int] = field(default_factory=dict)
-    last: dict[str, Event] = field(default_factory=dict)
+    event_counts: dict[str, int] = field(default_factory=dict)
+    last_events: dict[str, Event] = field(default_factory=dict)
 
-    def take(self, event: Event) -> None:
+    def add(self, event: Event) -> None:
         """Count an event."""
-        self.counts[event.what] = self.counts.get(event.what, 0) + 1
-        self.last[event.what] = event
+        self.event_counts[event.what] = self.event_counts.get(event.what, 0) + 1
+        self.last_events[event.what] = event
 
-    def copy(self) -> LaterEvents:
+    def copy(self) -> EventsAfterReading:
         """Return an independent copy."""
-        return LaterEvents(dict(self.counts), dict(self.last))
+        return EventsAfterReading(dict(self.event_counts), dict(self.last_events))
 
 
 class LatestEvents:
@@ -71,7 +71,7 @@ class LatestEvents:
         self.present: dict[str, Event] = {}
         self.known: dict[str, Event] = {}
         self.basis: dict[str, Event] = {}
-        self.later: dict[str, LaterEvents] = {}
+        self.later: dict[str, EventsAfterReading] = {}
         self.observers: dict[str, Event] = {}
         self.started: dict[str, Event] = {}
         self.ended: dict[str, Event] = {}
@@ -81,32 +81,32 @@ class LatestEvents:
         self.adaptations: dict[str, Mapping[str, Event]] = {}
 
     @classmethod
-    def of(cls, events: Iterable[Event], until_s: float, before: LatestEvents | None = None) -> LatestEvents:
-        """Return the latest events up to an instant; `before` has the latest events before `events`."""
-        latest_events = cls() if before is None else before.copy()
+    def of(cls, events: Iterable[Event], until_s: float, earlier_events: LatestEvents | None = None) -> LatestEvents:
+        """Return the latest events up to an instant; `earlier_events` has the latest events before `events`."""
+        latest_events = cls() if earlier_events is None else earlier_events.copy()
         for event in events:
             if event.instant_s > until_s:
                 break
-            latest_events.take(event)
+            latest_events.add(event)
         return latest_events
 
     def copy(self) -> Self:
         """Return an independent copy."""
         other = type(self)()
         other.until_s = self.until_s
-        for name in _MAPPING_NAMES:
+        for name in _MAPPING_ATTRIBUTES:
             setattr(other, name, dict(getattr(self, name)))
         other.later = {name: later.copy() for name, later in self.later.items()}
         return other
 
-    def take(self, event: Event) -> None:
+    def add(self, event: Event) -> None:
         """Take the next event."""
         self.until_s = event.instant_s
         match event.kind:
             case Kind.VARIABLE:
-                self._take_variable(event)
+                self._add_variable_event(event)
             case Kind.JOB:
-                self._take_job(event)
+                self._add_job_event(event)
             case Kind.OBSERVER:
                 self.observers[event.name] = event
             case Kind.DECLARATION:
@@ -114,23 +114,23 @@ class LatestEvents:
             case Kind.EXPECTATION:
                 self.expected[event.name] = event
             case Kind.KNOWLEDGE:
-                self.knowledge[event.name] = _with_event(self.knowledge.get(event.name, {}), event)
+                self.knowledge[event.name] = _with_latest_event(self.knowledge.get(event.name, {}), event)
             case Kind.ADAPTATION:
                 keys = [f"adaptation/{event.details.get('course', event.name)}"]
                 if "variable" in event.details:
                     keys.append(f"context/{event.details['variable']}")
                 keys += [f"adaptation/{name}" for name in event.details.get("adapts", ()) if name != event.name]
                 if event.what == "analysed":
-                    judgements = (*event.details["metrics"], *event.details["weights"])
-                    keys += [f"context/{judgement['variable']}" for judgement in judgements]
+                    metrics_and_weights = (*event.details["metrics"], *event.details["weights"])
+                    keys += [f"context/{metric_or_weight['variable']}" for metric_or_weight in metrics_and_weights]
                 for key in keys:
-                    self.adaptations[key] = _with_event(self.adaptations.get(key, {}), event)
+                    self.adaptations[key] = _with_latest_event(self.adaptations.get(key, {}), event)
             case _:
                 pass
 
-    def _take_variable(self, event: Event) -> None:
+    def _add_variable_event(self, event: Event) -> None:
         if not event.details.get("present"):
-            self._take_later_event(event.name, event)
+            self._add_later_event(event.name, event)
             return
         self.present[event.name] = event
         self.later.pop(event.name, None)
@@ -142,19 +142,19 @@ class LatestEvents:
             else:
                 self.basis.pop(event.name, None)
 
-    def _take_job(self, event: Event) -> None:
+    def _add_job_event(self, event: Event) -> None:
         if event.what == "started":
             self.started[event.name] = event
-        elif event.what in _JOB_ENDS:
+        elif event.what in _JOB_END_NAMES:
             self.ended[event.name] = event
         elif event.what == "rejected":
             for variable in event.details["variables"]:
-                self._take_later_event(variable, event)
+                self._add_later_event(variable, event)
 
-    def _take_later_event(self, variable: str, event: Event) -> None:
-        self.later.setdefault(variable, LaterEvents()).take(event)
+    def _add_later_event(self, variable: str, event: Event) -> None:
+        self.later.setdefault(variable, EventsAfterReading()).add(event)
 
 
-def _with_event(before: Mapping[str, Event], event: Event) -> Mapping[str, Event]:
+def _with_latest_event(earlier_events: Mapping[str, Event], event: Event) -> Mapping[str, Event]:
     """Add an event to the last events of each `what`, which are ordered by time; return the new mapping."""
-    return {**{what: other for what, other in before.items() if what != event.what}, event.what: event}
+    return {**{what: other for what, other in earlier_events.items() if what != event.what}, event.what: event}

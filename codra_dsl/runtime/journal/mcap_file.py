@@ -22,18 +22,18 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 from mcap.writer import Writer
 
-from codra_dsl.runtime.journal.file_lock import check_is_there
+from codra_dsl.runtime.journal.file_lock import check_exists
 
-OPEN_CHUNK = 0x80
+OPEN_CHUNK_OPCODE = 0x80
 """The opcode of the region: the record that holds the chunk that is not full yet."""
 
 CHUNK_BYTES = 1 << 16
 """The maximum size of the records that are compressed together, and the size of the region."""
 
-RECORD = struct.Struct("<BQ")
-_FRAME = struct.Struct("<IIQ")
-_MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_FIELDS_BYTES = _MESSAGE.size - RECORD.size
+RECORD_HEADER = struct.Struct("<BQ")
+_FRAME_HEADER = struct.Struct("<IIQ")
+_MESSAGE_HEADER = struct.Struct("<BQHIQQ")
+_MESSAGE_FIELDS_BYTES = _MESSAGE_HEADER.size - RECORD_HEADER.size
 _ALL_CHUNKS_BYTES = 1 << 62  # the writer never ends a chunk by itself
 
 
@@ -52,30 +52,30 @@ class McapFile:
         writer: Any = Writer(stream, chunk_size=_ALL_CHUNKS_BYTES)
         self._writer = writer
         self._writer.start(profile="")
-        for name, entries in metadata.items():
-            self._writer.add_metadata(name, dict(entries))
+        for name, metadata_entries in metadata.items():
+            self._writer.add_metadata(name, dict(metadata_entries))
         for name, data in files.items():
             self._writer.add_attachment(0, 0, name, "application/json", data)
-        stream.write(RECORD.pack(OPEN_CHUNK, CHUNK_BYTES))
+        stream.write(RECORD_HEADER.pack(OPEN_CHUNK_OPCODE, CHUNK_BYTES))
         self._region_offset = stream.tell()
         stream.write(bytes(CHUNK_BYTES))
         stream.flush()
         self._chunk_offset = stream.tell()
-        self._used_bytes = 0
-        self._message_count = 0
+        self._used_region_bytes = 0
+        self._chunk_message_count = 0
 
     def open_channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
         """Open a channel of JSON messages; return the number of the channel."""
-        number: int = self._writer.register_channel(topic, "json", schema, dict(metadata))
-        record = Channel(id=number, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema)
-        self._keep_in_region(_record_bytes(record))
-        return number
+        channel_id: int = self._writer.register_channel(topic, "json", schema, dict(metadata))
+        record = Channel(id=channel_id, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema)
+        self._write_to_region(_record_bytes(record))
+        return channel_id
 
     def add_schema(self, name: str, text: bytes) -> int:
         """Declare a JSON schema; return the number of the schema."""
-        number: int = self._writer.register_schema(name, "jsonschema", text)
-        self._keep_in_region(_record_bytes(Schema(id=number, data=text, encoding="jsonschema", name=name)))
-        return number
+        schema_id: int = self._writer.register_schema(name, "jsonschema", text)
+        self._write_to_region(_record_bytes(Schema(id=schema_id, data=text, encoding="jsonschema", name=name)))
+        return schema_id
 
     def add(self, channel: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
         """Write a message; once this returns, the message survives the death of the process.
@@ -84,14 +84,16 @@ class McapFile:
             OSError: if the message cannot be written, or the file was removed.
         """
         record = (
-            _MESSAGE.pack(Opcode.MESSAGE, _MESSAGE_FIELDS_BYTES + len(data), channel, sequence, log_ns, publish_ns)
+            _MESSAGE_HEADER.pack(
+                Opcode.MESSAGE, _MESSAGE_FIELDS_BYTES + len(data), channel, sequence, log_ns, publish_ns
+            )
             + data
         )
-        if not self._has_room(record) and self._message_count:
+        if not self._has_room(record) and self._chunk_message_count:
             self._end_chunk()
         self._writer.add_message(channel, log_ns, data, publish_ns, sequence)
-        self._message_count += 1
-        self._keep_in_region(record)
+        self._chunk_message_count += 1
+        self._write_to_region(record)
 
     def finish(self) -> None:
         """Write the summary, which readers use as an index, and clear the region.
@@ -102,26 +104,26 @@ class McapFile:
         self._writer.finish()
         self._stream.flush()
         os.pwrite(self._stream.fileno(), bytes(CHUNK_BYTES), self._region_offset)
-        check_is_there(self._stream)
+        check_exists(self._stream)
 
-    def _keep_in_region(self, record: bytes) -> None:
+    def _write_to_region(self, record: bytes) -> None:
         """Put a record of the open chunk into the region. If there is no room, end the chunk as soon as possible."""
         if self._has_room(record):
-            frame = _FRAME.pack(len(record), _checksum(self._chunk_offset, record), self._chunk_offset) + record
-            os.pwrite(self._stream.fileno(), frame, self._region_offset + self._used_bytes)
-            self._used_bytes += len(frame)
-        elif self._message_count:
+            frame = _FRAME_HEADER.pack(len(record), _checksum(self._chunk_offset, record), self._chunk_offset) + record
+            os.pwrite(self._stream.fileno(), frame, self._region_offset + self._used_region_bytes)
+            self._used_region_bytes += len(frame)
+        elif self._chunk_message_count:
             self._end_chunk()
         else:
-            self._used_bytes = CHUNK_BYTES
+            self._used_region_bytes = CHUNK_BYTES
 
     def _has_room(self, record: bytes) -> bool:
-        return self._used_bytes + _FRAME.size + len(record) <= CHUNK_BYTES
+        return self._used_region_bytes + _FRAME_HEADER.size + len(record) <= CHUNK_BYTES
 
     def _end_chunk(self) -> None:
-        check_is_there(self._stream)
+        check_exists(self._stream)
         self._writer.flush()
-        self._chunk_offset, self._used_bytes, self._message_count = self._stream.tell(), 0, 0
+        self._chunk_offset, self._used_region_bytes, self._chunk_message_count = self._stream.tell(), 0, 0
 
 
 def _record_bytes(record: McapRecord) -> bytes:
@@ -131,21 +133,21 @@ def _record_bytes(record: McapRecord) -> bytes:
     return record_bytes
 
 
-def _checksum(chunk: int, record: bytes) -> int:
-    return zlib.crc32(record, zlib.crc32(chunk.to_bytes(8, "little")))
+def _checksum(chunk_offset: int, record: bytes) -> int:
+    return zlib.crc32(record, zlib.crc32(chunk_offset.to_bytes(8, "little")))
 
 
-def region_content(region: bytes) -> tuple[int, bytes]:
+def parse_region(region: bytes) -> tuple[int, bytes]:
     """Return the content of a file's region: the offset at which its chunk will be written, and its records, joined."""
-    records, position, chunk = bytearray(), 0, None
-    while position + _FRAME.size <= len(region):
-        length, checksum, offset = _FRAME.unpack_from(region, position)
-        position += _FRAME.size
+    records, position, chunk_offset = bytearray(), 0, None
+    while position + _FRAME_HEADER.size <= len(region):
+        length, checksum, offset = _FRAME_HEADER.unpack_from(region, position)
+        position += _FRAME_HEADER.size
         record = region[position : position + length]
-        is_complete = 0 < length == len(record) and checksum == _checksum(offset, record)
-        if not is_complete or offset != (offset if chunk is None else chunk):
+        is_intact = 0 < length == len(record) and checksum == _checksum(offset, record)
+        if not is_intact or offset != (offset if chunk_offset is None else chunk_offset):
             break
-        chunk = offset
+        chunk_offset = offset
         records += record
         position += length
-    return (0 if chunk is None else chunk, bytes(records))
+    return (0 if chunk_offset is None else chunk_offset, bytes(records))

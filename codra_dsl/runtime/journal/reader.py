@@ -27,7 +27,7 @@ from mcap.stream_reader import breakup_chunk
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.file_lock import MAGIC, is_being_written
-from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK, RECORD, region_content
+from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK_OPCODE, RECORD_HEADER, parse_region
 from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
 from codra_dsl.runtime.journal.schemas import kind_of
 from codra_dsl.runtime.journal.spec_summary_data import summary_from_data
@@ -39,8 +39,8 @@ __all__ = [
     "JournalReader",
 ]
 
-_READ_OPCODES = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
-_MAX_BYTES = 1 << 28
+_OPCODES_TO_READ = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK_OPCODE})
+_MAX_RECORD_BYTES = 1 << 28
 """The maximum size of one record or decompressed chunk.
 
 The records and chunks that codra writes are far smaller: a thousandth of this size.
@@ -58,15 +58,15 @@ class Damage:
 
     Attributes:
         is_torn: whether the end of the file is missing.
-        unread: descriptions of the parts that cannot be read.
-        lost: the number of messages that are missing between other messages, according to the sequence numbers.
-        regained: the number of messages that are in no chunk, but only in the region.
+        unreadable_parts: descriptions of the parts that cannot be read.
+        lost_message_count: the number of messages that are missing between other messages, by their sequence numbers.
+        regained_message_count: the number of messages that are in no chunk, but only in the region.
     """
 
     is_torn: bool = False
-    unread: list[str] = field(default_factory=list)
-    lost: int = 0
-    regained: int = 0
+    unreadable_parts: list[str] = field(default_factory=list)
+    lost_message_count: int = 0
+    regained_message_count: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class JournalReader:
         metadata: metadata that tools show about the file. The key is the name of the metadata.
         files: the attached files. The key is the name of the file.
         damage: missing and unreadable parts, complete once the journal has been read to its end.
-        place: the offset of the chunk of the last message. The messages can be read again from this offset on.
+        chunk_offset: the offset of the chunk of the last message. The messages can be read again from this offset on.
         is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 
@@ -100,13 +100,13 @@ class JournalReader:
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.damage = Damage()
-        self.place = 0
+        self.chunk_offset = 0
         if path.exists() and not path.is_file():
             raise JournalError(f"{path} is not a regular file")
         self._stream: BinaryIO = path.open("rb")
         self.is_live = is_being_written(self._stream)
         self._region: tuple[int, bytes] = (0, b"")
-        self._region_is_old = False
+        self._is_region_outdated = False
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._pending_record: tuple[int, int, bytes] | None = None
@@ -153,7 +153,9 @@ class JournalReader:
         try:
             return event_of(kind, raw_message.message.data)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            self.damage.unread.append(f"message {raw_message.message.sequence}: {type(error).__name__}: {error}")
+            self.damage.unreadable_parts.append(
+                f"message {raw_message.message.sequence}: {type(error).__name__}: {error}"
+            )
             return None
 
     def raw_messages(self) -> Iterator[RawMessage]:
@@ -163,17 +165,17 @@ class JournalReader:
             channel = self._channels.get(message.channel_id)
             schema = None if channel is None else self._schemas.get(channel.schema_id)
             if channel is None or schema is None:
-                self.damage.unread.append(f"message {message.sequence}: its channel is missing")
+                self.damage.unreadable_parts.append(f"message {message.sequence}: its channel is missing")
                 continue
-            self.damage.lost += max(message.sequence - last_sequence - 1, 0)
-            self.damage.regained += is_regained
+            self.damage.lost_message_count += max(message.sequence - last_sequence - 1, 0)
+            self.damage.regained_message_count += is_regained
             last_sequence = message.sequence
             yield RawMessage(schema, channel, message)
 
-    def raw_messages_from(self, place: int) -> Iterator[RawMessage]:
-        """Yield the messages from an earlier `place` on; `damage` is collected anew."""
-        self._stream.seek(place)
-        self._pending_record, self._has_ended, self._region_is_old, self.damage = None, False, False, Damage()
+    def raw_messages_from(self, chunk_offset: int) -> Iterator[RawMessage]:
+        """Yield the messages from an earlier `chunk_offset` on; `damage` is collected anew."""
+        self._stream.seek(chunk_offset)
+        self._pending_record, self._has_ended, self._is_region_outdated, self.damage = None, False, False, Damage()
         return self.raw_messages()
 
     def size(self) -> int:
@@ -185,23 +187,23 @@ class JournalReader:
         if magic != MAGIC:
             raise JournalError(f"{self.path} is {'not an MCAP file' if magic else 'empty: its run had not begun'}")
         for opcode, offset, content in self._records():
-            if opcode not in (OPEN_CHUNK, Opcode.METADATA, Opcode.ATTACHMENT):
-                self.place, self._pending_record = offset, (opcode, offset, content)
+            if opcode not in (OPEN_CHUNK_OPCODE, Opcode.METADATA, Opcode.ATTACHMENT):
+                self.chunk_offset, self._pending_record = offset, (opcode, offset, content)
                 break
             try:
-                self._take_start_record(opcode, content)
+                self._read_start_record(opcode, content)
             except (ValueError, EndOfFile, struct.error) as error:
                 message = f"{self.path} is damaged at byte {offset}, in its run header: "
                 raise JournalError(f"{message}{type(error).__name__} {error}".rstrip()) from error
 
-    def _take_start_record(self, opcode: int, content: bytes) -> None:
+    def _read_start_record(self, opcode: int, content: bytes) -> None:
         """Take a record from the part of the file before the messages.
 
         The region is read before the chunks. If a program writes the file meanwhile, all chunks that precede the chunk
         in the region already exist in the file. So there is no gap between the messages that are read.
         """
-        if opcode == OPEN_CHUNK:
-            self._region = region_content(content)
+        if opcode == OPEN_CHUNK_OPCODE:
+            self._region = parse_region(content)
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(_stream(content))
             self.metadata[metadata.name] = metadata.metadata
@@ -213,30 +215,30 @@ class JournalReader:
 
     def _messages(self) -> Iterator[tuple[Message, bool]]:
         if self._pending_record is not None:
-            yield from self._messages_of(*self._pending_record)
+            yield from self._messages_of_chunk(*self._pending_record)
         for record in self._records():
-            yield from self._messages_of(*record)
-        if not self._region_is_old:
-            self.place = max(self._region[0], self.place)
-            yield from ((message, True) for message in self._take_records(_split(self._region[1])))
+            yield from self._messages_of_chunk(*record)
+        if not self._is_region_outdated:
+            self.chunk_offset = max(self._region[0], self.chunk_offset)
+            yield from ((message, True) for message in self._messages_of_records(_split_records(self._region[1])))
 
-    def _messages_of(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
+    def _messages_of_chunk(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
         if opcode != Opcode.CHUNK:
             return
         try:
             chunk = Chunk.read(_stream(content))
-            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MAX_BYTES:
+            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MAX_RECORD_BYTES:
                 raise ValueError(f"{chunk.uncompressed_size} bytes are too many")
             records = breakup_chunk(chunk, validate_crc=True)
         except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
-            self.damage.unread.append(f"the chunk at byte {offset}: {type(error).__name__}: {error}")
+            self.damage.unreadable_parts.append(f"the chunk at byte {offset}: {type(error).__name__}: {error}")
             return
-        self.place = offset
+        self.chunk_offset = offset
         if offset == self._region[0]:
-            self._region_is_old = True
-        yield from ((message, False) for message in self._take_records(records))
+            self._is_region_outdated = True
+        yield from ((message, False) for message in self._messages_of_records(records))
 
-    def _take_records(self, records: list[Any]) -> Iterator[Message]:
+    def _messages_of_records(self, records: list[Any]) -> Iterator[Message]:
         """Register channels and schemas, and yield the messages."""
         for record in records:
             match record:
@@ -251,10 +253,10 @@ class JournalReader:
         """Yield opcode, offset and content of each record, up to the end of the data or the last complete record."""
         while not self._has_ended:
             offset = self._stream.tell()
-            header = self._stream.read(RECORD.size)
-            opcode, length = RECORD.unpack(header) if len(header) == RECORD.size else (0, 0)
-            size = self.size()
-            remaining_bytes = size - offset - RECORD.size
+            record_header = self._stream.read(RECORD_HEADER.size)
+            opcode, length = RECORD_HEADER.unpack(record_header) if len(record_header) == RECORD_HEADER.size else (0, 0)
+            file_bytes = self.size()
+            remaining_bytes = file_bytes - offset - RECORD_HEADER.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._stream.seek(-len(MAGIC), 2)
                 self.damage.is_torn = self._stream.read() != MAGIC
@@ -262,9 +264,9 @@ class JournalReader:
             elif opcode == 0 or length > remaining_bytes:
                 self.damage.is_torn = True
                 self._has_ended = True
-                if offset < size and not self.is_live:
-                    self.damage.unread.append(f"the last {size - offset} bytes, from byte {offset} on")
-            elif opcode in _READ_OPCODES and length <= _MAX_BYTES:
+                if offset < file_bytes and not self.is_live:
+                    self.damage.unreadable_parts.append(f"the last {file_bytes - offset} bytes, from byte {offset} on")
+            elif opcode in _OPCODES_TO_READ and length <= _MAX_RECORD_BYTES:
                 yield opcode, offset, self._stream.read(length)
             else:
                 self._stream.seek(length, 1)
@@ -279,9 +281,9 @@ def _decompressed_bytes(chunk: Chunk) -> int:
     return zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
 
 
-def _split(records: bytes) -> list[Any]:
+def _split_records(records: bytes) -> list[Any]:
     """Return the schemas, channels and messages of concatenated records."""
-    uncompressed = Chunk(
+    chunk = Chunk(
         compression="",
         data=records,
         message_start_time=0,
@@ -290,6 +292,6 @@ def _split(records: bytes) -> list[Any]:
         uncompressed_size=len(records),
     )
     try:
-        return list(breakup_chunk(uncompressed))
+        return list(breakup_chunk(chunk))
     except (struct.error, ValueError):
         return []

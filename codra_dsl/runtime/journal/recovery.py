@@ -14,16 +14,16 @@ class Recovery:
     """The result of a recovery.
 
     Attributes:
-        messages: the number of messages.
-        from_s: the instant at which the first message was written; 0 if the journal has no messages.
-        to_s: the instant at which the last message was written.
+        message_count: the number of messages.
+        start_s: the instant at which the first message was written; 0 if the journal has no messages.
+        end_s: the instant at which the last message was written.
         damage: the missing and unreadable parts of the torn journal.
         is_live: whether a program was still writing the torn journal.
     """
 
-    messages: int
-    from_s: float
-    to_s: float
+    message_count: int
+    start_s: float
+    end_s: float
     damage: Damage
     is_live: bool
 
@@ -42,19 +42,19 @@ def recover(path: Path, target: Path) -> Recovery:
         JournalError: if the file is not a journal.
         OSError: if the journal cannot be read, or the target cannot be written.
     """
-    part_path = target.with_name(f"{target.name}.part")
+    temporary_path = target.with_name(f"{target.name}.part")
     try:
-        with JournalReader(path) as reader, part_path.open("w+b") as stream:
+        with JournalReader(path) as reader, temporary_path.open("w+b") as stream:
             reader.header()
             message_count, first_ns, last_ns = _copy(reader, McapFile(stream, reader.metadata, reader.files))
-        part_path.replace(target)
+        temporary_path.replace(target)
     except BaseException:
-        part_path.unlink(missing_ok=True)
+        temporary_path.unlink(missing_ok=True)
         raise
     return Recovery(
-        messages=message_count,
-        from_s=first_ns / 1e9,
-        to_s=last_ns / 1e9,
+        message_count=message_count,
+        start_s=first_ns / 1e9,
+        end_s=last_ns / 1e9,
         damage=reader.damage,
         is_live=reader.is_live,
     )
@@ -62,12 +62,12 @@ def recover(path: Path, target: Path) -> Recovery:
 
 def _copy(reader: JournalReader, file: McapFile) -> tuple[int, int, int]:
     """Copy all messages and finish the file; return the number of messages, and the times of the first and the last."""
-    schemas: dict[int, int] = {}
-    channels: dict[int, int] = {}
+    schema_ids: dict[int, int] = {}
+    channel_ids: dict[int, int] = {}
     message_count, first_ns, last_ns = 0, 0, 0
     for raw_message in reader.raw_messages():
         message = raw_message.message
-        channel = _channel_number(raw_message, file, schemas, channels)
+        channel = _ensure_channel(raw_message, file, schema_ids, channel_ids)
         file.add(channel, message.log_time, message.publish_time, message.sequence, message.data)
         first_ns, last_ns = first_ns if message_count else message.log_time, message.log_time
         message_count += 1
@@ -75,10 +75,12 @@ def _copy(reader: JournalReader, file: McapFile) -> tuple[int, int, int]:
     return message_count, first_ns, last_ns
 
 
-def _channel_number(raw_message: RawMessage, file: McapFile, schemas: dict[int, int], channels: dict[int, int]) -> int:
+def _ensure_channel(
+    raw_message: RawMessage, file: McapFile, schema_ids: dict[int, int], channel_ids: dict[int, int]
+) -> int:
     schema, channel = raw_message.schema, raw_message.channel
-    if channel.id not in channels:
-        if schema.id not in schemas:
-            schemas[schema.id] = file.add_schema(schema.name, schema.data)
-        channels[channel.id] = file.open_channel(channel.topic, schemas[schema.id], channel.metadata)
-    return channels[channel.id]
+    if channel.id not in channel_ids:
+        if schema.id not in schema_ids:
+            schema_ids[schema.id] = file.add_schema(schema.name, schema.data)
+        channel_ids[channel.id] = file.open_channel(channel.topic, schema_ids[schema.id], channel.metadata)
+    return channel_ids[channel.id]

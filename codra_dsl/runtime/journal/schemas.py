@@ -16,14 +16,14 @@ from functools import lru_cache
 
 from codra_dsl.runtime.journal.fields import (
     BOUND_FIELDS,
-    JUDGEMENT_FIELDS,
-    Field,
+    METRIC_AND_WEIGHT_FIELDS,
+    JsonSchema,
     event_schema,
     field_schema,
     list_schema,
     object_list_schema,
     reason_schema,
-    unit_text,
+    unit_sentence,
     value_schema,
 )
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
@@ -72,7 +72,7 @@ class Topic:
     """
 
     folder: str
-    schema: Callable[[str, SpecSummary], tuple[str, Field]]
+    schema: Callable[[str, SpecSummary], tuple[str, JsonSchema]]
     metadata: Callable[[str, SpecSummary], Mapping[str, str]]
     place: Callable[[str, SpecSummary], Place | None]
     is_shared: bool = False
@@ -88,10 +88,10 @@ def topic_of(kind: Kind, name: str) -> str:
 @lru_cache(maxsize=65_536)
 def kind_of(topic: str) -> Kind | None:
     """Return the kind of events on a topic; None if the topic has no events."""
-    return next((kind for kind, entry in TOPICS.items() if f"{topic}/".startswith(f"{entry.folder}/")), None)
+    return next((kind for kind, kind_topic in TOPICS.items() if f"{topic}/".startswith(f"{kind_topic.folder}/")), None)
 
 
-def schema_of(kind: Kind, name: str, summary: SpecSummary) -> tuple[str, Field]:
+def schema_of(kind: Kind, name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     """Return the name of the schema of a subject's events, and the schema."""
     return TOPICS[kind].schema(name, summary)
 
@@ -126,15 +126,15 @@ def _no_metadata(_name: str, _summary: SpecSummary) -> Mapping[str, str]:
     return {}
 
 
-def _place_of_variable(name: str, summary: SpecSummary) -> Place | None:
+def _variable_place(name: str, summary: SpecSummary) -> Place | None:
     return summary.places.get(f"context/{name}")
 
 
-def _place_of_job(name: str, summary: SpecSummary) -> Place | None:
+def _job_place(name: str, summary: SpecSummary) -> Place | None:
     return summary.algorithms[name].place if name in summary.algorithms else None
 
 
-def _place_of_observer(name: str, summary: SpecSummary) -> Place | None:
+def _observer_place(name: str, summary: SpecSummary) -> Place | None:
     return summary.observers[name].place if name in summary.observers else None
 
 
@@ -142,7 +142,7 @@ def _no_place(_name: str, _summary: SpecSummary) -> Place | None:
     return None
 
 
-def run_schema() -> tuple[str, Field]:
+def run_schema() -> tuple[str, JsonSchema]:
     """Return the schema of the message that describes the run."""
     fields = {
         "format": field_schema("string", "The format of the file."),
@@ -164,7 +164,7 @@ def run_schema() -> tuple[str, Field]:
     }
 
 
-def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
+def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     kind = summary.variables[name].type.kind
     return f"codra.Variable.{kind}", event_schema(
         "A reading of a context-variable, or a value that was not accepted.",
@@ -184,7 +184,7 @@ def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _observer_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _observer_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Observer", event_schema(
         "A start, stop or failure of an observer.",
         "The observer.",
@@ -193,9 +193,9 @@ def _observer_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _job_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
-    types = summary.algorithms[name].returns.items()
-    returns = {key: value_schema(value_type.kind, unit_text(value_type.unit)) for key, value_type in types}
+def _job_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
+    returned_types = summary.algorithms[name].returns.items()
+    returns = {key: value_schema(value_type.kind, unit_sentence(value_type.unit)) for key, value_type in returned_types}
     return f"codra.Job.{name}", event_schema(
         "A change in the state of a job of a perception algorithm.",
         "The algorithm.",
@@ -223,7 +223,7 @@ def _job_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
+def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     kind = summary.variables[name].type.kind
     return f"codra.Decision.{kind}", event_schema(
         "How a decision of the main execution was answered.",
@@ -247,7 +247,7 @@ def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _declaration_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _declaration_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Declaration", event_schema(
         "The main execution declares that it needs a variable, or that it no longer needs the variable.",
         "The variable.",
@@ -256,7 +256,7 @@ def _declaration_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
+def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     kind = summary.variables[name].type.kind
     return f"codra.Expectation.{kind}", event_schema(
         "The result of a skill's expectation.",
@@ -276,7 +276,7 @@ def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Input", event_schema(
         "An input to the context manager from outside. Replay starts from inputs and from the results of jobs.",
         "The sender: main_execution, with a number if there are several, an agent, an algorithm, or the clock.",
@@ -332,7 +332,7 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _knowledge_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _knowledge_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Knowledge", event_schema(
         "A change of the knowledge graph, or a refused one.",
         "A node, node.attribute, an edge as origin -type-> target, a task, or agent.rule.",
@@ -379,11 +379,11 @@ def _knowledge_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
+def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Adaptation", event_schema(
         "A decision or action of a loop, with its chain of causes.",
         "The loop, course, parameter or tree.",
-        _ADAPTATION_EVENTS,
+        _ADAPTATION_EVENT_MEANINGS,
         loop=field_schema("string", "The loop that decided or acted, or that reports the action."),
         adapts=list_schema("string", "The courses and parameters of the loop that runs."),
         course=field_schema("string", "For a branch, the course that it belongs to."),
@@ -428,10 +428,10 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
             place=field_schema("string", "The place of the rule in the spec."),
             **BOUND_FIELDS,
         ),
-        metrics=object_list_schema("The metrics.", **JUDGEMENT_FIELDS),
+        metrics=object_list_schema("The metrics.", **METRIC_AND_WEIGHT_FIELDS),
         weights=object_list_schema(
             "The weights of the actions, and the state of the filter.",
-            **JUDGEMENT_FIELDS,
+            **METRIC_AND_WEIGHT_FIELDS,
             smoothed=field_schema("number", "The smoothed value, which decides."),
             leads_since_s=field_schema("number", "Since when the action leads the course that was left."),
             cooldown_until_s=field_schema("number", "The instant before which the action cannot be chosen again."),
@@ -447,7 +447,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, Field]:
     )
 
 
-_ADAPTATION_EVENTS: Mapping[str, str] = {
+_ADAPTATION_EVENT_MEANINGS: Mapping[str, str] = {
     "started": "the loop runs",
     "stopped": "the loop no longer runs",
     "analysed": "some metrics or weights have changed",
@@ -464,27 +464,27 @@ TOPICS: Mapping[Kind, Topic] = {
         folder="/codra/context",
         schema=_variable_schema,
         metadata=_variable_metadata,
-        place=_place_of_variable,
+        place=_variable_place,
         has_evidence_time=True,
     ),
     Kind.OBSERVER: Topic(
-        folder="/codra/observer", schema=_observer_schema, metadata=_no_metadata, place=_place_of_observer
+        folder="/codra/observer", schema=_observer_schema, metadata=_no_metadata, place=_observer_place
     ),
     Kind.JOB: Topic(
         folder="/codra/perception",
         schema=_job_schema,
         metadata=_job_metadata,
-        place=_place_of_job,
+        place=_job_place,
         has_evidence_time=True,
     ),
     Kind.DECISION: Topic(
-        folder="/codra/decision", schema=_decision_schema, metadata=_variable_metadata, place=_place_of_variable
+        folder="/codra/decision", schema=_decision_schema, metadata=_variable_metadata, place=_variable_place
     ),
     Kind.DECLARATION: Topic(
-        folder="/codra/declaration", schema=_declaration_schema, metadata=_variable_metadata, place=_place_of_variable
+        folder="/codra/declaration", schema=_declaration_schema, metadata=_variable_metadata, place=_variable_place
     ),
     Kind.EXPECTATION: Topic(
-        folder="/codra/expectation", schema=_expectation_schema, metadata=_variable_metadata, place=_place_of_variable
+        folder="/codra/expectation", schema=_expectation_schema, metadata=_variable_metadata, place=_variable_place
     ),
     Kind.KNOWLEDGE: Topic(
         folder="/codra/knowledge", schema=_knowledge_schema, metadata=_no_metadata, place=_no_place, is_shared=True

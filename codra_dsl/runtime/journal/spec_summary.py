@@ -37,23 +37,23 @@ class Rule:
     """A condition of the spec.
 
     Attributes:
-        python: the Python expression that builds the condition.
+        python_text: the Python expression that builds the condition.
         source_text: the text of the condition in the spec; None if this text is not known.
     """
 
-    python: str
+    python_text: str
     source_text: str | None = None
     place: Place | None = None
 
     @property
     def term(self) -> Term:
         """Return the parsed condition."""
-        return parse_condition(self.python)
+        return parse_condition(self.python_text)
 
     @property
     def text(self) -> str:
-        """Return the condition's text in the spec; if this text is not known, a text formatted from `python`."""
-        return format_condition(self.python) if self.source_text is None else self.source_text
+        """Return the condition's text in the spec; if this text is not known, a text formatted from `python_text`."""
+        return format_condition(self.python_text) if self.source_text is None else self.source_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,15 +61,15 @@ class AlgorithmSummary:
     """A perception algorithm: its preconditions and how its results are evaluated.
 
     Attributes:
-        conditions: the observability preconditions.
-        accepts: the conditions that a result must meet to be accepted.
+        preconditions: the observability preconditions.
+        acceptance_conditions: the conditions that a result must meet to be accepted.
         identifies: for each variable, the condition or value that is computed from a result.
         returns: the type of each value in a result.
     """
 
     name: str
-    conditions: tuple[Rule, ...]
-    accepts: tuple[Rule, ...]
+    preconditions: tuple[Rule, ...]
+    acceptance_conditions: tuple[Rule, ...]
     identifies: Mapping[str, Rule]
     returns: Mapping[str, ValueType]
     timeout_s: float
@@ -106,13 +106,13 @@ class SpecSummary:
     places: Mapping[str, Place]
     nodes: Mapping[str, str] = field(default_factory=dict)
 
-    def observer_of(self, variable: str) -> ObserverSummary | None:
+    def find_observer(self, variable: str) -> ObserverSummary | None:
         """Return the observer of a variable; None if the variable has no observer."""
         return next((observer for observer in self.observers.values() if variable in observer.identifies), None)
 
-    def algorithms_of(self, variable: str) -> tuple[AlgorithmSummary, ...]:
+    def find_algorithms(self, variable: str) -> tuple[AlgorithmSummary, ...]:
         """Return the algorithms that identify a variable, sorted by rank."""
-        observer = self.observer_of(variable)
+        observer = self.find_observer(variable)
         if observer is None:
             return ()
         return tuple(

@@ -36,7 +36,7 @@ def _rule_text(rule: Rule | None) -> str:
     return rule.text if rule.place is None else f"{rule.text} [{rule.place}]"
 
 
-def changes_near(names: Iterable[str], before: SpecSummary, now: SpecSummary) -> tuple[Change, ...]:
+def changes_by_distance(names: Iterable[str], before: SpecSummary, now: SpecSummary) -> tuple[Change, ...]:
     """Return the differences between two versions, ordered by their distance from some variables or algorithms.
 
     `names` can also have observers. The differences in the elements of `names` come first. Then come the differences in
@@ -44,61 +44,65 @@ def changes_near(names: Iterable[str], before: SpecSummary, now: SpecSummary) ->
     dependency graph.
     """
     positions = {owner: position for position, owner in enumerate(_upstream_names(names, before, now))}
-    return tuple(sorted(changes(before, now), key=lambda change: positions.get(change.owner, len(positions))))
+    return tuple(sorted(find_changes(before, now), key=lambda change: positions.get(change.owner, len(positions))))
 
 
-def changes(before: SpecSummary, now: SpecSummary) -> Iterator[Change]:
+def find_changes(before: SpecSummary, now: SpecSummary) -> Iterator[Change]:
     """Yield the differences between two versions."""
-    old, new = _settings(before), _settings(now)
-    for key in dict.fromkeys((*new, *old)):
-        yield from _setting_changes(*key, old.get(key, ()), new.get(key, ()))
+    old_settings, new_settings = _settings(before), _settings(now)
+    for key in dict.fromkeys((*new_settings, *old_settings)):
+        yield from _setting_changes(*key, old_settings.get(key, ()), new_settings.get(key, ()))
 
 
-def _setting_changes(owner: str, what: str, old: Sequence[Rule], new: Sequence[Rule]) -> Iterator[Change]:
-    old_texts, new_texts = {rule.python for rule in old}, {rule.python for rule in new}
-    removed = [rule for rule in old if rule.python not in new_texts]
-    added = [rule for rule in new if rule.python not in old_texts]
-    for old_rule, new_rule in zip_longest(removed, added):
-        yield Change(owner=owner, what=what, before=old_rule, now=new_rule)
+def _setting_changes(
+    owner: str, setting_name: str, old_rules: Sequence[Rule], new_rules: Sequence[Rule]
+) -> Iterator[Change]:
+    old_texts, new_texts = {rule.python_text for rule in old_rules}, {rule.python_text for rule in new_rules}
+    removed_rules = [rule for rule in old_rules if rule.python_text not in new_texts]
+    added_rules = [rule for rule in new_rules if rule.python_text not in old_texts]
+    for old_rule, new_rule in zip_longest(removed_rules, added_rules):
+        yield Change(owner=owner, what=setting_name, before=old_rule, now=new_rule)
 
 
 def _settings(summary: SpecSummary) -> Mapping[tuple[str, str], Sequence[Rule]]:
     """Return all settings that decide what happens in a run. The key is the owner and the name of the setting."""
     settings: dict[tuple[str, str], Sequence[Rule]] = {}
     for algorithm in summary.algorithms.values():
-        settings |= {(algorithm.name, what): rules for what, rules in _algorithm_settings(algorithm).items()}
+        settings |= {
+            (algorithm.name, setting_name): rules for setting_name, rules in _algorithm_settings(algorithm).items()
+        }
     for variable in summary.variables.values():
         place = summary.places.get(f"context/{variable.name}")
-        settings[variable.name, "type"] = _text_rules(_type_text(variable.type), place)
-        settings[variable.name, "source"] = _text_rules(" or ".join(variable.sources), place)
-        settings[variable.name, "valid_for"] = _text_rules(f"{variable.valid_for_s:g} s", place)
-        settings[variable.name, "when_unobservable"] = _text_rules(str(variable.when_unobservable), place)
+        settings[variable.name, "type"] = _rules_of_text(_type_text(variable.type), place)
+        settings[variable.name, "source"] = _rules_of_text(" or ".join(variable.sources), place)
+        settings[variable.name, "valid_for"] = _rules_of_text(f"{variable.valid_for_s:g} s", place)
+        settings[variable.name, "when_unobservable"] = _rules_of_text(str(variable.when_unobservable), place)
     for observer in summary.observers.values():
-        settings[observer.name, "algorithms"] = _text_rules(", ".join(observer.algorithms), observer.place)
-        settings[observer.name, "period"] = _text_rules(f"{observer.period_s:g} s", observer.place)
+        settings[observer.name, "algorithms"] = _rules_of_text(", ".join(observer.algorithms), observer.place)
+        settings[observer.name, "period"] = _rules_of_text(f"{observer.period_s:g} s", observer.place)
     for skill in summary.skills.values():
         place = summary.places.get(f"skill/{skill.name}")
-        settings[skill.name, "preview"] = _text_rules(", ".join(map(str, skill.preview)), place)
-        settings[skill.name, "monitor"] = _text_rules(", ".join(map(str, skill.monitor)), place)
-        settings[skill.name, "changes"] = _text_rules(", ".join(map(str, skill.changes)), place)
+        settings[skill.name, "preview"] = _rules_of_text(", ".join(map(str, skill.preview)), place)
+        settings[skill.name, "monitor"] = _rules_of_text(", ".join(map(str, skill.monitor)), place)
+        settings[skill.name, "changes"] = _rules_of_text(", ".join(map(str, skill.changes)), place)
     return settings
 
 
 def _algorithm_settings(algorithm: AlgorithmSummary) -> Mapping[str, Sequence[Rule]]:
     return {
-        "observable_when": algorithm.conditions,
-        "accept_when": algorithm.accepts,
-        "timeout": _text_rules(f"{algorithm.timeout_s:g} s", algorithm.place),
+        "observable_when": algorithm.preconditions,
+        "accept_when": algorithm.acceptance_conditions,
+        "timeout": _rules_of_text(f"{algorithm.timeout_s:g} s", algorithm.place),
         **{f"identifies {variable}": (rule,) for variable, rule in algorithm.identifies.items()},
         **{
-            f"returns {name}": _text_rules(_type_text(kind), algorithm.place)
-            for name, kind in algorithm.returns.items()
+            f"returns {name}": _rules_of_text(_type_text(value_type), algorithm.place)
+            for name, value_type in algorithm.returns.items()
         },
     }
 
 
-def _text_rules(text: str, place: Place | None) -> Sequence[Rule]:
-    return (Rule(python=text, source_text=text, place=place),)
+def _rules_of_text(text: str, place: Place | None) -> Sequence[Rule]:
+    return (Rule(python_text=text, source_text=text, place=place),)
 
 
 def _type_text(value_type: ValueType) -> str:
@@ -113,18 +117,18 @@ def _upstream_names(names: Iterable[str], *summaries: SpecSummary) -> Sequence[s
     visited_names = list(names)
     for name in visited_names:
         visited_names.extend(
-            source for summary in summaries for source in _sources(name, summary) if source not in visited_names
+            source for summary in summaries for source in _source_names(name, summary) if source not in visited_names
         )
     return visited_names
 
 
-def _sources(name: str, summary: SpecSummary) -> Iterator[str]:
+def _source_names(name: str, summary: SpecSummary) -> Iterator[str]:
     if name in summary.algorithms:
-        rules = summary.algorithms[name].conditions
+        rules = summary.algorithms[name].preconditions
         yield from sorted({variable for rule in rules for variable in rule.term.variables()})
     if name in summary.observers:
         yield from summary.observers[name].algorithms
-    observer = summary.observer_of(name)
+    observer = summary.find_observer(name)
     if observer is not None:
-        yield from (algorithm.name for algorithm in summary.algorithms_of(name))
+        yield from (algorithm.name for algorithm in summary.find_algorithms(name))
         yield observer.name

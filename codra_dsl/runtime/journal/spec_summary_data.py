@@ -63,8 +63,8 @@ def _type_to_data(value_type: ValueType) -> dict[str, Any]:
 
 def _algorithm_to_data(algorithm: AlgorithmSummary) -> dict[str, Any]:
     return {
-        "observable_when": [_rule_to_data(rule) for rule in algorithm.conditions],
-        "accept_when": [_rule_to_data(rule) for rule in algorithm.accepts],
+        "observable_when": [_rule_to_data(rule) for rule in algorithm.preconditions],
+        "accept_when": [_rule_to_data(rule) for rule in algorithm.acceptance_conditions],
         "identifies": {name: _rule_to_data(rule) for name, rule in algorithm.identifies.items()},
         "returns": {name: _type_to_data(value_type) for name, value_type in algorithm.returns.items()},
         "timeout_s": _finite_or_none(algorithm.timeout_s),
@@ -73,7 +73,7 @@ def _algorithm_to_data(algorithm: AlgorithmSummary) -> dict[str, Any]:
 
 
 def _rule_to_data(rule: Rule) -> dict[str, Any]:
-    return {"text": rule.source_text, "python": rule.python, "place": _place_to_data(rule.place)}
+    return {"text": rule.source_text, "python": rule.python_text, "place": _place_to_data(rule.place)}
 
 
 def _place_to_data(place: Place | None) -> dict[str, Any] | None:
@@ -152,8 +152,8 @@ def _float_or_default(number: float | None, default: float) -> float:
 def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary:
     return AlgorithmSummary(
         name=name,
-        conditions=tuple(map(_rule_from_data, data["observable_when"])),
-        accepts=tuple(map(_rule_from_data, data["accept_when"])),
+        preconditions=tuple(map(_rule_from_data, data["observable_when"])),
+        acceptance_conditions=tuple(map(_rule_from_data, data["accept_when"])),
         identifies={variable: _rule_from_data(rule) for variable, rule in data["identifies"].items()},
         returns={key: _type_from_data(value_type) for key, value_type in data["returns"].items()},
         timeout_s=_float_or_default(data["timeout_s"], math.inf),
@@ -162,4 +162,4 @@ def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary
 
 
 def _rule_from_data(data: Mapping[str, Any]) -> Rule:
-    return Rule(source_text=data["text"], python=str(data["python"]), place=place_from_data(data["place"]))
+    return Rule(source_text=data["text"], python_text=str(data["python"]), place=place_from_data(data["place"]))

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from codra_dsl.runtime.journal.encoding import json_text, message_of
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.fields import Field
+from codra_dsl.runtime.journal.fields import JsonSchema
 from codra_dsl.runtime.journal.mcap_file import McapFile
 from codra_dsl.runtime.journal.run_header import FORMAT, RunHeader
 from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, run_schema, schema_of, topic_metadata, topic_of
@@ -47,14 +47,14 @@ class JournalWriter:
         summary_json = json.dumps(summary_to_data(header.summary), ensure_ascii=False, allow_nan=False).encode()
         metadata = {FORMAT: {key: str(value) for key, value in data.items()}}
         self._file = McapFile(stream, metadata, {SUMMARY_FILE: summary_json})
-        self._summary: SpecSummary = header.summary
+        self._spec_summary: SpecSummary = header.summary
         self._channels: dict[tuple[Kind, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._message_count = 0
-        self._process_id = os.getpid()
+        self._writing_process_id = os.getpid()
         self._lock = threading.RLock()  # reentrant: during a call, a signal handler may call this object again
         self._is_finished = False
-        channel = self._file.open_channel(RUN_TOPIC, self._schema(*run_schema()), {})
+        channel = self._file.open_channel(RUN_TOPIC, self._ensure_schema(*run_schema()), {})
         self._write(channel, json_text(data).encode(), header.start_s, header.start_s)
 
     def add(self, event: Event) -> None:
@@ -63,7 +63,7 @@ class JournalWriter:
         Raises:
             OSError: if the event cannot be written.
         """
-        if os.getpid() != self._process_id:
+        if os.getpid() != self._writing_process_id:
             return
         with self._lock:
             if not self._is_finished:
@@ -87,16 +87,16 @@ class JournalWriter:
         if channel is None:
             channel = self._channels[key] = self._open_channel(kind, event.name)
         evidence_s = details.get("evidence_s") if topic.has_evidence_time else None
-        taken_s = evidence_s[-1] if isinstance(evidence_s, (list, tuple)) and evidence_s else evidence_s
-        self._write(channel, message_of(event), event.instant_s, taken_s if isinstance(taken_s, float) else None)
+        stamp_s = evidence_s[-1] if isinstance(evidence_s, (list, tuple)) and evidence_s else evidence_s
+        self._write(channel, message_of(event), event.instant_s, stamp_s if isinstance(stamp_s, float) else None)
 
     def _open_channel(self, kind: Kind, name: str) -> int:
         if len(self._channels) >= MAX_CHANNELS:
             raise TooManyTopicsError(f"more than {MAX_CHANNELS} variables, observers and algorithms had events")
-        schema = self._schema(*schema_of(kind, name, self._summary))
-        return self._file.open_channel(topic_of(kind, name), schema, topic_metadata(kind, name, self._summary))
+        schema = self._ensure_schema(*schema_of(kind, name, self._spec_summary))
+        return self._file.open_channel(topic_of(kind, name), schema, topic_metadata(kind, name, self._spec_summary))
 
-    def _schema(self, name: str, schema: Field) -> int:
+    def _ensure_schema(self, name: str, schema: JsonSchema) -> int:
         if name not in self._schemas:
             self._schemas[name] = self._file.add_schema(name, json.dumps(schema, ensure_ascii=False).encode())
         return self._schemas[name]

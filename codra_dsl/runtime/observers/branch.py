@@ -12,7 +12,7 @@ from codra_dsl.runtime.observers.failed_look import FailedLook
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.perception import CostMeter, Failure, Interval, JobRun, Result, State
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reason
-from codra_dsl.runtime.values.conditions_held import ContextNow, complete_from_s, first_loss, held
+from codra_dsl.runtime.values.conditions_held import ContextNow, complete_from_s, first_loss_s, has_held
 from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, Vote, Votes
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
@@ -175,7 +175,7 @@ class Branch:
 
         While it runs, no other job of the algorithm starts: a function that hangs costs one thread, not one per period.
         """
-        return self.observer.services.perception.at_work(self.algorithm) is not None
+        return self.observer.services.perception.working_job(self.algorithm) is not None
 
     def serves(self, variable: str) -> bool:
         """Return whether a variable can be left to this algorithm: it can run, and its last job had a value for it."""
@@ -216,7 +216,9 @@ class Branch:
             return None
         end_s = self.observer.now_s if interval.stamp_s is None else interval.stamp_s
         cells = self.observer.services.cells
-        violated_conditions = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
+        violated_conditions = (
+            name for name, term in self.conditions if not has_held(term, cells, interval.start_s, end_s)
+        )
         return next(violated_conditions, None)
 
     def cancel(self) -> None:
@@ -250,7 +252,7 @@ class Branch:
 
     def note_stuck(self) -> None:
         """Report once that a cancelled job has not ended in time."""
-        job_run = self.observer.services.perception.at_work(self.algorithm)
+        job_run = self.observer.services.perception.working_job(self.algorithm)
         if (
             job_run is None
             or job_run is self._reported_stuck_run
@@ -276,7 +278,7 @@ class Branch:
         the variable was unknown at this instant, the result is rejected.
         """
         raw_value = term.evaluate(self.result) if self.result is not None else None
-        if raw_value is None and self._leaves_as_is(term):
+        if raw_value is None and self._keeps_value(term):
             raw_value = self.observer.services.cells[variable].at(self._stamp_s()).content
             if raw_value is None:
                 self._refuse((variable,), Reason.REJECTED, "between enter and leave, and it was unknown before")
@@ -357,10 +359,10 @@ class Branch:
     def _stamp_s(self) -> float:
         return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s
 
-    def _leaves_as_is(self, term: Term) -> bool:
+    def _keeps_value(self, term: Term) -> bool:
         """Return whether the result lies between enter and leave."""
         inner = term.term if isinstance(term, DebouncedCondition) else term
-        return self.result is not None and isinstance(inner, Hysteresis) and inner.leaves_as_is(self.result)
+        return self.result is not None and isinstance(inner, Hysteresis) and inner.keeps_value(self.result)
 
     def _confirmed_since_s(self, variable: str, content: Value, votes: Votes) -> float | None:
         """Count a result. Return when the taking of the evidence for its value began; None if too few results agree.
@@ -372,7 +374,7 @@ class Branch:
         vote = Vote(content, self._interval.start_s, self._stamp_s())
         if not self.observer.services.cells[variable].admits(vote.start_s, vote.stamp_s):
             return vote.start_s  # evidence from before an action is not counted as a vote; `write` reports it
-        votes.take(vote, lambda before: self._still_counts(variable, before, vote))
+        votes.add(vote, lambda before: self._still_counts(variable, before, vote))
         start_s = votes.start_s(content)
         if start_s is None:
             count_text = f"{votes.count(content)} of the last {votes.among} results, {votes.needed} are needed"
@@ -397,7 +399,7 @@ class Branch:
         term = self.observer.observability_condition(variable) if model.when_unobservable == "forget" else None
         if term is None:
             return True
-        return first_loss(term, cells, max(before.stamp_s, complete_from_s(term, cells)), now.stamp_s) is None
+        return first_loss_s(term, cells, max(before.stamp_s, complete_from_s(term, cells)), now.stamp_s) is None
 
     def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
         """Record that a result has no value for some variables, and add a failed look for each."""

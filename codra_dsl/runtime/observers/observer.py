@@ -17,7 +17,7 @@ from codra_dsl.runtime.observers.failed_look import FailedLook, decisive_look
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.observers.ticking import tick
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
-from codra_dsl.runtime.values.conditions_held import ContextNow, Watch
+from codra_dsl.runtime.values.conditions_held import ContextNow, ObservabilityMonitor
 from codra_dsl.runtime.values.model import Algorithm
 
 __all__ = ["Branch", "Observer", "ObserverModel"]
@@ -73,7 +73,9 @@ class Observer:
         self.on_event_needs = tuple(name for name in self.needs() if services.variables[name].refresh == "on_event")
         self._age_sensitive_terms = [term for term in self._terms() if reads_ages(term)]
         self._watches = {
-            name: Watch(term) for name in model.identifies if (term := self.observability_condition(name)) is not None
+            name: ObservabilityMonitor(term)
+            for name in model.identifies
+            if (term := self.observability_condition(name)) is not None
         }
 
     def branch(self, algorithm: Algorithm) -> Branch:

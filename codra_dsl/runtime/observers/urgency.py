@@ -54,8 +54,8 @@ class Urgencies:
 
     def _needs_by_urgency(self, declarations: Declarations) -> Iterator[tuple[Urgency, Iterable[str]]]:
         yield Urgency.WAITED_FOR, self._awaited_variables.values()
-        yield Urgency.UNDER_WAY, declarations.of_skills()
-        yield Urgency.EXPECTED, declarations.of_expected()
+        yield Urgency.UNDER_WAY, declarations.names_of_active_skills()
+        yield Urgency.EXPECTED, declarations.names_of_expected_skills()
 
     def _spread(self, urgency: Urgency, variables: Iterable[str]) -> None:
         """Give an urgency to the observers of some variables, and to all observers that these observers need.

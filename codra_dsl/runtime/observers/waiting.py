@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from codra_dsl.logic import Term
-from codra_dsl.runtime.clock import PUNCTUAL_S, Clock
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock
 from codra_dsl.runtime.values.cell import Cell
 from codra_dsl.runtime.values.conditions_held import ContextNow
 
@@ -32,7 +32,7 @@ def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: flo
         """Return whether the condition holds, or may become true through time alone earlier than was expected."""
         nonlocal is_condition_met
         is_condition_met = term.holds(ContextNow(cells, clock.now_s()))
-        return is_condition_met or next_flip_at_s() < until_s - PUNCTUAL_S
+        return is_condition_met or next_flip_at_s() < until_s - PUNCTUALITY_TOLERANCE_S
 
     while True:  # ages grow without events: check again when a comparison with an age changes
         until_s = min(end_s, next_flip_at_s())
@@ -40,6 +40,6 @@ def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: flo
         if is_condition_met:
             return True
         if not was_woken and (
-            until_s == end_s or clock.now_s() < until_s - PUNCTUAL_S
+            until_s == end_s or clock.now_s() < until_s - PUNCTUALITY_TOLERANCE_S
         ):  # the time is over, or the clock was closed
             return False

@@ -54,17 +54,17 @@ class CostMeter:
         self._jobs = 0
         self._waiting_s = self._perception_s = self._slot_s = 0.0
 
-    def begin(self, waited_s: float) -> None:
+    def begin(self, waiting_s: float) -> None:
         """Count a job that starts."""
         self._jobs += 1
-        self._waiting_s += waited_s
+        self._waiting_s += waiting_s
 
-    def end(self, duration_s: float, slots: int) -> None:
+    def end(self, duration_s: float, slot_count: int) -> None:
         """Count the time of a job that ends."""
         self._perception_s += duration_s
-        self._slot_s += duration_s * slots
+        self._slot_s += duration_s * slot_count
 
-    def spent(self) -> Cost:
+    def cost(self) -> Cost:
         """Return the costs and results so far."""
         return Cost(
             jobs=self._jobs,

@@ -11,30 +11,30 @@ from codra_dsl.runtime.perception.process_executor import ProcessExecutor, check
 from codra_dsl.runtime.perception.thread_executor import ThreadExecutor
 from codra_dsl.runtime.values.model import Algorithm
 
-CLOSE_S = 1.0
+CLOSE_TIMEOUT_S = 1.0
 """How long the method `close` of a perception class may delay the end of the program."""
 
-Start = Callable[[Callable[[Work], None], Callable[[None], None]], Work]
+StartWork = Callable[[Callable[[Work], None], Callable[[None], None]], Work]
 """The type of a function that starts a unit of work, as `Clock.start` does."""
 
 
 class Executors:
     """Finds the function of each algorithm, and creates its executor."""
 
-    def __init__(self, find: Callable[[Algorithm], Function], start: Start) -> None:
+    def __init__(self, find_function: Callable[[Algorithm], Function], start_work: StartWork) -> None:
         """Store the arguments without finding anything.
 
         Args:
-            find: returns the function or class of an algorithm. Another process can run only the function to which
-                `call` refers. So if `find` is not `imported`, all functions run in threads.
-            start: starts a unit of work in the place where jobs run.
+            find_function: returns the function or class of an algorithm. Another process can run only the function to
+                which `call` refers. So if `find_function` is not `imported`, all functions run in threads.
+            start_work: starts a unit of work in the place where jobs run.
         """
-        self._find = find
-        self._start = start
+        self._find_function = find_function
+        self._start_work = start_work
         self._executors: dict[str, Executor] = {}
         self._close_events: list[threading.Event] = []
 
-    def of(self, algorithm: Algorithm) -> Executor:
+    def executor_of(self, algorithm: Algorithm) -> Executor:
         """Return the executor of an algorithm."""
         return self._executors[algorithm.name]
 
@@ -56,26 +56,26 @@ class Executors:
     def close(self) -> None:
         """Close the objects of perception classes, and end all processes."""
         for executor in self._executors.values():
-            executor.hang_up()
-        patience_s = CLOSE_S
+            executor.begin_close()
+        timeout_s = CLOSE_TIMEOUT_S
         for close_event in self._close_events:
-            patience_s = CLOSE_S if close_event.wait(patience_s) else 0.0
+            timeout_s = CLOSE_TIMEOUT_S if close_event.wait(timeout_s) else 0.0
         for executor in self._executors.values():
             executor.close()
 
     def _create_executor(self, algorithm: Algorithm, handles: Mapping[str, object]) -> Executor:
-        if algorithm.isolate == "process" and self._find is imported:
+        if algorithm.isolate == "process" and self._find_function is imported:
             check_handles(algorithm, handles)
             return ProcessExecutor(algorithm)
-        return ThreadExecutor(algorithm, self._find(algorithm), self._begin)
+        return ThreadExecutor(algorithm, self._find_function(algorithm), self._start_function)
 
-    def _begin(self, run: Callable[[], None]) -> None:
+    def _start_function(self, function: Callable[[], None]) -> None:
         """Run a function in the place where jobs run."""
         close_event = threading.Event()
         self._close_events.append(close_event)
 
-        def run_and_mark(_: Work) -> None:
-            run()
+        def run_and_signal(_: Work) -> None:
+            function()
             close_event.set()
 
-        self._start(run_and_mark, lambda _: None)
+        self._start_work(run_and_signal, lambda _: None)

@@ -28,12 +28,12 @@ class JobError(Exception):
 class Executor(Protocol):
     """Executes the jobs of one algorithm, one at a time."""
 
-    def perform(self, job: RunningJob, given: Mapping[str, object], handles: Mapping[str, object]) -> object:
+    def perform(self, job: RunningJob, arguments: Mapping[str, object], handles: Mapping[str, object]) -> object:
         """Return the function's return value, unchecked.
 
         Args:
             job: the job.
-            given: the function's other arguments: literals, and values of context-variables.
+            arguments: the function's other arguments: literals, and values of context-variables.
             handles: the handles of the resources that the function reads.
 
         Raises:
@@ -41,7 +41,7 @@ class Executor(Protocol):
         """
         ...
 
-    def give_up(self) -> None:
+    def kill_job(self) -> None:
         """End the running job if that is possible; it was cancelled, and its time is over. This never waits."""
         ...
 
@@ -53,12 +53,12 @@ class Executor(Protocol):
         """
         ...
 
-    def hang_up(self) -> None:
+    def begin_close(self) -> None:
         """Let the process or the object of a class end; this never waits."""
         ...
 
     def close(self) -> None:
-        """Wait for the end that `hang_up` has begun, but only for a short time."""
+        """Wait for the end that `begin_close` has begun, but only for a short time."""
         ...
 
 
@@ -74,9 +74,9 @@ def imported(algorithm: Algorithm) -> Function:
         raise call_error(algorithm, error) from error.__cause__
 
 
-def call_error(algorithm: Algorithm, why: object) -> CallError:
-    """Return the error for a `call` without a usable function or class; `why` begins with a comma or colon."""
-    return CallError(f"perception {algorithm.name!r} calls {algorithm.call!r}{why}")
+def call_error(algorithm: Algorithm, problem: object) -> CallError:
+    """Return the error for a `call` without a usable function or class; `problem` begins with a comma or colon."""
+    return CallError(f"perception {algorithm.name!r} calls {algorithm.call!r}{problem}")
 
 
 def check_handles(resources: Iterable[ResourceModel], handles: Iterable[str]) -> None:
@@ -85,9 +85,9 @@ def check_handles(resources: Iterable[ResourceModel], handles: Iterable[str]) ->
     Raises:
         CallError: if a resource is unknown or has slots.
     """
-    slots = {resource.name: resource.slots for resource in resources}
+    slot_counts = {resource.name: resource.slots for resource in resources}
     for name in handles:
-        if name not in slots:
-            raise CallError(str(unknown("resource", name, slots)))
-        if slots[name] is not None:
+        if name not in slot_counts:
+            raise CallError(str(unknown("resource", name, slot_counts)))
+        if slot_counts[name] is not None:
             raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from codra_dsl.isolation.messages import MAX_SHOWN
+from codra_dsl.isolation.messages import MAX_SHOWN_CHARACTERS
 from codra_dsl.logic import Value
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
@@ -40,7 +40,11 @@ def checked(algorithm: Algorithm, returned_value: object) -> Result | Failure:
         return Failure(Reason.FAILED, f"returned a {type(returned_value).__name__}, not a mapping")
     unknown_key = next((name for name in returned_value if name not in algorithm.returns), None)
     if unknown_key is not None:
-        key_text = repr(unknown_key[:MAX_SHOWN]) if isinstance(unknown_key, str) else f"a {type(unknown_key).__name__}"
+        key_text = (
+            repr(unknown_key[:MAX_SHOWN_CHARACTERS])
+            if isinstance(unknown_key, str)
+            else f"a {type(unknown_key).__name__}"
+        )
         return Failure(Reason.FAILED, f"returned {key_text}, which `returns` does not name")
     values: dict[str, Value | None] = {}
     for name, value_type in algorithm.returns.items():

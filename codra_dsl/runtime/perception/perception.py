@@ -39,7 +39,7 @@ class Perception:
         handles: Mapping[str, object],
         seed: int,
         event_writer: EventWriter,
-        find: Callable[[Algorithm], Function],
+        find_function: Callable[[Algorithm], Function],
     ) -> None:
         """Store the arguments without running anything.
 
@@ -49,10 +49,10 @@ class Perception:
             handles: the handle of each resource without slots. The key is the name of the resource.
             seed: the seed of the random numbers that jobs draw.
             event_writer: writes the events of jobs.
-            find: returns the function of an algorithm, or raises `CallError`.
+            find_function: returns the function of an algorithm, or raises `CallError`.
         """
         self._clock = clock
-        self._executors = Executors(find, clock.start)
+        self._executors = Executors(find_function, clock.start)
         self._slots = slots
         self._handles = handles
         self._seed = seed
@@ -69,8 +69,8 @@ class Perception:
         """
         algorithms_by_name = {algorithm.name: algorithm for algorithm in algorithms}
         for algorithm in algorithms_by_name.values():
-            self._check(algorithm)
-            self._slots.expect(algorithm.slots, algorithm.timeout_s)
+            self._check_resources(algorithm)
+            self._slots.register_user(algorithm.slots, algorithm.timeout_s)
             self._cost_meters[algorithm.name] = CostMeter()
         self._executors.prepare(list(algorithms_by_name.values()), self._handles)
 
@@ -87,9 +87,9 @@ class Perception:
 
     def spent(self, algorithms: Iterable[Algorithm]) -> Cost:
         """Return the costs and results of some algorithms so far."""
-        return sum((self._cost_meters[algorithm.name].spent() for algorithm in algorithms), Cost())
+        return sum((self._cost_meters[algorithm.name].cost() for algorithm in algorithms), Cost())
 
-    def at_work(self, algorithm: Algorithm) -> JobRun | None:
+    def working_job(self, algorithm: Algorithm) -> JobRun | None:
         """Return the job whose function has not ended yet, even if its result is no longer needed.
 
         An algorithm never runs twice at the same time.
@@ -116,7 +116,7 @@ class Perception:
         self._request_counts[algorithm.name] += 1
         job_run.requested_s = self._clock.now_s()
         job_run.ticket = self._slots.request(
-            algorithm.slots, precedence, lambda: self._begin(job_run), algorithm.timeout_s
+            algorithm.slots, precedence, lambda: self._begin_job(job_run), algorithm.timeout_s
         )
         return job_run
 
@@ -125,32 +125,32 @@ class Perception:
         if job_run.start_s is not None and not isinstance(job_run.outcome, Failure):
             self._cost_meters[job_run.algorithm.name].cancelled += 1
         if job_run.state is not State.ENDED:
-            self._record(job_run, "cancelled")
-            self._abandon(job_run)
+            self._write_job_event(job_run, "cancelled")
+            self._abandon_job(job_run)
 
     def void(self, job_run: JobRun, condition: str) -> None:
         """Discard the present or future result of a job, because a condition failed while its evidence was taken."""
         if not isinstance(job_run.outcome, Failure):
             self._cost_meters[job_run.algorithm.name].voided += 1
-        self._record(job_run, "voided", condition=condition)
-        self._abandon(job_run)
+        self._write_job_event(job_run, "voided", condition=condition)
+        self._abandon_job(job_run)
 
-    def _check(self, algorithm: Algorithm) -> None:
+    def _check_resources(self, algorithm: Algorithm) -> None:
         missing_handles = [name for name in algorithm.handles if name not in self._handles]
         if missing_handles:
             raise CallError(
                 f"perception {algorithm.name!r} reads resource {missing_handles[0]!r}: "
                 "pass its handle to start() in `resources`"
             )
-        unknown_resources = [name for name in algorithm.slots if name not in self._slots.resources]
+        unknown_resources = [name for name in algorithm.slots if name not in self._slots.free_slot_counts]
         if unknown_resources:
             resource = unknown_resources[0]
             raise CallError(f"perception {algorithm.name!r} needs a slot of {resource!r}, which is not a resource")
 
-    def _begin(self, job_run: JobRun) -> None:
+    def _begin_job(self, job_run: JobRun) -> None:
         arguments = job_run.find_arguments()
         if arguments is None:
-            self._end(job_run)
+            self._end_job(job_run)
             job_run.on_change()
             return
         algorithm = job_run.algorithm
@@ -159,25 +159,25 @@ class Perception:
         random_seed = f"{self._seed}/{algorithm.name}/{job_run.index}"
         job_run.on_evidence = self._record_evidence
         self._working_jobs[algorithm.name] = job_run
-        self._record(job_run, "started")
+        self._write_job_event(job_run, "started")
         try:
             job_run.work = self._clock.start(
-                lambda work: self._run(job_run, RunningJob(work, random_seed, job_run.index), arguments),
-                lambda outcome: self._deliver(job_run, outcome),
+                lambda work: self._run_job(job_run, RunningJob(work, random_seed, job_run.index), arguments),
+                lambda outcome: self._deliver_outcome(job_run, outcome),
             )
         except RuntimeError as error:  # no thread could be started
             self._event_writer.write_input(algorithm.name, "unstarted", index=job_run.index, message=str(error))
-            self._finish_delivered(job_run, Failure(Reason.FAILED, described(error)))
+            self._end_delivered_job(job_run, Failure(Reason.FAILED, described(error)))
             return
-        timeout_s = job_run.start_s + algorithm.timeout_s
-        job_run.timer = self._clock.call_at(timeout_s, lambda: self._time_out(job_run))
+        deadline_s = job_run.start_s + algorithm.timeout_s
+        job_run.timer = self._clock.call_at(deadline_s, lambda: self._time_out(job_run))
 
-    def _run(self, job_run: JobRun, job: RunningJob, arguments: Mapping[str, Value | None]) -> Result | Failure:
+    def _run_job(self, job_run: JobRun, job: RunningJob, arguments: Mapping[str, Value | None]) -> Result | Failure:
         job_run.job = job
         algorithm = job_run.algorithm
         handles = {name: self._handles[name] for name in algorithm.handles}
         try:
-            executor = self._executors.of(algorithm)
+            executor = self._executors.executor_of(algorithm)
             return checked(algorithm, executor.perform(job, {**algorithm.parameters, **arguments}, handles))
         except Cancelled:
             return Failure(Reason.FAILED, "it ended because it was cancelled")
@@ -188,59 +188,59 @@ class Perception:
                 raise  # in simulated time, jobs can run in the main thread: the user's Ctrl-C must end the program
             return Failure(Reason.FAILED, described(error))
 
-    def _record_evidence(self, job_run: JobRun, report_s: float, interval: Interval) -> None:
+    def _record_evidence(self, job_run: JobRun, report_instant_s: float, interval: Interval) -> None:
         """Record a job's report about its evidence when the report is first used."""
         evidence_s = [interval.start_s, interval.stamp_s]
         self._event_writer.write_input(
-            job_run.algorithm.name, "evidence", index=job_run.index, told_s=report_s, evidence_s=evidence_s
+            job_run.algorithm.name, "evidence", index=job_run.index, told_s=report_instant_s, evidence_s=evidence_s
         )
 
-    def _deliver(self, job_run: JobRun, outcome: Result | Failure) -> None:
+    def _deliver_outcome(self, job_run: JobRun, outcome: Result | Failure) -> None:
         self._event_writer.write_input(job_run.algorithm.name, "delivered", index=job_run.index)
-        self._finish_delivered(job_run, outcome)
+        self._end_delivered_job(job_run, outcome)
 
-    def _finish_delivered(self, job_run: JobRun, outcome: Result | Failure) -> None:
+    def _end_delivered_job(self, job_run: JobRun, outcome: Result | Failure) -> None:
         del self._working_jobs[job_run.algorithm.name]
         if job_run.timer is not None:
             job_run.timer.cancel()
         if job_run.state is not State.ENDED:
-            self._end(job_run)
-            self._finish(job_run, outcome)
+            self._end_job(job_run)
+            self._set_outcome(job_run, outcome)
         job_run.on_change()
 
     def _time_out(self, job_run: JobRun) -> None:
         """End a job that takes too long. A job that was cancelled before, but has not ended, is recorded as stuck."""
         if job_run.state is State.ENDED:
-            self._record(job_run, "stuck")
+            self._write_job_event(job_run, "stuck")
         else:
-            self._abandon(job_run)
-            self._finish(job_run, Failure(Reason.TIMED_OUT, f"no result within {job_run.algorithm.timeout_s:g} s"))
-        if self.at_work(job_run.algorithm) is job_run:
-            job_run.timer = self._clock.call_at(self._clock.now_s() + GRACE_S, lambda: self._give_up(job_run))
+            self._abandon_job(job_run)
+            self._set_outcome(job_run, Failure(Reason.TIMED_OUT, f"no result within {job_run.algorithm.timeout_s:g} s"))
+        if self.working_job(job_run.algorithm) is job_run:
+            job_run.timer = self._clock.call_at(self._clock.now_s() + GRACE_S, lambda: self._kill_job(job_run))
         job_run.on_change()
 
-    def _give_up(self, job_run: JobRun) -> None:
+    def _kill_job(self, job_run: JobRun) -> None:
         """End the process of a job that has not ended by itself."""
-        if self.at_work(job_run.algorithm) is job_run:
-            self._executors.of(job_run.algorithm).give_up()
+        if self.working_job(job_run.algorithm) is job_run:
+            self._executors.executor_of(job_run.algorithm).kill_job()
 
-    def _finish(self, job_run: JobRun, outcome: Result | Failure) -> None:
+    def _set_outcome(self, job_run: JobRun, outcome: Result | Failure) -> None:
         job_run.outcome = outcome
         if isinstance(outcome, Failure):
             self._cost_meters[job_run.algorithm.name].failed += 1
-            self._record(job_run, "failed", reason=outcome.reason, message=outcome.message)
+            self._write_job_event(job_run, "failed", reason=outcome.reason, message=outcome.message)
         else:
             evidence = job_run.evidence(self._clock.now_s())
             evidence_s = [] if evidence is None else [evidence.start_s, evidence.stamp_s]
-            self._record(job_run, "returned", values=outcome.values, evidence_s=evidence_s)
+            self._write_job_event(job_run, "returned", values=outcome.values, evidence_s=evidence_s)
 
-    def _abandon(self, job_run: JobRun) -> None:
+    def _abandon_job(self, job_run: JobRun) -> None:
         if job_run.state is not State.ENDED:
-            self._end(job_run)
+            self._end_job(job_run)
             if job_run.work is not None:
                 job_run.work.cancel()
 
-    def _end(self, job_run: JobRun) -> None:
+    def _end_job(self, job_run: JobRun) -> None:
         job_run.state, job_run.end_s = State.ENDED, self._clock.now_s()
         if job_run.start_s is not None:
             self._cost_meters[job_run.algorithm.name].end(job_run.end_s - job_run.start_s, len(job_run.algorithm.slots))
@@ -250,5 +250,5 @@ class Perception:
             # freed without the garbage collector.
             job_run.ticket = None
 
-    def _record(self, job_run: JobRun, what: str, **details: object) -> None:
+    def _write_job_event(self, job_run: JobRun, what: str, **details: object) -> None:
         self._event_writer.write(Kind.JOB, job_run.algorithm.name, what, index=job_run.index, **details)

@@ -17,20 +17,20 @@ from collections import deque
 from typing import IO, Any
 
 from codra_dsl.isolation.messages import Connection
-from codra_dsl.isolation.supervisor import LEAVE_MS, STATUS, TERMINATE, TERMINATE_MS
+from codra_dsl.isolation.supervisor import EXIT_TIMEOUT_MS, SIGTERM_TIMEOUT_MS, TERMINATE, WAIT_STATUS
 
 _LOGGER = logging.getLogger("codra_dsl.perception")
 
-_BOOT = (
+_BOOT_CODE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from codra_dsl.isolation.supervisor import main; "
     "main(*map(int, sys.argv[2:5]), sys.argv[5])"
 )
-_ENDS_WITHIN_S = (LEAVE_MS + TERMINATE_MS) / 1000 + 1.0
-_LISTENS_S = 0.5
+_END_TIMEOUT_S = (EXIT_TIMEOUT_MS + SIGTERM_TIMEOUT_MS) / 1000 + 1.0
+_LISTENER_TIMEOUT_S = 0.5
 _CHUNK_BYTES = 8192
 _CHUNK_PERIOD_S = 0.05
-_NORMAL_END = "ended with exit code 0"
-_MAX_LINE = 200
+_NORMAL_END_TEXT = "ended with exit code 0"
+_MAX_LINE_CHARACTERS = 200
 
 
 class Process:
@@ -41,7 +41,7 @@ class Process:
 
     Attributes:
         connection: the connection to the process.
-        is_doomed: whether the process was ordered to end.
+        is_ending: whether the process was ordered to end.
     """
 
     def __init__(self, name: str, call: str) -> None:
@@ -55,72 +55,74 @@ class Process:
             OSError: if the machine cannot start another process.
         """
         message_socket, child_message_socket = socket.socketpair()
-        life_socket, child_life_socket = socket.socketpair()
-        with child_message_socket, child_life_socket:
+        control_socket, child_control_socket = socket.socketpair()
+        with child_message_socket, child_control_socket:
             self._supervisor = subprocess.Popen(
-                _worker_command(child_message_socket.fileno(), child_life_socket.fileno(), call),
+                _supervisor_command(child_message_socket.fileno(), child_control_socket.fileno(), call),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                pass_fds=(child_message_socket.fileno(), child_life_socket.fileno()),
+                pass_fds=(child_message_socket.fileno(), child_control_socket.fileno()),
                 start_new_session=True,
             )
         self.connection = Connection(message_socket)
-        self.is_doomed = False
+        self.is_ending = False
         self._name = name
-        self._life_socket = life_socket
-        self._ending = threading.Lock()
-        self._end: str | None = None
+        self._control_socket = control_socket
+        self._end_lock = threading.Lock()
+        self._end_text: str | None = None
         self._is_terminated = False
         self._last_lines: deque[str] = deque(maxlen=1)
-        self._hang_up = weakref.finalize(self, _hang_up, message_socket, life_socket, os.getpid())
+        self._shut_down_sockets = weakref.finalize(
+            self, _shut_down_sockets, message_socket, control_socket, os.getpid()
+        )
         output = self._supervisor.stdout
         assert output is not None
         listener_arguments = (output, name, self._last_lines)
-        self._listener = threading.Thread(target=_listen, args=listener_arguments, name="codra-output", daemon=True)
+        self._listener = threading.Thread(target=_log_output, args=listener_arguments, name="codra-output", daemon=True)
         self._listener.start()
 
     @property
-    def is_silent(self) -> bool:
+    def is_idle(self) -> bool:
         """Return whether the process waits for a request, because it has neither ended nor sent a message."""
         poll = select.poll()
-        poll.register(self.connection.connection, select.POLLIN)
-        return not self.is_doomed and not poll.poll(0)
+        poll.register(self.connection.socket, select.POLLIN)
+        return not self.is_ending and not poll.poll(0)
 
     def terminate(self) -> None:
         """End the process at once by SIGTERM and then SIGKILL; do not wait for its end."""
-        self.is_doomed = self._is_terminated = True
+        self.is_ending = self._is_terminated = True
         with contextlib.suppress(OSError):
-            self._life_socket.send(TERMINATE, socket.MSG_DONTWAIT)
+            self._control_socket.send(TERMINATE, socket.MSG_DONTWAIT)
 
     def hang_up(self) -> None:
         """Let the process end by itself; its supervisor ends it soon if it does not. Do not wait for its end."""
-        self.is_doomed = True
-        self._hang_up()
+        self.is_ending = True
+        self._shut_down_sockets()
 
     def wait_for_end(self) -> str:
         """Wait for the end of a process that was ordered to end or has ended; return a text that describes the end."""
-        with self._ending:
-            if self._end is None:
-                self._end = self._wait_for_end()
-            return self._end
+        with self._end_lock:
+            if self._end_text is None:
+                self._end_text = self._wait_for_end()
+            return self._end_text
 
-    def leave(self) -> None:
+    def wait_for_end_in_background(self) -> None:
         """Wait in a separate thread for the end of a process that was ordered to end."""
         threading.Thread(target=self.wait_for_end, name="codra-leaving", daemon=True).start()
 
     def _wait_for_end(self) -> str:
         status = b""
         with contextlib.suppress(OSError):
-            self._life_socket.settimeout(_ENDS_WITHIN_S)
-            status = self._life_socket.recv(STATUS.size)
+            self._control_socket.settimeout(_END_TIMEOUT_S)
+            status = self._control_socket.recv(WAIT_STATUS.size)
         self.hang_up()
-        self._life_socket.close()
+        self._control_socket.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._supervisor.wait(_ENDS_WITHIN_S)
-        end_text = _end_text(STATUS.unpack(status)[0]) if len(status) == STATUS.size else "was lost"
-        if end_text != _NORMAL_END:
-            self._listener.join(_LISTENS_S)
+            self._supervisor.wait(_END_TIMEOUT_S)
+        end_text = _describe_end(WAIT_STATUS.unpack(status)[0]) if len(status) == WAIT_STATUS.size else "was lost"
+        if end_text != _NORMAL_END_TEXT:
+            self._listener.join(_LISTENER_TIMEOUT_S)
             output_text = f"; it printed last: {self._last_lines[-1]}" if self._last_lines else ""
             # the end of a terminated process is reported as a failed job
             level = logging.INFO if self._is_terminated else logging.WARNING
@@ -128,21 +130,21 @@ class Process:
         return end_text
 
 
-def _worker_command(talk_fd: int, life_fd: int, call: str) -> list[str]:
-    numbers = map(str, (talk_fd, life_fd, os.getpid()))
-    return [sys.executable, "-P", "-c", _BOOT, json.dumps(list(map(str, sys.path))), *numbers, call]
+def _supervisor_command(message_fd: int, control_fd: int, call: str) -> list[str]:
+    number_arguments = map(str, (message_fd, control_fd, os.getpid()))
+    return [sys.executable, "-P", "-c", _BOOT_CODE, json.dumps(list(map(str, sys.path))), *number_arguments, call]
 
 
-def _hang_up(message_socket: socket.socket, life_socket: socket.socket, program_pid: int) -> None:
+def _shut_down_sockets(message_socket: socket.socket, control_socket: socket.socket, program_pid: int) -> None:
     """Shut down both connections, unless this process inherited them from its parent."""
     if os.getpid() == program_pid:
-        for connection, how in ((message_socket, socket.SHUT_RDWR), (life_socket, socket.SHUT_WR)):
+        for open_socket, how in ((message_socket, socket.SHUT_RDWR), (control_socket, socket.SHUT_WR)):
             with contextlib.suppress(OSError):
-                connection.shutdown(how)
+                open_socket.shutdown(how)
     message_socket.close()
 
 
-def _end_text(status: int) -> str:
+def _describe_end(status: int) -> str:
     code: Any = os.waitstatus_to_exitcode(status)
     if code >= 0:
         return f"ended with exit code {code}"
@@ -152,14 +154,14 @@ def _end_text(status: int) -> str:
         return f"was ended by signal {-code}"
 
 
-def _listen(output: IO[bytes], name: str, last_lines: deque[str]) -> None:
+def _log_output(output: IO[bytes], name: str, last_lines: deque[str]) -> None:
     """Log the output of a process at a limited rate."""
-    never = threading.Event()
+    unset_event = threading.Event()
     with output:
         while data := os.read(output.fileno(), _CHUNK_BYTES):
-            lines = [line[:_MAX_LINE].rstrip() for line in data.decode(errors="replace").splitlines()]
+            lines = [line[:_MAX_LINE_CHARACTERS].rstrip() for line in data.decode(errors="replace").splitlines()]
             for line in filter(None, lines):
                 last_lines.append(line)
                 _LOGGER.info("%s: %s", name, line)
             if len(data) == _CHUNK_BYTES:
-                never.wait(_CHUNK_PERIOD_S)
+                unset_event.wait(_CHUNK_PERIOD_S)

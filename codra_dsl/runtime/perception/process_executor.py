@@ -17,7 +17,7 @@ from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.perception.process import Process
 from codra_dsl.runtime.values.model import Algorithm
 
-SETUP_S = 60.0
+SETUP_TIMEOUT_S = 60.0
 """The time limit for the import of a module and for `setup`.
 
 In simulated time, it is also the time limit for a job between two messages.
@@ -41,10 +41,10 @@ class ProcessExecutor:
         self._algorithm = algorithm
         self._is_imported = self._is_set_up = False
         self._is_closed = False
-        self._given_names = frozenset(algorithm.given)
+        self._context_argument_names = frozenset(algorithm.given)
         self._working_process: Process | None = None
         try:
-            self._process: Process | None = self._start()
+            self._process: Process | None = self._start_process()
         except OSError as error:
             raise call_error(algorithm, f": {described(error)}") from error
 
@@ -56,53 +56,58 @@ class ProcessExecutor:
         """
         if self._process is not None:
             try:
-                self._import(self._process)
+                self._await_import(self._process)
             except JobError as error:
                 raise call_error(self._algorithm, error) from error
 
-    def perform(self, job: RunningJob, given: Mapping[str, object], handles: Mapping[str, object]) -> object:
+    def perform(self, job: RunningJob, arguments: Mapping[str, object], handles: Mapping[str, object]) -> object:
         """Return the function's return value, reduced to the types that a decision can use."""
         try:
             process = self._usable_process()
         except OSError as error:
             raise JobError(f"its process cannot be started: {described(error)}") from error
         remote_handles = {name: handle for name, handle in handles.items() if not is_copied(handle)}
-        copied_values = {**given, **{name: handle for name, handle in handles.items() if name not in remote_handles}}
+        copied_values = {
+            **arguments,
+            **{name: handle for name, handle in handles.items() if name not in remote_handles},
+        }
         request = {
-            "given": copied_values,
+            "arguments": copied_values,
             "handles": list(remote_handles),
             "index": job.index,
-            "chance": job.random_seed,
+            "random_seed": job.random_seed,
         }
         exchange = _Exchange(process, job, remote_handles)
         try:
-            setup_values = {name: copied_values[name] for name in copied_values if name not in self._given_names}
-            self._prepare(exchange, {**request, "given": setup_values})
+            setup_values = {
+                name: copied_values[name] for name in copied_values if name not in self._context_argument_names
+            }
+            self._set_up(exchange, {**request, "arguments": setup_values})
             if job.cancelled:
                 raise Cancelled
             self._working_process = process
-            return exchange.result("perceive", request, max(SETUP_S, self._algorithm.timeout_s))
+            return exchange.request_result("perceive", request, max(SETUP_TIMEOUT_S, self._algorithm.timeout_s))
         except (JobError, Cancelled):
             raise
         except TimeoutError as error:  # only in simulated time: in real time, the job's timeout comes first
-            self._drop(process)
+            self._drop_process(process)
             job.sleep(math.inf)
             raise JobError("its process no longer responds") from error
         except (EOFError, GarbageError, OSError) as error:
             raise self._communication_error(process, error) from error
         except BaseException:  # an interrupt of the program, in the middle of the exchange
-            self._drop(process)
+            self._drop_process(process)
             raise
         finally:
             self._working_process = None
 
-    def give_up(self) -> None:
+    def kill_job(self) -> None:
         """End the process, unless it is still executing `setup`."""
         process = self._working_process
         if process is not None:
             process.terminate()
 
-    def hang_up(self) -> None:
+    def begin_close(self) -> None:
         """Let the process end, without waiting for it."""
         self._is_closed = True
         process = self._process
@@ -115,58 +120,58 @@ class ProcessExecutor:
         if process is not None:
             process.wait_for_end()
 
-    def _start(self) -> Process:
+    def _start_process(self) -> Process:
         self._is_imported = self._is_set_up = False
         return Process(self._algorithm.name, self._algorithm.call)
 
     def _usable_process(self) -> Process:
         """Return the process, or a new one if it has ended since its last job."""
-        if self._process is None or (self._is_imported and not self._process.is_silent):
+        if self._process is None or (self._is_imported and not self._process.is_idle):
             if self._process is not None:
-                self._drop(self._process)
-            self._process = self._start()
+                self._drop_process(self._process)
+            self._process = self._start_process()
         if self._is_closed:
-            self._drop(self._process)
+            self._drop_process(self._process)
             raise Cancelled
         return self._process
 
-    def _drop(self, process: Process) -> None:
+    def _drop_process(self, process: Process) -> None:
         process.terminate()
         process.hang_up()
-        process.leave()
+        process.wait_for_end_in_background()
         self._process = None
 
     def _communication_error(self, process: Process, error: Exception) -> JobError:
         """Return the error of a job whose process can no longer communicate with the program."""
         if isinstance(error, GarbageError):
-            self._drop(process)
+            self._drop_process(process)
             return JobError(str(error))
         self._process = None
         return JobError(f"its process {process.wait_for_end()}")
 
-    def _import(self, process: Process) -> None:
+    def _await_import(self, process: Process) -> None:
         if self._is_imported:
             return
         exchange = _Exchange(process, None, {})
         try:
-            kind, *details = exchange.next_message(SETUP_S)
+            kind, *details = exchange.receive_message(SETUP_TIMEOUT_S)
         except (TimeoutError, GarbageError) as error:
-            self._drop(process)
-            raise JobError(f": not imported within {SETUP_S:g} s") from error
+            self._drop_process(process)
+            raise JobError(f": not imported within {SETUP_TIMEOUT_S:g} s") from error
         except (EOFError, OSError) as error:
             raise JobError(f": {self._communication_error(process, error)}") from error
         if kind != "here":
-            self._drop(process)
+            self._drop_process(process)
             raise JobError("".join(str(detail)[:1000] for detail in details))
         self._is_imported = True
 
-    def _prepare(self, exchange: _Exchange, request: Mapping[str, object]) -> None:
+    def _set_up(self, exchange: _Exchange, request: Mapping[str, object]) -> None:
         try:
-            self._import(exchange.process)
+            self._await_import(exchange.process)
         except JobError as error:
             raise JobError(f"calls {self._algorithm.call!r}{error}") from error
         if not self._is_set_up:
-            exchange.result("setup", request, SETUP_S)
+            exchange.request_result("setup", request, SETUP_TIMEOUT_S)
             self._is_set_up = True
 
 
@@ -178,20 +183,20 @@ class _Exchange:
         self._job = job
         self._handles = handles
 
-    def next_message(self, limit_s: float) -> list[Any]:
+    def receive_message(self, timeout_s: float) -> list[Any]:
         """Return the next message of the process."""
-        self.process.connection.connection.settimeout(limit_s)
-        return self.process.connection.receive_reply()
+        self.process.connection.socket.settimeout(timeout_s)
+        return self.process.connection.receive_json()
 
-    def result(self, step: str, request: Mapping[str, object], limit_s: float) -> object:
+    def request_result(self, method: str, request: Mapping[str, object], timeout_s: float) -> object:
         """Send a request to the process and return its result."""
-        self.process.connection.connection.settimeout(limit_s)
+        self.process.connection.socket.settimeout(timeout_s)
         try:
-            self.process.connection.send((step, request))
+            self.process.connection.send_pickle((method, request))
         except (TypeError, ValueError) as error:
             raise JobError(f"its arguments: {error}") from error
         while True:
-            message = self.next_message(limit_s)
+            message = self.receive_message(timeout_s)
             match message:
                 case ["ready"]:
                     return None
@@ -202,24 +207,24 @@ class _Exchange:
                 case ["cancelled"]:
                     raise Cancelled
                 case _:
-                    self._reply(*self._answer(message))
+                    self._send_answer(*self._answer_request(message))
 
-    def _reply(self, kind: str, content: object) -> None:
+    def _send_answer(self, kind: str, content: object) -> None:
         try:
-            self.process.connection.send((kind, content))
+            self.process.connection.send_pickle((kind, content))
         except (TypeError, ValueError) as error:
-            self.process.connection.send(("raised", type(error)(f"the content of the handle: {error}")))
+            self.process.connection.send_pickle(("raised", type(error)(f"the content of the handle: {error}")))
 
-    def _answer(self, request: list[Any]) -> tuple[str, object]:
+    def _answer_request(self, request: list[Any]) -> tuple[str, object]:
         try:
             match request:
                 case ["job", str(name), list(arguments)] if name in _JOB_MEMBERS:
                     attribute = getattr(self._job, name)
                     return "value", attribute(*arguments) if callable(attribute) else attribute
                 case ["get", list(path)]:
-                    return self._attribute_reply(path)
-                case ["call", list(path), list(arguments), dict(named)]:
-                    return "value", self._resolve(path)(*arguments, **named)
+                    return self._attribute_answer(path)
+                case ["call", list(path), list(arguments), dict(keyword_arguments)]:
+                    return "value", self._resolve_path(path)(*arguments, **keyword_arguments)
                 case _:
                     raise GarbageError("its process sent an unknown request")
         except (Cancelled, GarbageError) as error:
@@ -229,14 +234,14 @@ class _Exchange:
         except Exception as error:  # noqa: BLE001 - the caller of a handle gets its error
             return "raised", _copyable_error(error)
 
-    def _attribute_reply(self, path: list[Any]) -> tuple[str, object]:
+    def _attribute_answer(self, path: list[Any]) -> tuple[str, object]:
         """Return a copy of an attribute of a handle, or a reference if the attribute cannot be copied."""
-        value = self._resolve(path)
+        value = self._resolve_path(path)
         if callable(value) or not (is_copied(value) or _can_be_copied(value)):
             return "remote", None
         return "value", value
 
-    def _resolve(self, path: list[Any]) -> Any:
+    def _resolve_path(self, path: list[Any]) -> Any:
         if not path or path[0] not in self._handles:
             raise GarbageError("its process asked for a handle that it does not have")
         value: Any = self._handles[path[0]]
@@ -256,15 +261,19 @@ def check_handles(algorithm: Algorithm, handles: Mapping[str, object]) -> None:
     for name in algorithm.handles:
         handle = handles[name]
         if is_copied(handle) and not _can_be_copied(handle):
-            why = f"is a {type(handle).__name__} whose content cannot be copied: give an object with a method instead"
+            problem = (
+                f"is a {type(handle).__name__} whose content cannot be copied: give an object with a method instead"
+            )
         elif isinstance(handle, (type, ModuleType, GeneratorType)):
-            why = f"is a {type(handle).__name__}: give an object with methods, or let `call` name a class with `setup`"
+            problem = (
+                f"is a {type(handle).__name__}: give an object with methods, or let `call` name a class with `setup`"
+            )
         elif not is_copied(handle) and not callable(handle) and all(member.startswith("_") for member in dir(handle)):
-            why = f"is a {type(handle).__name__} without methods: give an object with a method"
+            problem = f"is a {type(handle).__name__} without methods: give an object with a method"
         else:
             continue
-        where = f"perception {algorithm.name!r} runs in a separate process"
-        raise CallError(f"{where}, which cannot use handle {name!r}: it {why}")
+        process_text = f"perception {algorithm.name!r} runs in a separate process"
+        raise CallError(f"{process_text}, which cannot use handle {name!r}: it {problem}")
 
 
 def is_copied(handle: object) -> bool:

@@ -73,64 +73,68 @@ class Slots:
     def __init__(self, clock: Clock, resources: Mapping[str, ResourceModel]) -> None:
         """Start with all slots free. If a resource has no number of slots, any number of jobs can use it."""
         self._clock = clock
-        self._free_slots = {name: math.inf if model.slots is None else model.slots for name, model in resources.items()}
-        self._slot_counts = dict(self._free_slots)
-        self._main_execution_counts: Counter[str] = Counter()
-        self._users: Counter[str] = Counter()
+        self._free_slot_counts = {
+            name: math.inf if model.slots is None else model.slots for name, model in resources.items()
+        }
+        self._slot_counts = dict(self._free_slot_counts)
+        self._main_execution_slot_counts: Counter[str] = Counter()
+        self._user_counts: Counter[str] = Counter()
         self._longest_timeouts_s: dict[str, float] = {}
         self._queue: dict[int, Ticket] = {}
-        self._requests = 0
+        self._request_count = 0
         self._last_update_s = clock.now_s()
-        self._is_due = False
+        self._is_grant_scheduled = False
 
     @property
-    def resources(self) -> Mapping[str, float]:
+    def free_slot_counts(self) -> Mapping[str, float]:
         """Return how many slots of each resource are free."""
-        return self._free_slots
+        return self._free_slot_counts
 
-    def expect(self, slots: Iterable[str], timeout_s: float) -> None:
+    def register_user(self, slots: Iterable[str], timeout_s: float) -> None:
         """Register an algorithm whose jobs use some slots for at most `timeout_s`."""
         for slot in slots:
-            self._users[slot] += 1
+            self._user_counts[slot] += 1
             self._longest_timeouts_s[slot] = max(timeout_s, self._longest_timeouts_s.get(slot, 0.0))
 
     def request(
         self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None], max_duration_s: float = 0.0
     ) -> Ticket:
         """Add a request to the queue. When all its slots are free, `grant` is called in a separate event."""
-        self._grow_older()
-        self._requests += 1
-        ticket = Ticket(tuple(dict.fromkeys(slots)), precedence, self._requests, max_duration_s, grant)
+        self._update_ages()
+        self._request_count += 1
+        ticket = Ticket(tuple(dict.fromkeys(slots)), precedence, self._request_count, max_duration_s, grant)
         self._queue[ticket.number] = ticket
-        self._grant_soon()
+        self._schedule_grant()
         return ticket
 
     def release(self, ticket: Ticket) -> None:
         """Release the slots of a ticket, or remove a waiting ticket from the queue. A second call does nothing."""
-        self._grow_older()
+        self._update_ages()
         if ticket.is_holding:
             ticket.is_holding = False
-            self._move(ticket, 1)
+            self._change_free_slots(ticket, 1)
         else:
             self._queue.pop(ticket.number, None)
-        self._grant_soon()
+        self._schedule_grant()
 
-    def _grant_soon(self) -> None:
-        if self._queue and not self._is_due:
-            self._is_due = True
+    def _schedule_grant(self) -> None:
+        if self._queue and not self._is_grant_scheduled:
+            self._is_grant_scheduled = True
             self._clock.call_at(self._clock.now_s(), self._grant_all)
 
     def _grant_all(self) -> None:
-        self._is_due = False
-        self._grow_older()
-        waiting_tickets = sorted(self._candidates(), key=Ticket.rank)
+        self._is_grant_scheduled = False
+        self._update_ages()
+        waiting_tickets = sorted(self._candidate_tickets(), key=Ticket.rank)
         while self._grant_next(waiting_tickets):
             waiting_tickets = [ticket for ticket in waiting_tickets if ticket.number in self._queue]
 
-    def _candidates(self) -> Iterable[Ticket]:
+    def _candidate_tickets(self) -> Iterable[Ticket]:
         """Return the whole queue; if no request for slots can be granted, only the requests that need no slot."""
         queue = self._queue.values()
-        grantable_tickets = [ticket for ticket in queue if all(self._free_slots[slot] > 0 for slot in ticket.slots)]
+        grantable_tickets = [
+            ticket for ticket in queue if all(self._free_slot_counts[slot] > 0 for slot in ticket.slots)
+        ]
         return queue if any(ticket.slots for ticket in grantable_tickets) else grantable_tickets
 
     def _grant_next(self, waiting_tickets: Sequence[Ticket]) -> bool:
@@ -139,41 +143,41 @@ class Slots:
         A slot for which an earlier request waits does not count as free. Return whether a request for slots was
         granted.
         """
-        reserved_slots: Counter[str] = Counter()
-        spare_s = self._spare_s() if any(ticket.slots for ticket in waiting_tickets) else {}
+        reserved_slot_counts: Counter[str] = Counter()
+        spare_times_s = self._spare_times_s() if any(ticket.slots for ticket in waiting_tickets) else {}
         for ticket in waiting_tickets:
-            if ticket.max_duration_s > spare_s.get(ticket.number, math.inf) + _TOLERANCE_S:
+            if ticket.max_duration_s > spare_times_s.get(ticket.number, math.inf) + _TOLERANCE_S:
                 continue
-            if any(self._free_slots[slot] <= reserved_slots[slot] for slot in ticket.slots):
-                reserved_slots.update(ticket.slots)
+            if any(self._free_slot_counts[slot] <= reserved_slot_counts[slot] for slot in ticket.slots):
+                reserved_slot_counts.update(ticket.slots)
             elif self._queue.pop(ticket.number, None) is not None:
                 ticket.is_holding = True
-                self._move(ticket, -1)
+                self._change_free_slots(ticket, -1)
                 ticket.grant()
                 if ticket.slots:
                     return True
         return False
 
-    def _spare_s(self) -> dict[int, float]:
+    def _spare_times_s(self) -> dict[int, float]:
         """Return how long each request may still delay the older requests. The key is the number of the request."""
-        spare_s: dict[int, float] = {}
-        for slot, longest_s in self._longest_timeouts_s.items():
-            bound_s, least_s, before_s = self._users[slot] * longest_s, math.inf, 0.0
+        spare_times_s: dict[int, float] = {}
+        for slot, longest_timeout_s in self._longest_timeouts_s.items():
+            bound_s, least_spare_s, earlier_durations_s = self._user_counts[slot] * longest_timeout_s, math.inf, 0.0
             for ticket in self._queue.values():
                 if slot in ticket.slots and not ticket.is_of_main_execution:
-                    spare_s[ticket.number] = min(least_s, spare_s.get(ticket.number, math.inf))
-                    least_s = min(least_s, bound_s - ticket.age_s - before_s)
-                    before_s += ticket.max_duration_s
-        return spare_s
+                    spare_times_s[ticket.number] = min(least_spare_s, spare_times_s.get(ticket.number, math.inf))
+                    least_spare_s = min(least_spare_s, bound_s - ticket.age_s - earlier_durations_s)
+                    earlier_durations_s += ticket.max_duration_s
+        return spare_times_s
 
-    def _move(self, ticket: Ticket, count: int) -> None:
+    def _change_free_slots(self, ticket: Ticket, count: int) -> None:
         """Add `count` to the free slots that a ticket uses: 1 to release them, -1 to take them."""
         for slot in ticket.slots:
-            self._free_slots[slot] += count
+            self._free_slot_counts[slot] += count
             if ticket.is_of_main_execution:
-                self._main_execution_counts[slot] -= count
+                self._main_execution_slot_counts[slot] -= count
 
-    def _grow_older(self) -> None:
+    def _update_ages(self) -> None:
         """Add the elapsed time to the age of each waiting ticket.
 
         For a ticket, time does not count while the main execution holds all slots of a resource that the ticket needs.
@@ -182,9 +186,9 @@ class Slots:
         elapsed_s, self._last_update_s = now_s - self._last_update_s, now_s
         if elapsed_s <= 0 or not self._queue:
             return
-        main_execution_slots = {
-            slot for slot, count in self._slot_counts.items() if self._main_execution_counts[slot] >= count
+        fully_taken_slots = {
+            slot for slot, count in self._slot_counts.items() if self._main_execution_slot_counts[slot] >= count
         }
         for ticket in self._queue.values():
-            if main_execution_slots.isdisjoint(ticket.slots):
+            if fully_taken_slots.isdisjoint(ticket.slots):
                 ticket.age_s += elapsed_s

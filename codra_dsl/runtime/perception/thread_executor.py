@@ -15,27 +15,27 @@ from codra_dsl.runtime.values.model import Algorithm
 
 _LOGGER = logging.getLogger("codra_dsl.perception")
 
-Begin = Callable[[Callable[[], None]], None]
+StartFunction = Callable[[Callable[[], None]], None]
 """The type of a function that runs another function in the place where jobs run."""
 
 
 class ThreadExecutor:
     """Executes jobs by calling a function, or the object of a class."""
 
-    def __init__(self, algorithm: Algorithm, function: Function, begin: Begin) -> None:
+    def __init__(self, algorithm: Algorithm, function: Function, start_function: StartFunction) -> None:
         """Store the arguments without setting up anything.
 
         Args:
             algorithm: the algorithm.
             function: the function or class of the algorithm.
-            begin: runs `close` of an object in the place where jobs run.
+            start_function: runs `close` of an object in the place where jobs run.
         """
         self._algorithm = algorithm
         self._function_host = FunctionHost(function)
-        self._begin = begin
+        self._start_function = start_function
         self._lock = threading.Lock()
 
-    def perform(self, job: RunningJob, given: Mapping[str, object], handles: Mapping[str, object]) -> object:
+    def perform(self, job: RunningJob, arguments: Mapping[str, object], handles: Mapping[str, object]) -> object:
         """Return the function's return value. Before the first job, create the object of a class and set it up."""
         with self._lock:
             if not self._function_host.is_ready:
@@ -45,18 +45,18 @@ class ThreadExecutor:
                     raise JobError(f"setup: {described(error)}") from error
                 if job.cancelled:
                     raise Cancelled
-            return self._function_host.perceive(**given, **handles, job=job)
+            return self._function_host.perceive(**arguments, **handles, job=job)
 
-    def give_up(self) -> None:
+    def kill_job(self) -> None:
         """Do nothing: a thread can only end by itself."""
 
     def await_ready(self) -> None:
         """Do nothing: the function exists."""
 
-    def hang_up(self) -> None:
+    def begin_close(self) -> None:
         """Close the object, if there is one, once no job uses it."""
         if self._function_host.is_open:
-            self._begin(self._close)
+            self._start_function(self._close)
 
     def close(self) -> None:
         """Do nothing: `Executors`, which runs `close` of the object, waits for it."""

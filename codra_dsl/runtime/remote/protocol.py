@@ -19,7 +19,7 @@ from enum import StrEnum
 from typing import Any
 
 from codra_dsl.runtime.context.commands import NotDeclaredError
-from codra_dsl.runtime.errors import AgentTakenError, NotASourceError, UnknownNameError, nearest
+from codra_dsl.runtime.errors import AgentTakenError, NotASourceError, UnknownNameError, suggestion_text
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.model import NotOfTypeError
 
@@ -156,7 +156,7 @@ def request_of(message: object) -> Request:
         raise MessageError(f"this interface has version {VERSION}: set `codra: {VERSION}`")
     ask = message.get("ask")
     if not isinstance(ask, str) or ask not in REQUESTS:
-        raise MessageError(f"`ask` must be one of {', '.join(REQUESTS)}{nearest(str(ask), REQUESTS)}")
+        raise MessageError(f"`ask` must be one of {', '.join(REQUESTS)}{suggestion_text(str(ask), REQUESTS)}")
     fields = {key: content for key, content in message.items() if key not in ("codra", "id", "ask")}
     _check_fields(ask, fields)
     return Request(id=id_of(message), ask=ask, fields=fields)
@@ -234,6 +234,6 @@ def _check_fields(ask: str, fields: Plain) -> None:
             raise MessageError(f"`{ask}` needs `{name}`: {shape.required[name]}")
     for name, value in fields.items():
         if name not in field_types:
-            raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), field_types)}")
+            raise MessageError(f"`{ask}` has no field {name!r}{suggestion_text(str(name), field_types)}")
         if not field_types[name].holds(value):
             raise MessageError(f"`{name}` of `{ask}` must be {field_types[name]}")

@@ -19,7 +19,7 @@ from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
-from codra_dsl.runtime.journal.spec_summary_changes import changes_near
+from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance
 from codra_dsl.runtime.knowledge import ConflictError, KnowledgeModel, Snapshot
 from codra_dsl.runtime.knowledge.context_link import RefusedWrite
 from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
@@ -233,7 +233,7 @@ def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | Non
     if difference is None or comparison.spec_summary is None:
         return difference
     names = [event.name for event in (difference.replayed, difference.recorded) if event is not None]
-    return replace(difference, changes=changes_near(names, header.summary, comparison.spec_summary))
+    return replace(difference, changes=changes_by_distance(names, header.summary, comparison.spec_summary))
 
 
 def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, inputs: Sequence[Event]) -> None:

@@ -20,7 +20,7 @@ BEFORE_ALL_S = -math.inf
 
 FOREVER_S = math.inf
 
-MIN_READINGS = 100
+MIN_KEPT_READINGS = 100
 """At least this many readings are kept, even if the spec declares a shorter history: evidence is checked against them.
 """
 
@@ -110,8 +110,8 @@ class Reading(Generic[ValueT_co]):
             UnknownValueError: if the variable is unknown; the message has the reason.
         """
         if self.reason is not None:
-            because = f"{self.reason}: {self.detail}" if self.detail else str(self.reason)
-            raise UnknownValueError(f"{self.name} is unknown ({because})")
+            reason_text = f"{self.reason}: {self.detail}" if self.detail else str(self.reason)
+            raise UnknownValueError(f"{self.name} is unknown ({reason_text})")
         return cast("ValueT_co", self.content)
 
     def age_s(self, now_s: float) -> float:
@@ -157,9 +157,11 @@ def known_reading(  # noqa: PLR0917 - names would cost a third more
     A frozen class sets each of its fields by a call. To create a mutable object and change its class takes a third of
     the time.
     """
-    mutable: Any = _MutableReading(name, content, None, "", evidence_s, start_s, identified_s, expires_s, source)
-    mutable.__class__ = Reading
-    reading: Reading[Value] = mutable
+    mutable_reading: Any = _MutableReading(
+        name, content, None, "", evidence_s, start_s, identified_s, expires_s, source
+    )
+    mutable_reading.__class__ = Reading
+    reading: Reading[Value] = mutable_reading
     return reading
 
 
@@ -171,7 +173,7 @@ class Cell:
     Attributes:
         reading: the present reading.
         invalidated_s: when a skill last changed the variable.
-        late_count: how many readings were identified later than their evidence was taken.
+        late_reading_count: how many readings were identified later than their evidence was taken.
     """
 
     __slots__ = (
@@ -181,7 +183,7 @@ class Cell:
         "_pinned_instants_s",
         "_readings",
         "invalidated_s",
-        "late_count",
+        "late_reading_count",
         "reading",
     )
 
@@ -194,10 +196,10 @@ class Cell:
         """
         self.reading: Reading[Value] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
         self.invalidated_s = BEFORE_ALL_S
-        self.late_count = 0
+        self.late_reading_count = 0
         self._readings: list[Reading[Value]] = []
         self._history_limit = history
-        self._max_readings = max(history, MIN_READINGS)
+        self._max_readings = max(history, MIN_KEPT_READINGS)
         self._pinned_instants_s: list[float] = []
         self._has_dropped_readings = False
 
@@ -212,12 +214,14 @@ class Cell:
             Whether the added reading is now the present reading.
         """
         if reading.evidence_s < reading.identified_s:
-            self.late_count += 1
+            self.late_reading_count += 1
         if not self._readings or reading.evidence_s >= self._readings[-1].evidence_s:
             self._readings.append(reading)
         else:
             self._readings.insert(bisect_right(self._readings, reading.evidence_s, key=_evidence_s), reading)
-        while len(self._readings) > self._max_readings and (not self._pinned_instants_s or self._has_too_many()):
+        while len(self._readings) > self._max_readings and (
+            not self._pinned_instants_s or self._has_too_many_readings()
+        ):
             del self._readings[0]
             self._has_dropped_readings = True
         if reading.evidence_s < self.reading.evidence_s:
@@ -233,11 +237,13 @@ class Cell:
         """Undo one `pin`."""
         self._pinned_instants_s.remove(instant_s)
 
-    def _has_too_many(self) -> bool:
-        surplus = len(self._readings) - self._max_readings
-        pins_s = self._pinned_instants_s
-        is_pinned = bool(pins_s) and surplus > 0 and self._readings[1].evidence_s > min(pins_s)
-        return surplus > (MAX_PINNED_READINGS if is_pinned else 0)
+    def _has_too_many_readings(self) -> bool:
+        surplus_count = len(self._readings) - self._max_readings
+        pinned_instants_s = self._pinned_instants_s
+        is_pinned = (
+            bool(pinned_instants_s) and surplus_count > 0 and self._readings[1].evidence_s > min(pinned_instants_s)
+        )
+        return surplus_count > (MAX_PINNED_READINGS if is_pinned else 0)
 
     def expire(self, now_s: float) -> bool:
         """Make the variable unknown if its present reading is no longer valid; return whether it became unknown."""

@@ -62,46 +62,46 @@ def parse_condition(text: str) -> Term:
         ConditionTextError: if the text does not build a condition.
     """
     try:
-        result = _build(_parse(text))
+        term = _build_node(_parse(text))
     except ConditionTextError:
         raise
     except Exception as error:
         raise ConditionTextError(f"{text[:60]!r} is not a condition: {type(error).__name__}") from error
-    if not isinstance(result, Term):
+    if not isinstance(term, Term):
         raise ConditionTextError(f"{text[:60]!r} is not a condition")
-    return result
+    return term
 
 
-def _build(node: ast.expr) -> Any:
+def _build_node(node: ast.expr) -> Any:
     match node:
         case ast.Constant(value=bool() | int() | float() | str() as constant):
             return constant
-        case ast.Tuple(elts=parts):
-            return tuple(_build(part) for part in parts)
+        case ast.Tuple(elts=elements):
+            return tuple(_build_node(element) for element in elements)
         case ast.UnaryOp(op=ast.Invert(), operand=operand):
             return ~_build_term(operand)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_build(operand)
+            return -_build_node(operand)
         case ast.BinOp(left=left, op=symbol, right=right) if type(symbol) in _OPERATORS:
-            return _OPERATORS[type(symbol)](_build(left), _build(right))
+            return _OPERATORS[type(symbol)](_build_node(left), _build_node(right))
         case ast.Compare(left=left, ops=[symbol], comparators=[right]) if type(symbol) in _OPERATORS:
-            return _OPERATORS[type(symbol)](_build(left), _build(right))
+            return _OPERATORS[type(symbol)](_build_node(left), _build_node(right))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            return _call(name, [_build(argument) for argument in arguments])
+            return _call_function(name, [_build_node(argument) for argument in arguments])
         case ast.Call(func=ast.Attribute(value=term, attr="is_in"), args=options, keywords=[]):
-            return _build_term(term).is_in(*(_build(option) for option in options))
+            return _build_term(term).is_in(*(_build_node(option) for option in options))
         case _:
             raise ConditionTextError(f"{ast.unparse(node)[:60]!r} cannot be part of a condition")
 
 
 def _build_term(node: ast.expr) -> Term:
-    result = _build(node)
-    if not isinstance(result, Term):
+    term = _build_node(node)
+    if not isinstance(term, Term):
         raise ConditionTextError(f"{ast.unparse(node)[:60]!r} is not a condition")
-    return result
+    return term
 
 
-def _call(name: str, arguments: Sequence[Any]) -> Any:
+def _call_function(name: str, arguments: Sequence[Any]) -> Any:
     if name == "abs":
         return abs(arguments[0])
     if name == "float":
@@ -173,7 +173,9 @@ def _format_node(node: ast.expr) -> str:
         case ast.UnaryOp(operand=operand):
             return f"-{_format_operand(operand)}"
         case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr() as symbol, right=right):
-            return f" {_SYMBOLS[type(symbol)]} ".join(_format_side(part, type(symbol)) for part in (left, right))
+            return f" {_SYMBOLS[type(symbol)]} ".join(
+                _format_logical_operand(part, type(symbol)) for part in (left, right)
+            )
         case ast.BinOp(left=left, op=symbol, right=right):
             return f"{_format_operand(left)} {_SYMBOLS[type(symbol)]} {_format_operand(right)}"
         case ast.Compare(left=left, ops=[symbol], comparators=[right]):
@@ -184,9 +186,9 @@ def _format_node(node: ast.expr) -> str:
             return ast.unparse(node)
 
 
-def _format_side(node: ast.expr, symbol: type[ast.operator]) -> str:
-    has_other_operator = isinstance(node, ast.BinOp) and type(node.op) in {ast.BitAnd, ast.BitOr} - {symbol}
-    return f"({_format_node(node)})" if has_other_operator else _format_node(node)
+def _format_logical_operand(node: ast.expr, symbol: type[ast.operator]) -> str:
+    needs_brackets = isinstance(node, ast.BinOp) and type(node.op) in {ast.BitAnd, ast.BitOr} - {symbol}
+    return f"({_format_node(node)})" if needs_brackets else _format_node(node)
 
 
 def _format_operand(node: ast.expr) -> str:

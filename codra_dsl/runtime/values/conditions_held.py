@@ -60,15 +60,15 @@ class ContextAt:
         return reading.age_s(self.instant_s) if reading.known else None
 
 
-def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> bool:
+def has_held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> bool:
     """Return whether a condition held without a break from `start_s` to `end_s`, both included.
 
     If the histories no longer cover all of this time, the condition counts as broken, so the evidence does not count.
     """
-    return complete_from_s(term, cells) <= start_s and first_loss(term, cells, start_s, end_s) is None
+    return complete_from_s(term, cells) <= start_s and first_loss_s(term, cells, start_s, end_s) is None
 
 
-def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
+def _covers_interval(reading: Reading[Value], start_s: float, end_s: float) -> bool:
     """Return whether a present reading was the variable's reading at every instant from `start_s` to `end_s`.
 
     Return false for a stale reading: it keeps the instant of its evidence, but the variable was known until the reading
@@ -77,21 +77,21 @@ def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
     return reading.reason is None and reading.evidence_s <= start_s <= end_s < reading.expires_s
 
 
-def first_loss(
+def first_loss_s(
     term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float, held_before: bool = True
 ) -> float | None:
     """Return the first instant from `start_s` to `end_s` at which a condition stopped holding, or None.
 
     `held_before` states whether the condition is assumed to hold just before `start_s`.
     """
-    names, is_aging = term.reads
-    if not is_aging and all(_lasts(cells[name].reading, start_s, end_s) for name in names):
+    names, has_ages = term.reads
+    if not has_ages and all(_covers_interval(cells[name].reading, start_s, end_s) for name in names):
         return start_s if held_before and not term.holds(ContextNow(cells, end_s)) else None
-    for context in _moments(term, cells, start_s, end_s):
-        holds = term.holds(context)
-        if held_before and not holds:
+    for context in _contexts_of_changes(term, cells, start_s, end_s):
+        is_held = term.holds(context)
+        if held_before and not is_held:
             return context.instant_s
-        held_before = holds
+        held_before = is_held
     return None
 
 
@@ -100,50 +100,57 @@ def complete_from_s(term: Term, cells: Mapping[str, Cell]) -> float:
     return max((cells[name].complete_from_s for name in term.variables()), default=BEFORE_ALL_S)
 
 
-def _moments(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
+def _contexts_of_changes(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
     """Yield the moments, in order, at which the value of a condition can change."""
-    is_aging = reads_ages(term)
+    has_ages = reads_ages(term)
     names = sorted(term.variables())
-    turns = [turn for name in names for turn in _turns(cells[name], start_s, end_s, with_new_evidence=is_aging)]
+    changes = [
+        change
+        for name in names
+        for change in _value_changes(cells[name], start_s, end_s, includes_new_evidence=has_ages)
+    ]
     readings: dict[float, list[Reading[Value]]] = {start_s: [], end_s: []}
-    for instant_s, reading in turns:
+    for instant_s, reading in changes:
         readings.setdefault(instant_s, []).extend(() if reading is None else (reading,))
     instants = sorted(readings)
     for instant_s, next_s in pairwise([*instants, end_s]):
         yield from (ContextAt(cells, instant_s, replaced_reading=reading) for reading in readings[instant_s])
         yield ContextAt(cells, instant_s)
-        if is_aging:
-            yield from _flips(term, cells, instant_s, next_s)
+        if has_ages:
+            yield from _contexts_of_age_changes(term, cells, instant_s, next_s)
 
 
-def _turns(
-    cell: Cell, start_s: float, end_s: float, *, with_new_evidence: bool
+def _value_changes(
+    cell: Cell, start_s: float, end_s: float, *, includes_new_evidence: bool
 ) -> Iterator[tuple[float, Reading[Value] | None]]:
     """Yield each instant after `start_s` at which a variable got another value, with the reading that has this value.
 
-    For the instant at which the validity of a value ends, None is yielded instead of a reading. If `with_new_evidence`,
-    instants with new evidence for the same value are yielded too, because new evidence makes the variable younger.
+    For the instant at which the validity of a value ends, None is yielded instead of a reading. If
+    `includes_new_evidence`, instants with new evidence for the same value are yielded too, because new evidence makes
+    the variable younger.
     """
-    before = cell.at(start_s)
+    previous_reading = cell.at(start_s)
     for reading in cell.between(start_s, end_s):
-        if before.expires_s < reading.evidence_s:
-            yield before.expires_s, None
-        if with_new_evidence or reading.content != before.at(reading.evidence_s).content:
+        if previous_reading.expires_s < reading.evidence_s:
+            yield previous_reading.expires_s, None
+        if includes_new_evidence or reading.content != previous_reading.at(reading.evidence_s).content:
             yield reading.evidence_s, reading
-        before = reading
-    if before.expires_s <= end_s:
-        yield before.expires_s, None
+        previous_reading = reading
+    if previous_reading.expires_s <= end_s:
+        yield previous_reading.expires_s, None
 
 
-def _flips(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
+def _contexts_of_age_changes(
+    term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float
+) -> Iterator[ContextAt]:
     """Yield the moments between two instants at which the result of a comparison with an age changes."""
-    at_s = start_s
-    while (wait_s := term.flips_s(ContextAt(cells, at_s))) is not None and at_s + wait_s < end_s:
-        at_s += wait_s
-        yield ContextAt(cells, at_s)
+    instant_s = start_s
+    while (wait_s := term.flips_s(ContextAt(cells, instant_s))) is not None and instant_s + wait_s < end_s:
+        instant_s += wait_s
+        yield ContextAt(cells, instant_s)
 
 
-class Watch:
+class ObservabilityMonitor:
     """Tracks whether the condition under which a variable can be observed has failed since the evidence was taken.
 
     The instant of the failure follows from the histories, not from the instants at which the tree was ticked.
@@ -152,7 +159,7 @@ class Watch:
     def __init__(self, term: Term) -> None:
         self._term = term
         self._names = sorted(term.variables())
-        self._evidence: tuple[float, str, int] | None = None
+        self._checked_evidence: tuple[float, str, int] | None = None
         self._checked_until_s = BEFORE_ALL_S
         self._held_at_check = False
 
@@ -166,13 +173,13 @@ class Watch:
                 value from another writer is lost only if the condition has held and then fails.
             now_s: the present instant.
         """
-        evidence = (reading.evidence_s, reading.source, sum(cells[name].late_count for name in self._names))
+        evidence = (reading.evidence_s, reading.source, sum(cells[name].late_reading_count for name in self._names))
         # late readings change the past, so they are counted too: after such a change, the time since the evidence is
         # checked again, so that the result does not depend on the instants of the checks
-        if self._evidence != evidence:
-            self._evidence = evidence
+        if self._checked_evidence != evidence:
+            self._checked_evidence = evidence
             self._checked_until_s, self._held_at_check = reading.evidence_s, is_own
         start_s = max(self._checked_until_s, complete_from_s(self._term, cells))
-        loss_s = first_loss(self._term, cells, start_s, now_s, self._held_at_check)
+        loss_s = first_loss_s(self._term, cells, start_s, now_s, self._held_at_check)
         self._checked_until_s, self._held_at_check = now_s, self._term.holds(ContextNow(cells, now_s))
         return loss_s

@@ -20,9 +20,9 @@ _EXPECTATION_PREFIX = "expected"
 _SKILL_PREFIX = "skill "
 
 
-def expectation_holder(party: str) -> str:
+def expectation_holder(main_execution: str) -> str:
     """Return the holder that declares the previews of the skills that a main execution expects."""
-    return _EXPECTATION_PREFIX if party == MAIN else f"{_EXPECTATION_PREFIX} by {party}"
+    return _EXPECTATION_PREFIX if main_execution == MAIN else f"{_EXPECTATION_PREFIX} by {main_execution}"
 
 
 def skill_holder(skill: str, number: int) -> str:
@@ -42,18 +42,18 @@ class Declarations:
         """
         self.version = 0
         self._holders: dict[str, dict[str, None]] = {}
-        self._counts: Counter[str] = Counter()
+        self._holder_counts: Counter[str] = Counter()
         self._enter = enter
         self._leave = leave
 
     def __contains__(self, name: object) -> bool:
-        return name in self._counts
+        return name in self._holder_counts
 
     def names(self) -> frozenset[str]:
         """Return C_E(t)."""
-        return frozenset(self._counts)
+        return frozenset(self._holder_counts)
 
-    def of(self, holder: str) -> tuple[str, ...]:
+    def names_of(self, holder: str) -> tuple[str, ...]:
         """Return the variables that a holder declares, in order."""
         return tuple(self._holders.get(holder, ()))
 
@@ -61,43 +61,43 @@ class Declarations:
         """Return the holders that declare a variable."""
         return tuple(self._holders)
 
-    def of_expected(self) -> tuple[str, ...]:
+    def names_of_expected_skills(self) -> tuple[str, ...]:
         """Return the variables that are declared for expected skills."""
-        return self._names_of_holders(_EXPECTATION_PREFIX)
+        return self._names_by_prefix(_EXPECTATION_PREFIX)
 
-    def of_skills(self) -> tuple[str, ...]:
+    def names_of_active_skills(self) -> tuple[str, ...]:
         """Return the variables that are declared for running skills."""
-        return self._names_of_holders(_SKILL_PREFIX)
+        return self._names_by_prefix(_SKILL_PREFIX)
 
-    def _names_of_holders(self, prefix: str) -> tuple[str, ...]:
-        return tuple(name for holder in self._holders if holder.startswith(prefix) for name in self.of(holder))
+    def _names_by_prefix(self, prefix: str) -> tuple[str, ...]:
+        return tuple(name for holder in self._holders if holder.startswith(prefix) for name in self.names_of(holder))
 
     def add(self, holder: str, name: str) -> None:
         """Declare a variable for a holder. If the holder already declares it, this has no effect."""
-        held_names = self._holders.setdefault(holder, {})
-        if name not in held_names:
+        declared_names = self._holders.setdefault(holder, {})
+        if name not in declared_names:
             self.version += 1
-            held_names[name] = None
-            self._counts[name] += 1
-            if self._counts[name] == 1:
+            declared_names[name] = None
+            self._holder_counts[name] += 1
+            if self._holder_counts[name] == 1:
                 self._enter(name, holder)
 
     def remove(self, holder: str, name: str) -> None:
         """Remove a variable from a holder's declarations. If the holder does not declare it, this has no effect."""
-        held_names = self._holders.get(holder, {})
-        if name in held_names:
+        declared_names = self._holders.get(holder, {})
+        if name in declared_names:
             self.version += 1
-            del held_names[name]
-            if not held_names:
+            del declared_names[name]
+            if not declared_names:
                 del self._holders[holder]
-            self._counts[name] -= 1
-            if not self._counts[name]:
-                del self._counts[name]
+            self._holder_counts[name] -= 1
+            if not self._holder_counts[name]:
+                del self._holder_counts[name]
                 self._leave(name, holder)
 
     def hold(self, holder: str, names: Iterable[str]) -> None:
         """Let a holder declare exactly these variables. A variable that it has declared before stays in C_E(t)."""
-        before, after = self.of(holder), dict.fromkeys(names)
+        before, after = self.names_of(holder), dict.fromkeys(names)
         for name in after:
             self.add(holder, name)
         for name in before:

@@ -29,7 +29,7 @@ class Hysteresis(Term):
             return True
         return False if self.leave.evaluate(scope) is True else None
 
-    def leaves_as_is(self, scope: Scope) -> bool:
+    def keeps_value(self, scope: Scope) -> bool:
         """Return whether it is known that neither condition holds. Then the variable keeps its value."""
         return self.enter.evaluate(scope) is False and self.leave.evaluate(scope) is False
 
@@ -98,9 +98,9 @@ class Votes:
         """Drop all results."""
         self._votes.clear()
 
-    def take(self, newest_vote: Vote, still_counts: Callable[[Vote], bool]) -> None:
-        """Add the newest result. Of the earlier results, keep those for which `still_counts` returns true."""
-        counted_votes = [vote for vote in self._votes if still_counts(vote)]
+    def add(self, newest_vote: Vote, is_still_counted: Callable[[Vote], bool]) -> None:
+        """Add the newest result. Of the earlier results, keep those for which `is_still_counted` returns true."""
+        counted_votes = [vote for vote in self._votes if is_still_counted(vote)]
         self._votes.clear()
         self._votes.extend((*counted_votes, newest_vote))
 

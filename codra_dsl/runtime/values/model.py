@@ -10,7 +10,7 @@ from typing import Literal
 from codra_dsl.logic import Term, Value
 
 Kind = Literal["bool", "int", "float", "str", "enum"]
-_CLASSES: Mapping[str, type[bool] | type[int] | type[str] | tuple[type[int], type[float]]] = {
+_CLASSES_OF_KINDS: Mapping[str, type[bool] | type[int] | type[str] | tuple[type[int], type[float]]] = {
     "bool": bool,
     "int": int,
     "float": (int, float),
@@ -19,7 +19,7 @@ _CLASSES: Mapping[str, type[bool] | type[int] | type[str] | tuple[type[int], typ
 }
 _MAX_SHOWN_CHARACTERS = 60
 
-MAX_TEXT = 10_000
+MAX_TEXT_CHARACTERS = 10_000
 """The length in characters of the longest text that context can hold: context is for decisions, not for payload."""
 
 MAX_INTEGER = 2**63 - 1
@@ -47,84 +47,98 @@ class ValueType:
     members: tuple[str, ...] = ()
     optional: bool = False
 
-    def convert(self, given: object) -> Value | None:
+    def convert(self, raw_value: object) -> Value | None:
         """Return a value converted to this type, or None for NaN, which means that the value is unknown.
 
         Args:
-            given: a value from a program; a numpy scalar is converted to the number that it holds.
+            raw_value: a value from a program; a numpy scalar is converted to the number that it holds.
 
         Raises:
             NotOfTypeError: if the value has another type, lies outside the range, or is not a member.
         """
-        if (given is True or given is False) and self.kind == "bool":
-            return given
-        plain = given if given.__class__ in _PLAIN_TYPES else unbox(given)
-        if isinstance(plain, bool) != (self.kind == "bool") or not isinstance(plain, _CLASSES[self.kind]):
-            raise NotOfTypeError(f"{_value_text(plain)} is not of type {self.kind}")
-        result = _checked_text(plain) if isinstance(plain, str) else self._to_number(plain)
-        if result is not None:
-            self._check_bounds(result)
-        return result
+        if (raw_value is True or raw_value is False) and self.kind == "bool":
+            return raw_value
+        plain_value = raw_value if raw_value.__class__ in _PLAIN_TYPES else unbox(raw_value)
+        if isinstance(plain_value, bool) != (self.kind == "bool") or not isinstance(
+            plain_value, _CLASSES_OF_KINDS[self.kind]
+        ):
+            raise NotOfTypeError(f"{_value_text(plain_value)} is not of type {self.kind}")
+        converted_value = _checked_text(plain_value) if isinstance(plain_value, str) else self._to_number(plain_value)
+        if converted_value is not None:
+            self._check_bounds(converted_value)
+        return converted_value
 
     def converter(self) -> Callable[[object], Value | None]:
         """Return a faster `convert` for very many values. If the class of a value fits, it checks only the bounds."""
         convert, (low, high) = self.convert, self.range or (-math.inf, math.inf)
-        plain: frozenset[object] = frozenset(self.members)
+        member_set: frozenset[object] = frozenset(self.members)
 
-        def to_integer(given: object) -> Value | None:
-            return given if given.__class__ is int and min_value <= given <= max_value else convert(given)
+        def to_integer(raw_value: object) -> Value | None:
+            return (
+                raw_value
+                if raw_value.__class__ is int and min_integer <= raw_value <= max_integer
+                else convert(raw_value)
+            )
 
-        def to_float(given: object) -> Value | None:
-            return given if given.__class__ is float and low <= given <= high else convert(given)
+        def to_float(raw_value: object) -> Value | None:
+            return raw_value if raw_value.__class__ is float and low <= raw_value <= high else convert(raw_value)
 
-        def to_member(given: object) -> Value | None:
-            return given if given.__class__ is str and given in plain else convert(given)
+        def to_member(raw_value: object) -> Value | None:
+            return raw_value if raw_value.__class__ is str and raw_value in member_set else convert(raw_value)
 
-        min_value, max_value = max(low, -MAX_INTEGER), min(high, MAX_INTEGER)
+        min_integer, max_integer = max(low, -MAX_INTEGER), min(high, MAX_INTEGER)
         return {"int": to_integer, "float": to_float, "enum": to_member}.get(self.kind, convert)
 
-    def _to_number(self, plain: bool | int | float) -> bool | int | float | None:
-        if isinstance(plain, int) and abs(plain) > MAX_INTEGER:
-            raise NotOfTypeError(f"{_value_text(plain)} is too large")
+    def _to_number(self, plain_value: bool | int | float) -> bool | int | float | None:
+        if isinstance(plain_value, int) and abs(plain_value) > MAX_INTEGER:
+            raise NotOfTypeError(f"{_value_text(plain_value)} is too large")
         if self.kind != "float":
-            return plain if isinstance(plain, bool) else int(plain)
-        return None if plain != plain else float(plain)
+            return plain_value if isinstance(plain_value, bool) else int(plain_value)
+        return None if plain_value != plain_value else float(plain_value)
 
-    def _check_bounds(self, plain: Value) -> None:
-        if self.range is not None and isinstance(plain, (int, float)) and not self.range[0] <= plain <= self.range[1]:
-            raise NotOfTypeError(f"{plain!r} lies outside [{self.range[0]:g}, {self.range[1]:g}]")
-        if self.members and plain not in self.members:
-            raise NotOfTypeError(f"{_value_text(plain)} is not one of {', '.join(self.members)}")
+    def _check_bounds(self, plain_value: Value) -> None:
+        if (
+            self.range is not None
+            and isinstance(plain_value, (int, float))
+            and not self.range[0] <= plain_value <= self.range[1]
+        ):
+            raise NotOfTypeError(f"{plain_value!r} lies outside [{self.range[0]:g}, {self.range[1]:g}]")
+        if self.members and plain_value not in self.members:
+            raise NotOfTypeError(f"{_value_text(plain_value)} is not one of {', '.join(self.members)}")
 
 
 _PLAIN_TYPES = frozenset((bool, int, float, str))
 """Classes whose values contain no other value, so `unbox` need not be called."""
 
 
-def unbox(given: object) -> object:
+def unbox(raw_value: object) -> object:
     """Return the number in a numpy scalar; return anything else unchanged."""
     try:
-        item = getattr(given, "item", None)
-        return item() if callable(item) else given
+        item = getattr(raw_value, "item", None)
+        return item() if callable(item) else raw_value
     except Exception:  # noqa: BLE001 - an array of several values, or a foreign object
-        return given
+        return raw_value
 
 
-def _checked_text(plain: str) -> str:
-    if len(plain) > MAX_TEXT:
-        raise NotOfTypeError(f"a text of {len(plain)} characters is too long: the limit is {MAX_TEXT}")
-    if not plain.isascii() and any("\ud800" <= character <= "\udfff" for character in plain):
+def _checked_text(plain_value: str) -> str:
+    if len(plain_value) > MAX_TEXT_CHARACTERS:
+        raise NotOfTypeError(f"a text of {len(plain_value)} characters is too long: the limit is {MAX_TEXT_CHARACTERS}")
+    if not plain_value.isascii() and any("\ud800" <= character <= "\udfff" for character in plain_value):
         raise NotOfTypeError("a text with half a character (a lone surrogate) cannot be written to a file")
-    return str.__str__(plain)  # a member of a StrEnum becomes plain text
+    return str.__str__(plain_value)  # a member of a StrEnum becomes plain text
 
 
-def _value_text(given: object) -> str:
+def _value_text(raw_value: object) -> str:
     """Return the text of a value for a message. The `repr` of an object of another class is not called."""
-    if isinstance(given, str):
-        return repr(given if len(given) <= _MAX_SHOWN_CHARACTERS else f"{given[:_MAX_SHOWN_CHARACTERS]}...")
-    if isinstance(given, int) and abs(given) > MAX_INTEGER:
-        return f"a number of {given.bit_length()} bits"
-    return repr(given) if given is None or isinstance(given, (bool, int, float)) else f"a {type(given).__name__}"
+    if isinstance(raw_value, str):
+        return repr(raw_value if len(raw_value) <= _MAX_SHOWN_CHARACTERS else f"{raw_value[:_MAX_SHOWN_CHARACTERS]}...")
+    if isinstance(raw_value, int) and abs(raw_value) > MAX_INTEGER:
+        return f"a number of {raw_value.bit_length()} bits"
+    return (
+        repr(raw_value)
+        if raw_value is None or isinstance(raw_value, (bool, int, float))
+        else f"a {type(raw_value).__name__}"
+    )
 
 
 def boolean(*, optional: bool = False) -> ValueType:
@@ -136,14 +150,14 @@ def integer(
     low: int | None = None, high: int | None = None, *, unit: str | None = None, optional: bool = False
 ) -> ValueType:
     """Return the type of integers, within a range if one is given."""
-    return ValueType(kind="int", unit=unit, range=_range(low, high), optional=optional)
+    return ValueType(kind="int", unit=unit, range=_make_range(low, high), optional=optional)
 
 
 def real(
     low: float | None = None, high: float | None = None, *, unit: str | None = None, optional: bool = False
 ) -> ValueType:
     """Return the type of numbers, within a range if one is given."""
-    return ValueType(kind="float", unit=unit, range=_range(low, high), optional=optional)
+    return ValueType(kind="float", unit=unit, range=_make_range(low, high), optional=optional)
 
 
 def text(*, optional: bool = False) -> ValueType:
@@ -156,7 +170,7 @@ def member(*members: str, optional: bool = False) -> ValueType:
     return ValueType(kind="enum", members=members, optional=optional)
 
 
-def _range(low: float | None, high: float | None) -> tuple[float, float] | None:
+def _make_range(low: float | None, high: float | None) -> tuple[float, float] | None:
     if low is None and high is None:
         return None
     return (-math.inf if low is None else low, math.inf if high is None else high)

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar, cast
 KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
 
-_MAX_STEPS = 32
+_MAX_VERSION_STEPS = 32
 """A reader of an old mapping looks at no more newer versions than this. The old mapping then gets its own entries."""
 
 _MAX_EXTRA_CHANGES = 1_000
@@ -33,9 +33,9 @@ class PersistentMap(Generic[KeyT, ValueT]):
     change of an old version copies that version.
     """
 
-    __slots__ = ("_change_count", "_entries", "_next_version", "_own_entries", "_values_before")
+    __slots__ = ("_change_count", "_entries", "_next_version", "_own_entries", "_replaced_values")
 
-    _values_before: dict[KeyT, ValueT | None]
+    _replaced_values: dict[KeyT, ValueT | None]
     """Only in an old version: the keys that the next version changed, with their values in this version."""
 
     _own_entries: dict[KeyT, ValueT] | None
@@ -66,9 +66,9 @@ class PersistentMap(Generic[KeyT, ValueT]):
 
     def __len__(self) -> int:
         if self._next_version is None:
-            count = len(self._entries)
+            entry_count = len(self._entries)
             if self._next_version is None:
-                return count
+                return entry_count
         return len(self._all_entries())
 
     def __iter__(self) -> Iterator[KeyT]:
@@ -82,7 +82,7 @@ class PersistentMap(Generic[KeyT, ValueT]):
         """Return the mapping with this value for a key. Only one thread at a time may call this."""
         return self.with_changes({key: value})
 
-    def without(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
+    def without_key(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
         """Return the mapping without a key; if it lacks the key, the same mapping.
 
         Only one thread at a time may call this.
@@ -95,29 +95,29 @@ class PersistentMap(Generic[KeyT, ValueT]):
         Only one thread at a time may call this.
         """
         entries = self._entries
-        changed_map: PersistentMap[KeyT, ValueT] = _new(PersistentMap)
-        changed_map._next_version = None
+        new_map: PersistentMap[KeyT, ValueT] = _create_instance(PersistentMap)
+        new_map._next_version = None
         if self._next_version is None and self._change_count <= len(entries) + _MAX_EXTRA_CHANGES:
-            before: dict[KeyT, ValueT | None] = {}
+            replaced_values: dict[KeyT, ValueT | None] = {}
             for key in changes:
-                before[key] = entries.get(key)
-            self._values_before, self._own_entries = before, None
-            changed_map._change_count = self._change_count + len(changes)
-            changed_map._entries = entries
-            self._next_version = changed_map  # from here on, readers of this version use `_values_before`
+                replaced_values[key] = entries.get(key)
+            self._replaced_values, self._own_entries = replaced_values, None
+            new_map._change_count = self._change_count + len(changes)
+            new_map._entries = entries
+            self._next_version = new_map  # from here on, readers of this version use `_replaced_values`
         else:
-            changed_map._entries = entries = dict(self._all_entries())
-            changed_map._change_count = 0
+            new_map._entries = entries = dict(self._all_entries())
+            new_map._change_count = 0
         for key, value in changes.items():  # the same as `_apply_changes`, without the cost of a call
             if value is not None:
                 entries[key] = value
             else:
                 entries.pop(key, None)
-        return changed_map
+        return new_map
 
     def _old_value(self, key: KeyT) -> ValueT | None:
         """Return the value that a key had in this mapping when this mapping was the newest version."""
-        version, steps = self, 0
+        version, step_count = self, 0
         while True:
             next_version = version._next_version
             if next_version is None:
@@ -126,17 +126,17 @@ class PersistentMap(Generic[KeyT, ValueT]):
                     return value
             elif version._own_entries is not None:
                 return version._own_entries.get(key)
-            elif key in version._values_before:
-                return version._values_before[key]
-            elif steps > _MAX_STEPS:
+            elif key in version._replaced_values:
+                return version._replaced_values[key]
+            elif step_count > _MAX_VERSION_STEPS:
                 return self._all_entries().get(key)
             else:
-                version, steps = next_version, steps + 1
+                version, step_count = next_version, step_count + 1
 
     def _all_entries(self) -> Mapping[KeyT, ValueT]:
         """Return all entries of this version; the caller must not change them."""
         version: PersistentMap[KeyT, ValueT] = self
-        passed_versions: list[PersistentMap[KeyT, ValueT]] = []
+        newer_versions: list[PersistentMap[KeyT, ValueT]] = []
         while True:
             next_version = version._next_version
             if next_version is None:
@@ -149,11 +149,11 @@ class PersistentMap(Generic[KeyT, ValueT]):
                 entries = version._own_entries.copy()
                 break
             else:
-                passed_versions.append(version)
+                newer_versions.append(version)
                 version = next_version
-        for version in reversed(passed_versions):
-            _apply_changes(entries, version._values_before)
-        if passed_versions:
+        for version in reversed(newer_versions):
+            _apply_changes(entries, version._replaced_values)
+        if newer_versions:
             self._own_entries = entries
         return entries
 
@@ -166,4 +166,4 @@ def _apply_changes(entries: dict[KeyT, ValueT], changes: Mapping[KeyT, ValueT | 
             entries.pop(key, None)
 
 
-_new: Callable[[type[PersistentMap[Any, Any]]], PersistentMap[Any, Any]] = object.__new__
+_create_instance: Callable[[type[PersistentMap[Any, Any]]], PersistentMap[Any, Any]] = object.__new__

@@ -121,7 +121,7 @@ class _Explanation:
             return Why(at_s=at_s, reading=reading, unit=unit, place=place, is_told=True)
         self._explained_readings.add((name, id(event)))
         look = self._look(name, context, (*path, name)) if reading.known else None
-        ways = tuple(self._way(algorithm, context, (*path, name)) for algorithm in self._summary.algorithms_of(name))
+        ways = tuple(self._way(algorithm, context, (*path, name)) for algorithm in self._summary.find_algorithms(name))
         is_asked = not path
         poses = self._poses(name, context) if POSES in model.sources else ()
         return Why(
@@ -158,7 +158,7 @@ class _Explanation:
             start_s=float(start_s),
             stamp_s=float(stamp_s),
             under=tuple(
-                self._condition(condition, self._context_at(stamp_s), path) for condition in algorithm.conditions
+                self._condition(condition, self._context_at(stamp_s), path) for condition in algorithm.preconditions
             ),
             place=rule.place,
         )
@@ -186,7 +186,7 @@ class _Explanation:
             Condition(text=rule.text, holds=True, because=(), place=rule.place)
             if rule.term.holds(context)
             else self._condition(rule, context, path)
-            for rule in algorithm.conditions
+            for rule in algorithm.preconditions
         )
         return Way(
             algorithm=algorithm.name,
@@ -198,9 +198,9 @@ class _Explanation:
 
     def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[Missing]:
         """Yield the changes that an algorithm needs before it can look."""
-        failing_rules = [rule for rule in algorithm.conditions if not rule.term.holds(context)]
+        failing_rules = [rule for rule in algorithm.preconditions if not rule.term.holds(context)]
         values = (
-            find_solution([rule.term for rule in algorithm.conditions], context, self._summary.variables)
+            find_solution([rule.term for rule in algorithm.preconditions], context, self._summary.variables)
             if failing_rules
             else {}
         )
@@ -224,7 +224,7 @@ class _Explanation:
 
         These are the change that its observer needs, and the changes of the algorithm that needs the fewest.
         """
-        observer = self._summary.observer_of(name)
+        observer = self._summary.find_observer(name)
         if observer is None:
             if not context.reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)

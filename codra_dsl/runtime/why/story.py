@@ -23,7 +23,7 @@ def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summa
     else:
         yield from _unknown_lines(reading, latest_events, summary)
     yield from _later_event_lines(name, latest_events)
-    observer = summary.observer_of(name)
+    observer = summary.find_observer(name)
     if observer is not None:
         yield _observer_text(observer.name, latest_events.observers.get(observer.name))
     declaration = latest_events.declared.get(name)
@@ -59,7 +59,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
             yield f"unknown from {since} on: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(summary.variables[name].sources)
-            is_observed = summary.observer_of(name) is not None
+            is_observed = summary.find_observer(name) is not None
             yield "not identified yet" if is_observed else f"not written yet; {sources} writes it"
         case Reason.STALE:
             valid_for_s = summary.variables[name].valid_for_s
@@ -82,8 +82,8 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
 def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
     """Yield the events after the present reading that did not replace it."""
     superseded_events = latest_events.later.get(name)
-    for what, last_event in () if superseded_events is None else superseded_events.last.items():
-        count = superseded_events.counts[what] if superseded_events is not None else 0
+    for what, last_event in () if superseded_events is None else superseded_events.last_events.items():
+        count = superseded_events.event_counts[what] if superseded_events is not None else 0
         at_text = f"the last at {instant(last_event.instant_s)}" if count > 1 else f"at {instant(last_event.instant_s)}"
         match what:
             case "rejected":

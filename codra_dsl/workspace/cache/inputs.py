@@ -17,8 +17,8 @@ MAX_BYTES = 64 * 1024 * 1024
 """The maximum size of a file; runs on larger files are not stored."""
 
 _LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "networkx", "jinja2")
-_NOT_THE_COMPILER = frozenset({"__pycache__", "cli", "integrations", "runtime"})
-_ABSENT = "absent"
+_EXCLUDED_FOLDERS = frozenset({"__pycache__", "cli", "integrations", "runtime"})
+_ABSENT_DIGEST = "absent"
 
 
 def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
@@ -42,16 +42,16 @@ def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
 def _digest(file: Path, root: Path) -> str | None:
     """Return the digest of a file's bytes and of its real location, behind all links."""
     try:
-        status = file.stat()
-        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
+        file_status = file.stat()
+        if not stat.S_ISREG(file_status.st_mode) or file_status.st_size > MAX_BYTES:
             return None
         data = file.read_bytes()
     except FileNotFoundError:
-        return _ABSENT
+        return _ABSENT_DIGEST
     except OSError:
         return None
-    location = os.path.relpath(os.path.realpath(file), os.path.realpath(root))
-    return hashlib.sha256(os.fsencode(location) + b"\0" + data).hexdigest()
+    real_path = os.path.relpath(os.path.realpath(file), os.path.realpath(root))
+    return hashlib.sha256(os.fsencode(real_path) + b"\0" + data).hexdigest()
 
 
 @cache
@@ -60,7 +60,7 @@ def compiler_digest() -> str:
     package = Path(__file__).parents[2]
     digest = hashlib.sha256(sys.version.encode())
     for folder, subfolders, files in os.walk(package):
-        subfolders[:] = sorted(name for name in subfolders if name not in _NOT_THE_COMPILER)
+        subfolders[:] = sorted(name for name in subfolders if name not in _EXCLUDED_FOLDERS)
         for name in sorted(files):
             file = Path(folder, name)
             digest.update(f"{file.relative_to(package).as_posix()}\0".encode())

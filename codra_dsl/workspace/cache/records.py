@@ -33,11 +33,11 @@ def finding_from(record: Any) -> Diagnostic:
     return Diagnostic(
         rule=Rule(code=code, name=name, severity=Severity(severity)),
         message=text_from(record["message"]),
-        place=_place(record["place"]),
+        place=_place_from(record["place"]),
         path=text_from(record["path"]),
         help=text_from(record["help"]),
-        related=tuple(Related(text_from(message), _place(place)) for message, place in record["related"]),
-        fix=None if record["fix"] is None else _fix(record["fix"]),
+        related=tuple(Related(text_from(message), _place_from(place)) for message, place in record["related"]),
+        fix=None if record["fix"] is None else _fix_from(record["fix"]),
         level=None if level is None else Severity(text_from(level)),
         use_findings=tuple(map(finding_from, record["each_use"])),
     )
@@ -61,16 +61,16 @@ def _place_record(place: Place) -> list[object]:
     return [_span_record(place.span), None if place.use is None else _span_record(place.use)]
 
 
-def _place(record: Any) -> Place:
+def _place_from(record: Any) -> Place:
     span, use = record
-    return Place(_span(span), None if use is None else _span(use))
+    return Place(_span_from(span), None if use is None else _span_from(use))
 
 
 def _span_record(span: Span) -> list[object]:
     return [span.file, span.line, span.column, span.end_line, span.end_column]
 
 
-def _span(record: Any) -> Span:
+def _span_from(record: Any) -> Span:
     file, *numbers = record
     line, column, end_line, end_column = numbers
     if any(type(number) is not int or number < 1 for number in numbers):
@@ -83,9 +83,9 @@ def _fix_record(fix: Fix) -> dict[str, object]:
     return {"message": fix.message, "edits": edits, "applicability": fix.applicability}
 
 
-def _fix(record: Any) -> Fix:
+def _fix_from(record: Any) -> Fix:
     return Fix(
         message=text_from(record["message"]),
-        edits=tuple(Edit(_span(span), text_from(text)) for span, text in record["edits"]),
+        edits=tuple(Edit(_span_from(span), text_from(text)) for span, text in record["edits"]),
         applicability=Applicability(text_from(record["applicability"])),
     )

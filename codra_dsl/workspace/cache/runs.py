@@ -20,7 +20,7 @@ FOLDER = ".codra_cache"
 
 _FORMAT = "codra-cache-1"
 
-_FOLDER_RULE = "call-not-found"
+_CALL_NOT_FOUND_RULE = "call-not-found"
 """The rule whose findings suggest names of modules. They depend on which files exist, not only on their contents."""
 
 
@@ -59,62 +59,66 @@ class Cache:
     """The cache for one command and the paths with which it was called."""
 
     def __init__(self, root: Path, command: str, paths: Sequence[Path]) -> None:
-        """Compute digests of the present contents of the paths; `remember` stores a run with these digests."""
+        """Compute digests of the present contents of the paths; `store` stores a run with these digests."""
         self._root = root
         self._paths = tuple(paths)
         key_parts = [_FORMAT, command, *(os.path.relpath(path, root) for path in paths)]
         name = hashlib.sha256("\0".join(key_parts).encode(errors="surrogateescape")).hexdigest()[:32]
         self._file = root / FOLDER / f"{name}.json"
-        self._digests_before = digests_of(root, paths)
+        self._initial_digests = digests_of(root, paths)
 
-    def recall(self) -> Run | None:
+    def load(self) -> Run | None:
         """Return the stored run, or None if anything that it depends on has changed since."""
         try:
             if not self._file.is_file():
                 return None
-            stored = json.loads(self._file.read_bytes())
-            run = _run_from(stored["run"])
-            is_fresh = stored["made_with"] == compiler_digest() and stored["inputs"] == self._inputs(run.files)
+            stored_record = json.loads(self._file.read_bytes())
+            run = _run_from(stored_record["run"])
+            is_up_to_date = stored_record["made_with"] == compiler_digest() and stored_record[
+                "inputs"
+            ] == self._input_digests(run.files)
         except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
             return None
-        return run if is_fresh else None
+        return run if is_up_to_date else None
 
-    def remember(self, run: Run) -> None:
+    def store(self, run: Run) -> None:
         """Store a run, unless it found an error or its inputs have changed in the meantime."""
-        if self._digests_before != digests_of(self._root, self._paths) or has_errors(run.diagnostics):
+        if self._initial_digests != digests_of(self._root, self._paths) or has_errors(run.diagnostics):
             return
-        if any(diagnostic.rule.name == _FOLDER_RULE for diagnostic in run.diagnostics):
+        if any(diagnostic.rule.name == _CALL_NOT_FOUND_RULE for diagnostic in run.diagnostics):
             return
-        inputs = self._inputs(run.files)
-        if inputs is None:
+        input_digests = self._input_digests(run.files)
+        if input_digests is None:
             return
-        record = {"made_with": compiler_digest(), "inputs": inputs, "run": _record_of_run(run)}
+        record = {"made_with": compiler_digest(), "inputs": input_digests, "run": _record_of_run(run)}
         try:
             _write(self._file, json.dumps(record))
         except OSError:
             return
 
-    def _inputs(self, files: Iterable[str]) -> dict[str, str] | None:
+    def _input_digests(self, files: Iterable[str]) -> dict[str, str] | None:
         """Return the digests of the paths at the beginning, and the digests of a run's files elsewhere."""
-        before = self._digests_before
-        other_digests = digests_of(self._root, [self._root / file for file in files if file not in (before or ())])
-        return None if before is None or other_digests is None else {**other_digests, **before}
+        initial_digests = self._initial_digests
+        other_digests = digests_of(
+            self._root, [self._root / file for file in files if file not in (initial_digests or ())]
+        )
+        return None if initial_digests is None or other_digests is None else {**other_digests, **initial_digests}
 
 
 def _write(file: Path, text: str) -> None:
     """Write a file atomically, in a folder that git ignores."""
     folder = file.parent
     folder.mkdir(exist_ok=True)
-    ignore = folder / ".gitignore"
-    if not os.path.lexists(ignore):
-        ignore.write_text("*\n", "ascii")
-    with tempfile.NamedTemporaryFile("w", encoding="ascii", dir=folder, delete=False) as temporary:
+    gitignore = folder / ".gitignore"
+    if not os.path.lexists(gitignore):
+        gitignore.write_text("*\n", "ascii")
+    with tempfile.NamedTemporaryFile("w", encoding="ascii", dir=folder, delete=False) as temporary_file:
         try:
-            temporary.write(text)
-            temporary.close()
-            Path(temporary.name).replace(file)
+            temporary_file.write(text)
+            temporary_file.close()
+            Path(temporary_file.name).replace(file)
         except OSError:
-            Path(temporary.name).unlink(missing_ok=True)
+            Path(temporary_file.name).unlink(missing_ok=True)
             raise
 
 

@@ -14,11 +14,11 @@ import yaml
 
 from codra_dsl.language.load.yaml.compose import Parser
 
-_BETWEEN_SCALARS = re.compile(
+_COMMENT_BETWEEN_SCALARS = re.compile(
     r"[&*!][^\s,\[\]{}]*|^%[^\s#]*(?:[ \t]+[^\s#][^\s]*)*|(?P<comment>#[^\r\n]*)", re.MULTILINE
 )
-_AFTER_BLOCK_HEAD = re.compile(r"[|>][-+0-9]*[ \t]+(?P<comment>#[^\r\n]*)")
-_IN_INVALID_TEXT = re.compile(r"(?:^|(?<=\s))(?P<comment>#[^\r\n]*)", re.MULTILINE)
+_COMMENT_AFTER_BLOCK_HEAD = re.compile(r"[|>][-+0-9]*[ \t]+(?P<comment>#[^\r\n]*)")
+_COMMENT_IN_INVALID_TEXT = re.compile(r"(?:^|(?<=\s))(?P<comment>#[^\r\n]*)", re.MULTILINE)
 
 
 def comments(text: str) -> Iterator[tuple[int, int]]:
@@ -33,29 +33,29 @@ def comments(text: str) -> Iterator[tuple[int, int]]:
         while (event := parser.get_event()) is not None:
             if isinstance(event, yaml.ScalarEvent) and event.start_mark and event.end_mark:
                 start, end = event.start_mark.index, event.end_mark.index
-                yield from _comment_spans(_BETWEEN_SCALARS, text, position, start)
+                yield from _comment_spans(_COMMENT_BETWEEN_SCALARS, text, position, start)
                 if event.style in ("|", ">"):
                     start = max(text.find(event.style, start, end), start)  # after a tag or an anchor
-                    head = _AFTER_BLOCK_HEAD.match(text, start, end)
-                    yield from [head.span("comment")] if head else ()
+                    head_match = _COMMENT_AFTER_BLOCK_HEAD.match(text, start, end)
+                    yield from [head_match.span("comment")] if head_match else ()
                 position = max(position, end)
     except yaml.YAMLError:
-        yield from _comment_spans(_IN_INVALID_TEXT, text, position, len(text))
+        yield from _comment_spans(_COMMENT_IN_INVALID_TEXT, text, position, len(text))
         return
     finally:
         parser.dispose()
-    yield from _comment_spans(_BETWEEN_SCALARS, text, position, len(text))
+    yield from _comment_spans(_COMMENT_BETWEEN_SCALARS, text, position, len(text))
 
 
 XML_START = "<!--"
 XML_END = "-->"
-_OPENING = re.compile(r"<!--|<!\[CDATA\[")
+_COMMENT_OR_CDATA_START = re.compile(r"<!--|<!\[CDATA\[")
 
 
 def xml_comments(text: str) -> Iterator[tuple[int, int]]:
     """Yield the range of each comment in an XML text, without `-->`; comments of several lines are left out."""
     position = 0
-    while (opening := _OPENING.search(text, position)) is not None:
+    while (opening := _COMMENT_OR_CDATA_START.search(text, position)) is not None:
         closing = XML_END if opening[0] == XML_START else "]]>"
         end = text.find(closing, opening.end())
         if end < 0:

@@ -21,7 +21,7 @@ class Splice:
     end: int
     text: str
 
-    def meets(self, other: Splice) -> bool:
+    def conflicts_with(self, other: Splice) -> bool:
         """Return whether two splices overlap or insert at the same place."""
         if self.start == self.end or other.start == other.end:
             return self.start <= other.end and other.start <= self.end
@@ -56,14 +56,14 @@ class EditableText:
         offset = self.line_starts[line - 1] + column - 1
         return offset if offset <= end else None
 
-    def after(self, splices: Iterable[Splice]) -> bytes:
+    def apply(self, splices: Iterable[Splice]) -> bytes:
         """Return the file's bytes after splices that do not overlap."""
         pieces: list[str] = []
-        at = 0
+        position = 0
         for splice in sorted(splices):
-            pieces += [self.text[at : splice.start], splice.text]
-            at = splice.end
-        return "".join([*pieces, self.text[at:]]).encode()
+            pieces += [self.text[position : splice.start], splice.text]
+            position = splice.end
+        return "".join([*pieces, self.text[position:]]).encode()
 
 
 def editable_text(data: bytes) -> EditableText | None:
@@ -72,17 +72,17 @@ def editable_text(data: bytes) -> EditableText | None:
         text = data.decode("utf-8")
     except UnicodeDecodeError:
         return None
-    first = len(_BYTE_ORDER_MARK) if text.startswith(_BYTE_ORDER_MARK) else 0
-    breaks = list(_LINE_BREAK.finditer(text))
-    starts = (first, *(line_break.end() for line_break in breaks))
-    return EditableText(text, starts, breaks[0][0] if breaks else "\n")
+    text_start = len(_BYTE_ORDER_MARK) if text.startswith(_BYTE_ORDER_MARK) else 0
+    line_breaks = list(_LINE_BREAK.finditer(text))
+    line_starts = (text_start, *(line_break.end() for line_break in line_breaks))
+    return EditableText(text, line_starts, line_breaks[0][0] if line_breaks else "\n")
 
 
 def splices_of(edits: Sequence[Edit], text: EditableText) -> tuple[Splice, ...] | None:
     """Return the ranges of edits of one file; None if the text lacks one of them, or if two of them overlap."""
-    ranges = [text.splice(edit) for edit in edits]
-    splices = sorted(splice for splice in ranges if splice is not None)
+    optional_splices = [text.splice(edit) for edit in edits]
+    splices = sorted(splice for splice in optional_splices if splice is not None)
     if len(splices) < len(edits):
         return None
-    overlaps = any(one.meets(other) for one, other in pairwise(splices))
-    return None if overlaps else tuple(splices)
+    has_overlap = any(first.conflicts_with(second) for first, second in pairwise(splices))
+    return None if has_overlap else tuple(splices)

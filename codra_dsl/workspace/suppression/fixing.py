@@ -29,25 +29,25 @@ Lint = Callable[[Texts], Sequence[Diagnostic]]
 
 _INDEX = re.compile(r"\.[0-9]+(?=\.|$)")
 
-_Key = tuple[str, tuple[str, ...]]
+_FixKey = tuple[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fixed:
+class FixResult:
     """The result of fixing.
 
     Attributes:
         texts: the files that change, with their new contents.
-        applied: the findings that were fixed, in the order of fixing.
+        fixed_findings: the findings that were fixed, in the order of fixing.
         diagnostics: the findings after fixing.
     """
 
     texts: Texts
-    applied: tuple[Diagnostic, ...]
+    fixed_findings: tuple[Diagnostic, ...]
     diagnostics: tuple[Diagnostic, ...]
 
 
-def fix_all(lint: Lint, texts: Texts) -> Fixed:
+def fix_all(lint: Lint, texts: Texts) -> FixResult:
     """Return the result of applying the safe fixes of specs.
 
     All fixes are tried together. If this causes an error, the first fix that causes an error is left out, and the other
@@ -60,11 +60,11 @@ def fix_all(lint: Lint, texts: Texts) -> Fixed:
     fixing = _Fixing(lint, texts)
     try:
         return fixing.run()
-    except _TooManyError:
-        return Fixed(texts={}, applied=(), diagnostics=fixing.before)
+    except _TooManyLintsError:
+        return FixResult(texts={}, fixed_findings=(), diagnostics=fixing.initial_diagnostics)
 
 
-class _TooManyError(Exception):
+class _TooManyLintsError(Exception):
     """The limit of lints is reached; this ends the search for fixes that cause no error."""
 
 
@@ -74,67 +74,73 @@ class _State:
 
     diagnostics: tuple[Diagnostic, ...]
     texts: dict[str, bytes] = field(default_factory=dict)
-    applied: list[Diagnostic] = field(default_factory=list)
+    fixed_findings: list[Diagnostic] = field(default_factory=list)
 
 
 class _Fixing:
     """Searches for fixes that cause no error.
 
     Attributes:
-        before: the findings before anything is fixed.
+        initial_diagnostics: the findings before anything is fixed.
     """
 
     def __init__(self, lint: Lint, texts: Texts) -> None:
         self._lint = lint
-        self._originals = texts
-        self._lints_left = MAX_LINTS
-        self.before = self._lint_texts({})
+        self._original_texts = texts
+        self._remaining_lint_count = MAX_LINTS
+        self.initial_diagnostics = self._lint_texts({})
 
-    def run(self) -> Fixed:
+    def run(self) -> FixResult:
         """Return the result of all fixes that cause no new error."""
-        refused_keys: set[_Key] = set()
+        refused_keys: set[_FixKey] = set()
         while True:
-            state = self._fix_to_end(lambda key: key not in refused_keys)
+            state = self._fix_until_stable(lambda key: key not in refused_keys)
             if not self._has_new_errors(state):
-                changed = {file: data for file, data in state.texts.items() if data != self._originals[file]}
-                applied = tuple(state.applied) if changed else ()
-                return Fixed(texts=changed, applied=applied, diagnostics=state.diagnostics)
-            refused_keys.add(self._culprit(list(dict.fromkeys(map(_key, state.applied))), refused_keys))
+                changed_texts = {file: data for file, data in state.texts.items() if data != self._original_texts[file]}
+                fixed_findings = tuple(state.fixed_findings) if changed_texts else ()
+                return FixResult(texts=changed_texts, fixed_findings=fixed_findings, diagnostics=state.diagnostics)
+            refused_keys.add(self._find_culprit(list(dict.fromkeys(map(_fix_key, state.fixed_findings))), refused_keys))
 
     def _lint_texts(self, texts: Texts) -> tuple[Diagnostic, ...]:
-        self._lints_left -= 1
-        if self._lints_left < 0:
-            raise _TooManyError
+        self._remaining_lint_count -= 1
+        if self._remaining_lint_count < 0:
+            raise _TooManyLintsError
         return tuple(self._lint(texts))
 
-    def _fix_to_end(self, allowed: Callable[[_Key], bool]) -> _State:
+    def _fix_until_stable(self, is_allowed: Callable[[_FixKey], bool]) -> _State:
         """Apply the allowed fixes, round by round, until there is nothing more to fix."""
-        state = _State(self.before)
-        seen: list[dict[str, bytes]] = []
-        while len(seen) < MAX_ROUNDS:
-            texts, applied = self._round(state, allowed)
-            if not applied or texts in seen:
+        state = _State(self.initial_diagnostics)
+        earlier_texts: list[dict[str, bytes]] = []
+        while len(earlier_texts) < MAX_ROUNDS:
+            texts, fixed_findings = self._fix_once(state, is_allowed)
+            if not fixed_findings or texts in earlier_texts:
                 break
-            seen.append(texts)
-            state = _State(self._lint_texts(texts), texts, [*state.applied, *applied])
+            earlier_texts.append(texts)
+            state = _State(self._lint_texts(texts), texts, [*state.fixed_findings, *fixed_findings])
         return state
 
-    def _round(self, state: _State, allowed: Callable[[_Key], bool]) -> tuple[dict[str, bytes], list[Diagnostic]]:
+    def _fix_once(
+        self, state: _State, is_allowed: Callable[[_FixKey], bool]
+    ) -> tuple[dict[str, bytes], list[Diagnostic]]:
         """Apply all fixes that do not overlap, and the first of overlapping fixes."""
         texts: dict[str, EditableText] = {}
-        taken: dict[str, list[Splice]] = {}
-        applied: list[Diagnostic] = []
-        fixable = (diagnostic for diagnostic in state.diagnostics if is_safe(diagnostic) and allowed(_key(diagnostic)))
-        for diagnostic in fixable:
-            splices = self._splices(diagnostic, state, texts)
-            if splices is None or any(_overlaps(splice, taken.get(file, ())) for file, splice in splices):
+        taken_splices: dict[str, list[Splice]] = {}
+        fixed_findings: list[Diagnostic] = []
+        fixable_diagnostics = (
+            diagnostic for diagnostic in state.diagnostics if is_safe(diagnostic) and is_allowed(_fix_key(diagnostic))
+        )
+        for diagnostic in fixable_diagnostics:
+            splices = self._splices_of_fix(diagnostic, state, texts)
+            if splices is None or any(_has_conflict(splice, taken_splices.get(file, ())) for file, splice in splices):
                 continue
             for file, splice in splices:
-                insort(taken.setdefault(file, []), splice)
-            applied.append(diagnostic)
-        return state.texts | {file: texts[file].after(splices) for file, splices in taken.items()}, applied
+                insort(taken_splices.setdefault(file, []), splice)
+            fixed_findings.append(diagnostic)
+        return state.texts | {
+            file: texts[file].apply(splices) for file, splices in taken_splices.items()
+        }, fixed_findings
 
-    def _splices(
+    def _splices_of_fix(
         self, diagnostic: Diagnostic, state: _State, texts: dict[str, EditableText]
     ) -> list[tuple[str, Splice]] | None:
         """Return the ranges that a finding's fix changes in each file; None if it cannot be applied completely."""
@@ -144,7 +150,7 @@ class _Fixing:
             edits.setdefault(edit.span.file, []).append(edit)
         splices: list[tuple[str, Splice]] = []
         for file, file_edits in edits.items():
-            text = texts.get(file) or self._editable(file, state)
+            text = texts.get(file) or self._editable_text(file, state)
             file_splices = None if text is None else splices_of(file_edits, text)
             if text is None or file_splices is None:
                 return None
@@ -152,40 +158,40 @@ class _Fixing:
             splices += [(file, splice) for splice in file_splices]
         return splices
 
-    def _editable(self, file: str, state: _State) -> EditableText | None:
-        data = state.texts.get(file, self._originals.get(file))
+    def _editable_text(self, file: str, state: _State) -> EditableText | None:
+        data = state.texts.get(file, self._original_texts.get(file))
         return None if data is None else editable_text(data)
 
     def _has_new_errors(self, state: _State) -> bool:
         """Return whether there are errors that did not exist before."""
-        return not _errors(state.diagnostics) <= _errors(self.before)
+        return not _error_counts(state.diagnostics) <= _error_counts(self.initial_diagnostics)
 
-    def _culprit(self, keys: list[_Key], refused_keys: set[_Key]) -> _Key:
+    def _find_culprit(self, keys: list[_FixKey], refused_keys: set[_FixKey]) -> _FixKey:
         """Return a fix that causes an error: the last fix in the shortest prefix of the list that causes an error."""
-        good, bad = 0, len(keys)
-        while bad - good > 1:
-            middle = (good + bad) // 2
-            prefix_keys = set(keys[:middle]) - refused_keys
-            if self._has_new_errors(self._fix_to_end(prefix_keys.__contains__)):
-                bad = middle
+        good_count, bad_count = 0, len(keys)
+        while bad_count - good_count > 1:
+            middle_count = (good_count + bad_count) // 2
+            prefix_keys = set(keys[:middle_count]) - refused_keys
+            if self._has_new_errors(self._fix_until_stable(prefix_keys.__contains__)):
+                bad_count = middle_count
             else:
-                good = middle
-        return keys[bad - 1]
+                good_count = middle_count
+        return keys[bad_count - 1]
 
 
-def _overlaps(splice: Splice, taken: Sequence[Splice]) -> bool:
+def _has_conflict(splice: Splice, taken_splices: Sequence[Splice]) -> bool:
     """Return whether a splice overlaps one of the taken splices, which are sorted and do not overlap each other."""
-    at = bisect(taken, splice)
-    return any(splice.meets(other) for other in taken[max(0, at - 1) : at + 1])
+    position = bisect(taken_splices, splice)
+    return any(splice.conflicts_with(other) for other in taken_splices[max(0, position - 1) : position + 1])
 
 
-def _key(diagnostic: Diagnostic) -> _Key:
+def _fix_key(diagnostic: Diagnostic) -> _FixKey:
     """Return a key for the fix of a finding that does not depend on lines."""
     edits = diagnostic.fix.edits if diagnostic.fix is not None else ()
     return diagnostic.fingerprint, tuple(edit.text for edit in edits)
 
 
-def _errors(diagnostics: Sequence[Diagnostic]) -> Counter[tuple[str, ...]]:
+def _error_counts(diagnostics: Sequence[Diagnostic]) -> Counter[tuple[str, ...]]:
     """Count the errors among findings without their lines and the indexes of items, which fixes can move."""
     return Counter(
         (diagnostic.code, diagnostic.place.span.file, _INDEX.sub("", diagnostic.path), diagnostic.message)

@@ -15,11 +15,11 @@ from codra_dsl.workspace.suppression.rules import RULES, known_rules, nearest_co
 from codra_dsl.workspace.suppression.toml_places import Steps, TomlPlaces
 
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
-_TABLE = ("tool", "codra", "lint")
-_KEYS = ("select", "ignore", "severity", "fail-on")
-_CODRA_TABLES = ("lint",)
-_PREFIX = re.compile(r"CDR[0-9]{0,4}")
-_POSITION = re.compile(r" \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)$")
+_TABLE_PATH = ("tool", "codra", "lint")
+_LINT_KEYS = ("select", "ignore", "severity", "fail-on")
+_CODRA_KEYS = ("lint",)
+_CODE_PREFIX = re.compile(r"CDR[0-9]{0,4}")
+_POSITION_IN_ERROR = re.compile(r" \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)$")
 _SEVERITIES = {severity.value: severity for severity in Severity}
 
 
@@ -44,7 +44,9 @@ class Settings:
 
     def wants(self, rule: Rule) -> bool:
         """Return whether findings of a rule are reported; those of a binding rule always are."""
-        return rule.is_binding or _longest(self.select, rule.code) > _longest(self.ignore, rule.code)
+        return rule.is_binding or _longest_match_length(self.select, rule.code) > _longest_match_length(
+            self.ignore, rule.code
+        )
 
     def level(self, rule: Rule) -> Severity:
         """Return the severity of findings of a rule; those of a binding rule are always errors."""
@@ -54,7 +56,7 @@ class Settings:
         return self.severity[max(matching_prefixes, key=len)] if matching_prefixes else rule.severity
 
 
-def _longest(prefixes: Iterable[str], code: str) -> int:
+def _longest_match_length(prefixes: Iterable[str], code: str) -> int:
     return max((len(prefix) for prefix in prefixes if code.startswith(prefix)), default=-1)
 
 
@@ -66,33 +68,33 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
-        before = data[: error.start].decode("utf-8", "replace")
-        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        return Settings(), (_unreadable(f"the byte 0x{data[error.start]:02x} is not UTF-8", line, column),)
+        text_before = data[: error.start].decode("utf-8", "replace")
+        line, column = text_before.count("\n") + 1, len(text_before) - text_before.rfind("\n")
+        return Settings(), (_unreadable_finding(f"the byte 0x{data[error.start]:02x} is not UTF-8", line, column),)
     if text.startswith(_BYTE_ORDER_MARK):
-        return Settings(), (_unreadable("it begins with a byte order mark, which is invisible", 1, 1),)
+        return Settings(), (_unreadable_finding("it begins with a byte order mark, which is invisible", 1, 1),)
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         return Settings(), (_toml_finding(str(error), text),)
     except RecursionError:
-        return Settings(), (_unreadable("it is nested too deeply", 1, 1),)
+        return Settings(), (_unreadable_finding("it is nested too deeply", 1, 1),)
     reader = _SettingsReader(document, text)
     return reader.settings(), tuple(reader.diagnostics)
 
 
 def _toml_finding(toml_error: str, text: str) -> Diagnostic:
-    position = _POSITION.search(toml_error)
-    what = toml_error[: position.start()] if position else toml_error
+    position = _POSITION_IN_ERROR.search(toml_error)
+    problem = toml_error[: position.start()] if position else toml_error
     if position is None or position["line"] is None:
-        return _unreadable(what, text.count("\n") + 1, len(text) - text.rfind("\n"))
-    return _unreadable(what, int(position["line"]), int(position["column"]))
+        return _unreadable_finding(problem, text.count("\n") + 1, len(text) - text.rfind("\n"))
+    return _unreadable_finding(problem, int(position["line"]), int(position["column"]))
 
 
-def _unreadable(what: str, line: int, column: int) -> Diagnostic:
+def _unreadable_finding(problem: str, line: int, column: int) -> Diagnostic:
     return Diagnostic(
         rule=RULES["unreadable-settings"],
-        message=f"'{SETTINGS}' is not valid TOML: {what}",
+        message=f"'{SETTINGS}' is not valid TOML: {problem}",
         place=Place(Span(SETTINGS, line, column, line, column)),
         path="tool.codra",
         help="correct it there; a key may occur only once in a table",
@@ -114,8 +116,8 @@ class _SettingsReader:
 
     def settings(self) -> Settings:
         """Return the valid part of the settings."""
-        codra = self._table(self._codra, _CODRA_TABLES, _TABLE[:2])
-        lint = self._table(codra.get("lint", {}), _KEYS, _TABLE)
+        codra = self._table(self._codra, _CODRA_KEYS, _TABLE_PATH[:2])
+        lint = self._table(codra.get("lint", {}), _LINT_KEYS, _TABLE_PATH)
         codes = {key: self._codes(key, lint[key]) for key in ("select", "ignore") if key in lint}
         self._report_contradictions(codes)
         severity = self._severities(lint.get("severity", {}))
@@ -127,96 +129,114 @@ class _SettingsReader:
             fail_on=fail_on or Severity.ERROR,
         )
 
-    def _add(self, rule: str, message: str, help: str, place: Place, *steps: str | int) -> None:
+    def _add_finding(self, rule: str, message: str, help: str, place: Place, *steps: str | int) -> None:
         path = ".".join(map(str, steps))
         self.diagnostics.append(Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=help))
 
-    def _report_wrong(self, message: str, help: str, steps: Steps) -> None:
-        self._add("wrong-setting", message, help, self._places.value(*steps), *steps)
+    def _report_wrong_setting(self, message: str, help: str, steps: Steps) -> None:
+        self._add_finding("wrong-setting", message, help, self._places.value(*steps), *steps)
 
-    def _table(self, table: object, known: Iterable[str], steps: Steps) -> Mapping[str, object]:
+    def _table(self, table: object, known_keys: Iterable[str], steps: Steps) -> Mapping[str, object]:
         """Return a table, or an empty one if the value is not a table, and report unknown keys."""
         header = f"[{'.'.join(map(str, steps))}]"
         if not isinstance(table, dict):
-            self._report_wrong(f"{header} must be a table", f"write {header} on a line of its own", steps)
+            self._report_wrong_setting(f"{header} must be a table", f"write {header} on a line of its own", steps)
             return {}
         for key in table:
-            if key not in known:
-                near = suggest(key.replace("_", "-"), known)
-                near = key.replace("_", "-") if key.replace("_", "-") in known else near
-                help = f"did you mean '{near}'?" if near else f"the known keys are {', '.join(known)}"
+            if key not in known_keys:
+                suggestion = suggest(key.replace("_", "-"), known_keys)
+                suggestion = key.replace("_", "-") if key.replace("_", "-") in known_keys else suggestion
+                help = f"did you mean '{suggestion}'?" if suggestion else f"the known keys are {', '.join(known_keys)}"
                 message = f"unknown key '{key}' in {header}"
-                self._add("unknown-setting", message, help, self._places.key(*steps, key), *steps, key)
+                self._add_finding("unknown-setting", message, help, self._places.key(*steps, key), *steps, key)
         return table
 
     def _codes(self, key: str, value: object) -> tuple[str, ...]:
         """Return the valid codes and prefixes in a list."""
         if not isinstance(value, list):
-            self._report_wrong(f"'{key}' must be a list of codes", f'write {key} = ["CDR7102"]', (*_TABLE, key))
+            self._report_wrong_setting(
+                f"'{key}' must be a list of codes", f'write {key} = ["CDR7102"]', (*_TABLE_PATH, key)
+            )
             return ()
         valid_codes: list[str] = []
         for index, code in enumerate(value):
-            steps = (*_TABLE, key, index)
+            steps = (*_TABLE_PATH, key, index)
             if code in valid_codes:
                 place = self._places.value(*steps)
-                self._add("repeated-code", f"'{code}' occurs twice in '{key}'", "remove one of them", place, *steps)
-            elif self._is_code(code, steps, forbidden="ignored" if key == "ignore" else ""):
+                self._add_finding(
+                    "repeated-code", f"'{code}' occurs twice in '{key}'", "remove one of them", place, *steps
+                )
+            elif self._is_allowed_code(code, steps, forbidden_use="ignored" if key == "ignore" else ""):
                 valid_codes.append(str(code))
         return tuple(valid_codes)
 
-    def _is_code(self, code: object, steps: Steps, *, forbidden: str) -> bool:
+    def _is_allowed_code(self, code: object, steps: Steps, *, forbidden_use: str) -> bool:
         """Return whether a value is an allowed code or prefix, and report any other value.
 
         Args:
             code: the value.
             steps: the path of the value in the document.
-            forbidden: what codes of binding errors cannot be, such as `ignored`; empty if they are allowed.
+            forbidden_use: what codes of binding errors cannot be, such as `ignored`; empty if they are allowed.
         """
         if not isinstance(code, str):
-            self._report_wrong("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
+            self._report_wrong_setting("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
             return False
         matching_rules = [rule for known_code, rule in known_rules().items() if known_code.startswith(code)]
         place = self._places.value(*steps) if isinstance(steps[-1], int) else self._places.key(*steps)
-        if not matching_rules or not _PREFIX.fullmatch(code):
-            near = nearest_code(code)
-            help = f"did you mean '{near}'?" if near else "a code is CDR and four digits; a prefix is its beginning"
-            self._add("unknown-code-in-settings", f"there is no code '{code}'", help, place, *steps)
+        if not matching_rules or not _CODE_PREFIX.fullmatch(code):
+            suggestion = nearest_code(code)
+            help = (
+                f"did you mean '{suggestion}'?"
+                if suggestion
+                else "a code is CDR and four digits; a prefix is its beginning"
+            )
+            self._add_finding("unknown-code-in-settings", f"there is no code '{code}'", help, place, *steps)
             return False
-        if forbidden and all(rule.is_binding for rule in matching_rules):
-            is_code = len(code) == len("CDR0000")
-            what = f"'{code}' is an error that prevents" if is_code else f"'{code}' are errors that prevent"
-            message = f"{what} compiling, and cannot be {forbidden}"
-            self._add("binding-code-in-settings", message, "remove it; correct the spec", place, *steps)
+        if forbidden_use and all(rule.is_binding for rule in matching_rules):
+            is_complete_code = len(code) == len("CDR0000")
+            subject_text = (
+                f"'{code}' is an error that prevents" if is_complete_code else f"'{code}' are errors that prevent"
+            )
+            message = f"{subject_text} compiling, and cannot be {forbidden_use}"
+            self._add_finding("binding-code-in-settings", message, "remove it; correct the spec", place, *steps)
             return False
         return True
 
     def _report_contradictions(self, codes_of_keys: Mapping[str, tuple[str, ...]]) -> None:
-        counts = Counter(code for codes in codes_of_keys.values() for code in codes)
+        code_counts = Counter(code for codes in codes_of_keys.values() for code in codes)
         for index, code in enumerate(codes_of_keys.get("ignore", ())):
-            if counts[code] > 1:
-                place = self._places.value(*_TABLE, "ignore", index)
+            if code_counts[code] > 1:
+                place = self._places.value(*_TABLE_PATH, "ignore", index)
                 message = f"'{code}' is in both 'select' and 'ignore', and 'ignore' wins"
-                self._add("repeated-code", message, "remove one of them", place, *_TABLE, "ignore", index)
+                self._add_finding("repeated-code", message, "remove one of them", place, *_TABLE_PATH, "ignore", index)
 
     def _severities(self, value: object) -> dict[str, Severity]:
         if not isinstance(value, dict):
             help = 'write severity = {CDR7102 = "error"}'
-            self._report_wrong("'severity' must be a table from codes to severities", help, (*_TABLE, "severity"))
+            self._report_wrong_setting(
+                "'severity' must be a table from codes to severities", help, (*_TABLE_PATH, "severity")
+            )
             return {}
         return dict(self._valid_severities(value))
 
     def _valid_severities(self, table: Mapping[str, object]) -> Iterator[tuple[str, Severity]]:
-        for code, written in table.items():
-            severity = self._severity(f"the severity of '{code}'", written, "severity", code)
-            lowered = "lowered" if severity is Severity.WARNING else ""
-            if severity is not None and self._is_code(code, (*_TABLE, "severity", code), forbidden=lowered):
+        for code, value in table.items():
+            severity = self._severity(f"the severity of '{code}'", value, "severity", code)
+            forbidden_use = "lowered" if severity is Severity.WARNING else ""
+            if severity is not None and self._is_allowed_code(
+                code, (*_TABLE_PATH, "severity", code), forbidden_use=forbidden_use
+            ):
                 yield code, severity
 
-    def _severity(self, what: str, written: object, *steps: str) -> Severity | None:
-        if isinstance(written, str) and written in _SEVERITIES:
-            return _SEVERITIES[written]
-        near = suggest(written, _SEVERITIES) if isinstance(written, str) else None
-        help = f"did you mean '{near}'?" if near else 'write "error" or "warning"; to hide findings, use \'ignore\''
-        shown = f"'{written}'" if isinstance(written, str) else f"a {type(written).__name__}"
-        self._report_wrong(f"{what} cannot be {shown}", help, (*_TABLE, *steps))
+    def _severity(self, subject_text: str, value: object, *steps: str) -> Severity | None:
+        if isinstance(value, str) and value in _SEVERITIES:
+            return _SEVERITIES[value]
+        suggestion = suggest(value, _SEVERITIES) if isinstance(value, str) else None
+        help = (
+            f"did you mean '{suggestion}'?"
+            if suggestion
+            else 'write "error" or "warning"; to hide findings, use \'ignore\''
+        )
+        value_text = f"'{value}'" if isinstance(value, str) else f"a {type(value).__name__}"
+        self._report_wrong_setting(f"{subject_text} cannot be {value_text}", help, (*_TABLE_PATH, *steps))
         return None

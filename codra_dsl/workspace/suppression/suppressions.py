@@ -33,16 +33,18 @@ from codra_dsl.workspace.suppression.rules import OWN_PREFIX, RULES, known_rules
 from codra_dsl.workspace.suppression.settings import Settings
 
 _MAY_SUPPRESS = re.compile(rb"(?:#|<!--)[ \t]*codra[ \t]*:", re.IGNORECASE)
-_COMMENT = re.compile(
+_SUPPRESSION_COMMENT = re.compile(
     r"(?:#|<!--)[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?",
     re.IGNORECASE,
 )
 _CODE = re.compile(r"[^,\s](?:[^,]*[^,\s])?")
 _WORD = re.compile(r"\w")
-_VERB = "ignore"
-_OTHER_VERBS = frozenset({"ignored", "ignores", "ignroe", "noqa", "disable", "disabled", "suppress", "allow", "skip"})
-_HELP = "write '# codra: ignore[CDR7102] reason'"
-_HELP_IN_XML = "write '<!-- codra: ignore[CDR3309] reason -->'"
+_IGNORE_VERB = "ignore"
+_MISTAKEN_VERBS = frozenset(
+    {"ignored", "ignores", "ignroe", "noqa", "disable", "disabled", "suppress", "allow", "skip"}
+)
+_SYNTAX_HELP = "write '# codra: ignore[CDR7102] reason'"
+_XML_SYNTAX_HELP = "write '<!-- codra: ignore[CDR3309] reason -->'"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,13 +76,13 @@ def read_sources(
     texts_with_comments: dict[str, str] = {}
     for file in sorted(set(files)):
         path = root / file
-        data = texts_in_memory[file] if file in texts_in_memory else _bytes(path) if path.is_file() else b""
+        data = texts_in_memory[file] if file in texts_in_memory else _read_bytes(path) if path.is_file() else b""
         if _MAY_SUPPRESS.search(data):
             texts_with_comments[file] = data.decode("utf-8", "replace")
     return Sources(texts=texts_with_comments, paths=tuple(paths))
 
 
-def _bytes(path: Path) -> bytes:
+def _read_bytes(path: Path) -> bytes:
     try:
         with path.open("rb") as stream:
             return stream.read(MAX_BYTES)
@@ -104,7 +106,7 @@ class Suppression:
         codes: its codes, in their order; empty if the comment does not have the form of a suppression.
         line: the line of the findings to silence; None if nothing follows the comment.
         removal: the edit that removes the comment.
-        used: those of its codes that have silenced a finding.
+        used_codes: those of its codes that have silenced a finding.
     """
 
     span: Span
@@ -112,7 +114,7 @@ class Suppression:
     has_reason: bool
     line: int | None
     removal: Edit
-    used: set[str] = field(default_factory=set)
+    used_codes: set[str] = field(default_factory=set)
 
 
 class _Suppressions:
@@ -120,83 +122,95 @@ class _Suppressions:
 
     def __init__(self, sources: Sources) -> None:
         self._sources = sources
-        self._suppressions = [suppression for file, text in sources.texts.items() for suppression in _read(file, text)]
-        self._index: dict[tuple[str, int, str], list[Suppression]] = {}
+        self._suppressions = [
+            suppression for file, text in sources.texts.items() for suppression in _read_suppressions(file, text)
+        ]
+        self._suppressions_by_line: dict[tuple[str, int, str], list[Suppression]] = {}
         self._unsilenced_lines: dict[tuple[str, str], int] = {}
         for suppression in self._suppressions:
             for code in suppression.codes if suppression.line is not None else ():
                 rule = known_rules().get(code.text)
                 if rule is not None and not rule.is_binding and not code.text.startswith(OWN_PREFIX):
-                    self._index.setdefault((suppression.span.file, suppression.line or 0, code.text), []).append(
-                        suppression
-                    )
+                    self._suppressions_by_line.setdefault(
+                        (suppression.span.file, suppression.line or 0, code.text), []
+                    ).append(suppression)
 
-    def unsilenced(self, diagnostic: Diagnostic) -> tuple[Diagnostic, ...]:
+    def remaining_findings(self, diagnostic: Diagnostic) -> tuple[Diagnostic, ...]:
         """Return what is left of a finding: nothing, the finding, or findings for the uses that are not silenced."""
-        if not self._index or diagnostic.rule.is_binding:
+        if not self._suppressions_by_line or diagnostic.rule.is_binding:
             return (diagnostic,)
         if self._silence(diagnostic.code, diagnostic.place.span):
             return ()
         uses = diagnostic.use_findings or (diagnostic,)
-        unsilenced = tuple(use for use in uses if use.place.use is None or not self._silence(use.code, use.place.use))
-        for span in (span for use in unsilenced for span in (use.place.span, use.place.use) if span is not None):
+        remaining_uses = tuple(
+            use for use in uses if use.place.use is None or not self._silence(use.code, use.place.use)
+        )
+        for span in (span for use in remaining_uses for span in (use.place.span, use.place.use) if span is not None):
             self._unsilenced_lines.setdefault((span.file, diagnostic.code), span.line)
-        return (diagnostic,) if len(unsilenced) == len(uses) else once_per_template(unsilenced)
+        return (diagnostic,) if len(remaining_uses) == len(uses) else once_per_template(remaining_uses)
 
     def _silence(self, code: str, span: Span) -> bool:
         last_line = span.end_line - 1 if span.end_column == 1 and span.end_line > span.line else span.end_line
         suppressions = [
             suppression
             for line in {span.line, last_line}
-            for suppression in self._index.get((span.file, line, code), ())
+            for suppression in self._suppressions_by_line.get((span.file, line, code), ())
         ]
         for suppression in suppressions:
-            suppression.used.add(code)
+            suppression.used_codes.add(code)
         return bool(suppressions)
 
-    def findings(self, *, complete: bool) -> Iterator[Diagnostic]:
+    def findings(self, *, is_complete: bool) -> Iterator[Diagnostic]:
         """Yield the findings about comments.
 
         Args:
-            complete: whether no error has hidden findings that comments may silence.
+            is_complete: whether no error has hidden findings that comments may silence.
         """
         for suppression in self._suppressions:
             if not suppression.codes:
-                help = _HELP_IN_XML if _is_xml(suppression.span.file) else _HELP
-                yield _finding("ill-formed-suppression", "this comment silences nothing", suppression.span, help)
+                help = _XML_SYNTAX_HELP if _is_xml(suppression.span.file) else _SYNTAX_HELP
+                yield _create_finding("ill-formed-suppression", "this comment silences nothing", suppression.span, help)
             for index, code in enumerate(suppression.codes):
-                yield from self._code_findings(suppression, index, code, complete=complete)
-            if suppression.used and not suppression.has_reason:
+                yield from self._code_findings(suppression, index, code, is_complete=is_complete)
+            if suppression.used_codes and not suppression.has_reason:
                 message = "the comment does not say why it silences findings"
                 help = f"write the reason after the code: # codra: ignore[{suppression.codes[0].text}] REASON"
-                yield _finding("suppression-without-reason", message, suppression.span, help)
+                yield _create_finding("suppression-without-reason", message, suppression.span, help)
 
     def _code_findings(
-        self, suppression: Suppression, index: int, code: Code, *, complete: bool
+        self, suppression: Suppression, index: int, code: Code, *, is_complete: bool
     ) -> Iterator[Diagnostic]:
         rule = known_rules().get(code.text)
         if rule is None:
-            near = nearest_code(code.text)
-            fix = None if near is None else _replacement_fix(code, near)
-            help = f"did you mean '{near}'?" if near else "codes are CDR and four digits; 'codra explain' lists them"
-            yield _finding("unknown-code-suppressed", f"there is no code '{code.text}'", code.span, help, fix)
+            suggestion = nearest_code(code.text)
+            fix = None if suggestion is None else _replacement_fix(code, suggestion)
+            help = (
+                f"did you mean '{suggestion}'?"
+                if suggestion
+                else "codes are CDR and four digits; 'codra explain' lists them"
+            )
+            yield _create_finding("unknown-code-suppressed", f"there is no code '{code.text}'", code.span, help, fix)
         elif rule.is_binding or code.text.startswith(OWN_PREFIX):
-            why = "an error that prevents compiling" if rule.is_binding else "about such comments themselves"
-            message = f"'{code.text}' is {why}, and cannot be silenced"
-            yield _finding(
+            problem = "an error that prevents compiling" if rule.is_binding else "about such comments themselves"
+            message = f"'{code.text}' is {problem}, and cannot be silenced"
+            yield _create_finding(
                 "binding-code-suppressed",
                 message,
                 code.span,
                 "remove it; correct the spec",
                 _removal_fix(suppression, index),
             )
-        elif complete and code.text not in suppression.used and covers(self._sources.paths, suppression.span.file):
+        elif (
+            is_complete
+            and code.text not in suppression.used_codes
+            and covers(self._sources.paths, suppression.span.file)
+        ):
             message = f"'{code.text}' silences nothing: there is no such finding here"
             line = self._unsilenced_lines.get((suppression.span.file, code.text))
             help = "remove it" if line is None else f"move it to line {line}, which has such a finding, or remove it"
             # Removing a misplaced comment would lose its reason.
             fix = _removal_fix(suppression, index) if line is None else None
-            yield _finding("unused-suppression", message, code.span, help, fix)
+            yield _create_finding("unused-suppression", message, code.span, help, fix)
 
 
 def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sources) -> tuple[Diagnostic, ...]:
@@ -205,26 +219,30 @@ def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sourc
     Comments are applied before settings, because whether a comment is used depends on no setting. While an error is
     left, later checks may not have run, so no comment is reported as unused.
     """
-    comments = _Suppressions(sources)
-    unsilenced = [part for diagnostic in diagnostics for part in comments.unsilenced(diagnostic)]
-    complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in unsilenced)
-    findings = (*unsilenced, *comments.findings(complete=complete))
-    return in_file_order(_at_level(diagnostic, settings) for diagnostic in findings if settings.wants(diagnostic.rule))
+    suppressions = _Suppressions(sources)
+    remaining_findings = [
+        finding for diagnostic in diagnostics for finding in suppressions.remaining_findings(diagnostic)
+    ]
+    is_complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in remaining_findings)
+    findings = (*remaining_findings, *suppressions.findings(is_complete=is_complete))
+    return in_file_order(
+        _with_level(diagnostic, settings) for diagnostic in findings if settings.wants(diagnostic.rule)
+    )
 
 
-def _at_level(diagnostic: Diagnostic, settings: Settings) -> Diagnostic:
+def _with_level(diagnostic: Diagnostic, settings: Settings) -> Diagnostic:
     level = settings.level(diagnostic.rule)
     return diagnostic if level is diagnostic.rule.severity else replace(diagnostic, level=level)
 
 
-def _finding(rule: str, message: str, span: Span, help: str, fix: Fix | None = None) -> Diagnostic:
+def _create_finding(rule: str, message: str, span: Span, help: str, fix: Fix | None = None) -> Diagnostic:
     is_fixable = not _is_xml(span.file)  # fixes apply to specs only
     return Diagnostic(rule=RULES[rule], message=message, place=Place(span), help=help, fix=fix if is_fixable else None)
 
 
-def _replacement_fix(code: Code, near: str) -> Fix:
-    edit = Edit(code.span, near)
-    message = f"Replace '{code.text}' by '{near}'"
+def _replacement_fix(code: Code, suggestion: str) -> Fix:
+    edit = Edit(code.span, suggestion)
+    message = f"Replace '{code.text}' by '{suggestion}'"
     return Fix(message=message, edits=(edit,), applicability=Applicability.SUGGESTED)
 
 
@@ -240,46 +258,51 @@ def _removal_fix(suppression: Suppression, index: int) -> Fix:
     return Fix(message=f"Remove '{code.text}'", edits=(Edit(span, ""),), applicability=Applicability.SAFE)
 
 
-def _span_between(column: int, end_column: int, on: Span) -> Span:
-    return Span(on.file, on.line, column, on.line, end_column)
+def _span_between(column: int, end_column: int, line_span: Span) -> Span:
+    return Span(line_span.file, line_span.line, column, line_span.line, end_column)
 
 
-def _read(file: str, text: str) -> Iterator[Suppression]:
+def _read_suppressions(file: str, text: str) -> Iterator[Suppression]:
     """Yield the suppression comments of a text; none if it contains characters that a spec must not contain."""
     source = accept(text, file, Findings())
     if source is None:
         return
     for start, end in xml_comments(source.text) if _is_xml(file) else comments(source.text):
-        comment = _COMMENT.match(source.text, start, end)
-        if comment is None:
+        comment_match = _SUPPRESSION_COMMENT.match(source.text, start, end)
+        if comment_match is None:
             continue
-        verb = comment["verb"].casefold()
-        if verb == _VERB or ((verb in _OTHER_VERBS or comment["rest"]) and "CDR" in source.text[start:end].upper()):
-            yield _suppression(source, comment, end, is_suppression=verb == _VERB)
+        verb = comment_match["verb"].casefold()
+        if verb == _IGNORE_VERB or (
+            (verb in _MISTAKEN_VERBS or comment_match["rest"]) and "CDR" in source.text[start:end].upper()
+        ):
+            yield _create_suppression(source, comment_match, end, is_suppression=verb == _IGNORE_VERB)
 
 
 def _is_xml(file: str) -> bool:
     return file.casefold().endswith(".xml")
 
 
-def _suppression(source: Source, comment: re.Match[str], end: int, *, is_suppression: bool) -> Suppression:
-    start = comment.start()
+def _create_suppression(source: Source, comment_match: re.Match[str], end: int, *, is_suppression: bool) -> Suppression:
+    start = comment_match.start()
     end += len(XML_END) if source.text.startswith(XML_END, end) else 0
-    first = comment.start("codes")
-    matches = _CODE.finditer(comment["codes"] or "") if is_suppression else ()
-    codes = tuple(Code(match[0], source.span(first + match.start(), first + match.end())) for match in matches)
+    codes_start = comment_match.start("codes")
+    code_matches = _CODE.finditer(comment_match["codes"] or "") if is_suppression else ()
+    codes = tuple(
+        Code(code_match[0], source.span(codes_start + code_match.start(), codes_start + code_match.end()))
+        for code_match in code_matches
+    )
     span = source.span(start, end)
     line_start = source.line_starts[span.line - 1]
     line_end = source.text.find("\n", end)
     text_after = source.text[end : line_end if line_end >= 0 else len(source.text)]
-    is_alone = not source.text[line_start:start].strip() and not text_after.strip()
+    is_on_own_line = not source.text[line_start:start].strip() and not text_after.strip()
     removal_start = len(source.text[:start].rstrip(" \t"))
     return Suppression(
         span=span,
         codes=codes,
-        has_reason=_WORD.search(comment["reason"] or "") is not None,
-        line=_next_line(source, span.line) if is_alone else span.line,
-        removal=Edit(_line_span(source, span.line) if is_alone else source.span(removal_start, end), ""),
+        has_reason=_WORD.search(comment_match["reason"] or "") is not None,
+        line=_next_line(source, span.line) if is_on_own_line else span.line,
+        removal=Edit(_line_span(source, span.line) if is_on_own_line else source.span(removal_start, end), ""),
     )
 
 

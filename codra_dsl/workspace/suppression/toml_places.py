@@ -34,7 +34,7 @@ class TomlPlaces:
     def key(self, *steps: str | int) -> Place:
         """Return the place of a key, given the steps to it; for an item of a list, the place of the list's key."""
         *table, key = [step for step in steps if isinstance(step, str)]
-        start, end = self._occurrence(key, _MARKER, lambda document: _MARKER in _value_at(document, table)) or (
+        start, end = self._find_occurrence(key, _MARKER, lambda document: _MARKER in _value_at(document, table)) or (
             0,
             0,
         )
@@ -45,10 +45,10 @@ class TomlPlaces:
         value = _value_at(tomllib.loads(self.text), steps)
         text = value if isinstance(value, str) else str(value).lower()
         replacement = _MARKER if isinstance(value, str) else f"'{_MARKER}'"
-        span = self._occurrence(text, replacement, lambda document: _value_at(document, steps) == _MARKER)
-        return self.key(*steps) if span is None else self._place(*span)
+        offsets = self._find_occurrence(text, replacement, lambda document: _value_at(document, steps) == _MARKER)
+        return self.key(*steps) if offsets is None else self._place(*offsets)
 
-    def _occurrence(
+    def _find_occurrence(
         self, text: str, replacement: str, is_wanted: Callable[[dict[str, object]], bool]
     ) -> tuple[int, int] | None:
         """Return the occurrence of a text whose replacement passes the test `is_wanted` in the parsed document."""
@@ -63,10 +63,10 @@ class TomlPlaces:
         return None
 
     def _place(self, start: int, end: int) -> Place:
-        before = self.text[:start]
-        line, first = before.count("\n") + 1, start - before.rfind("\n")
-        last, end_first = line + self.text.count("\n", start, end), end - self.text.rfind("\n", 0, end)
-        return Place(Span(self.file, line, first, last, end_first))
+        text_before = self.text[:start]
+        line, column = text_before.count("\n") + 1, start - text_before.rfind("\n")
+        end_line, end_column = line + self.text.count("\n", start, end), end - self.text.rfind("\n", 0, end)
+        return Place(Span(self.file, line, column, end_line, end_column))
 
 
 def _value_at(document: Any, steps: Sequence[str | int]) -> Any:

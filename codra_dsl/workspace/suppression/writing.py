@@ -18,10 +18,10 @@ from codra_dsl.language.load.yaml.source import MAX_BYTES
 _LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
 
-def rewritable(files: Iterable[str], root: Path) -> dict[str, bytes]:
+def read_rewritable_files(files: Iterable[str], root: Path) -> dict[str, bytes]:
     """Return the contents of all files that may be rewritten: files that exist in the project and are not too large."""
-    contents = ((file, _rewritable_bytes(file, root)) for file in files)
-    return {file: data for file, data in contents if data is not None}
+    files_and_contents = ((file, _rewritable_bytes(file, root)) for file in files)
+    return {file: data for file, data in files_and_contents if data is not None}
 
 
 def _rewritable_bytes(file: str, root: Path) -> bytes | None:
@@ -46,21 +46,21 @@ def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | 
     return None
 
 
-def unified(before: bytes, after: bytes, file: str) -> str:
+def unified_diff(before: bytes, after: bytes, file: str) -> str:
     """Return the difference between two texts of a file in unified form; line ends are preserved."""
     old_lines, new_lines = (_LINES.findall(data.decode("utf-8", "replace")) for data in (before, after))
-    name = _quoted(file)
+    name = _quote_name(file)
     lines = difflib.unified_diff(old_lines, new_lines, name, name)
     return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
 
 
-def _quoted(file: str) -> str:
+def _quote_name(file: str) -> str:
     """Return a file's name as git and patch write it: in quotes and with escapes, if a character could end it."""
     if file.isprintable() and not set('"\\') & set(file):
         return f"{file}\t" if " " in file else file
-    plain = frozenset(range(0x20, 0x7F)) - frozenset(b'"\\')
-    letters = (chr(byte) if byte in plain else f"\\{byte:03o}" for byte in os.fsencode(file))
-    return f'"{"".join(letters)}"'
+    plain_bytes = frozenset(range(0x20, 0x7F)) - frozenset(b'"\\')
+    escaped_characters = (chr(byte) if byte in plain_bytes else f"\\{byte:03o}" for byte in os.fsencode(file))
+    return f'"{"".join(escaped_characters)}"'
 
 
 def _write_failure(file: str, reason: str) -> Diagnostic:
@@ -80,7 +80,7 @@ def _project_path(file: str, root: Path) -> Path:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    status = path.stat()
+    file_status = path.stat()
     if not os.access(path, os.W_OK):
         raise PermissionError(None, "it is write-protected")
     descriptor, name = tempfile.mkstemp(prefix=".codra-", dir=path.parent)
@@ -91,8 +91,8 @@ def _replace(path: Path, data: bytes) -> None:
             os.fsync(stream.fileno())
         temporary = Path(name)
         with contextlib.suppress(OSError):  # only the superuser can give files away
-            os.chown(temporary, status.st_uid, status.st_gid)
-        temporary.chmod(stat.S_IMODE(status.st_mode))
+            os.chown(temporary, file_status.st_uid, file_status.st_gid)
+        temporary.chmod(stat.S_IMODE(file_status.st_mode))
         temporary.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):

@@ -130,7 +130,7 @@ def _edited(path: Path, folder: Path, chance: Random) -> tuple[str, list[str]]:
     rules = [
         rule
         for name in sorted(started_algorithms)
-        for rule in summary.algorithms[name].conditions
+        for rule in summary.algorithms[name].preconditions
         if rule.place is not None
     ]
     stated_rules = [rule for rule in rules if rule.source_text and not rule.source_text.startswith("known(")]

@@ -59,7 +59,7 @@ def test_an_agent_is_woken_by_an_observed_variable_until_it_unsubscribes(door: A
         again = speaker.on_wake(lambda _: None)
         clock.sleep(3.0)
         assert (len(wake_times_s), codra.declared()) == (1, {"door_open"})
-        assert codra.commands.declarations.of("agent speaker") == ("door_open",)
+        assert codra.commands.declarations.names_of("agent speaker") == ("door_open",)
         subscription.unsubscribe()
         subscription.unsubscribe()
         assert codra.declared() == {"door_open"}

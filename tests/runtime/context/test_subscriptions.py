@@ -11,7 +11,7 @@ import pytest
 
 from codra_dsl.logic import age, known, value
 from codra_dsl.runtime import Reading, Reason, SimClock, UnknownNameError, WallClock
-from codra_dsl.runtime.callbacks import MOST_WAITING
+from codra_dsl.runtime.callbacks import MAX_WAITING_CHANGES
 from codra_dsl.runtime.values.model import integer
 from tests.runtime.forests import Manager, World, forest, given, observer, seen, started, takes, variable
 
@@ -173,17 +173,19 @@ def test_a_callback_that_hangs_delays_neither_writers_nor_other_callbacks() -> N
     release, notifications = threading.Event(), threading.Event()
     with in_real_time() as manager:
         slow = manager.subscribe("n", lambda _: release.wait(PATIENCE_S))
-        manager.subscribe("n", lambda reading: notifications.set() if reading.content == 2 * MOST_WAITING else None)
-        for number in range(2 * MOST_WAITING + 1):
+        manager.subscribe(
+            "n", lambda reading: notifications.set() if reading.content == 2 * MAX_WAITING_CHANGES else None
+        )
+        for number in range(2 * MAX_WAITING_CHANGES + 1):
             manager.set("n", number)
         assert notifications.wait(PATIENCE_S)
-        assert slow.dropped >= MOST_WAITING
+        assert slow.dropped >= MAX_WAITING_CHANGES
         release.set()
 
 
 def test_with_too_many_changes_the_newest_are_reported() -> None:
     release, done, notifications = threading.Event(), threading.Event(), list[object]()
-    last = 2 * MOST_WAITING
+    last = 2 * MAX_WAITING_CHANGES
 
     def slowly(reading: Reading[object]) -> None:
         release.wait(PATIENCE_S)
@@ -198,7 +200,7 @@ def test_with_too_many_changes_the_newest_are_reported() -> None:
         release.set()
         assert done.wait(PATIENCE_S)
     assert len(notifications) + subscription.dropped == last + 2
-    assert notifications[-MOST_WAITING:] == list(range(last + 1 - MOST_WAITING, last + 1))
+    assert notifications[-MAX_WAITING_CHANGES:] == list(range(last + 1 - MAX_WAITING_CHANGES, last + 1))
 
 
 def test_a_callback_that_exits_its_thread_gets_the_next_change() -> None:

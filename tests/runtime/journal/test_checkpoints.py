@@ -36,7 +36,7 @@ def events(long_run: Path) -> list[Event]:
     return read(long_run)[1]
 
 
-def contents(latest_events: LatestEvents) -> dict[str, object]:
+def event_mappings(latest_events: LatestEvents) -> dict[str, object]:
     return {name: getattr(latest_events, name) for name in NAMES}
 
 
@@ -51,12 +51,12 @@ def test_the_latest_events_at_any_instant_equal_those_of_all_events_until_then(
         path.write_bytes(long_run.read_bytes()[:-torn_bytes])
         events = read(path)[1]
     at_s = share * events[-1].instant_s
-    needed_events = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
+    state_events = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
     with JournalReader(path) as reader, JournalReader(path) as other_reader:
         for checkpoints in (Checkpoints(reader, at_s), Checkpoints(other_reader)):
             before_close = at_s if at_s < events[-1].instant_s else math.nextafter(at_s, 0.0)
-            assert contents(checkpoints.latest_events(before_close)) == contents(
-                LatestEvents.of(needed_events, before_close)
+            assert event_mappings(checkpoints.latest_events(before_close)) == event_mappings(
+                LatestEvents.of(state_events, before_close)
             )
 
 
@@ -77,14 +77,16 @@ def test_explanations_from_a_file_equal_those_from_all_its_events(long_run: Path
     with JournalReader(long_run) as reader:
         summary, checkpoints = reader.header().summary, Checkpoints(reader)
         for at_s in (0.0, 33.3, 250.5, 471.0, 800.8):
-            text = str(explain(summary, checkpoints.latest_events, "open", at_s))
-            assert text == str(explain(summary, lambda until_s: LatestEvents.of(events, until_s), "open", at_s))
+            explanation_text = str(explain(summary, checkpoints.latest_events, "open", at_s))
+            assert explanation_text == str(
+                explain(summary, lambda until_s: LatestEvents.of(events, until_s), "open", at_s)
+            )
 
 
 def test_a_long_file_is_not_held_in_memory(long_run: Path) -> None:
-    def peak_memory_bytes(read_it: Callable[[], object]) -> int:
+    def measure_peak_memory_bytes(read_journal: Callable[[], object]) -> int:
         tracemalloc.start()
-        read_it()
+        read_journal()
         peak_bytes = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peak_bytes
@@ -93,4 +95,4 @@ def test_a_long_file_is_not_held_in_memory(long_run: Path) -> None:
         with JournalReader(long_run) as reader:
             Checkpoints(reader).latest_events(100.0)
 
-    assert 8 * peak_memory_bytes(read_latest_events) < peak_memory_bytes(lambda: read(long_run))
+    assert 8 * measure_peak_memory_bytes(read_latest_events) < measure_peak_memory_bytes(lambda: read(long_run))

@@ -210,23 +210,23 @@ def test_events_of_a_child_process_are_not_in_the_journal(tmp_path: Path) -> Non
 
 
 def test_a_journal_that_is_read_while_it_is_written_has_no_gap(tmp_path: Path) -> None:
-    path, stop = tmp_path / "run.mcap", threading.Event()
+    path, stop_event = tmp_path / "run.mcap", threading.Event()
     journal = Journal(path)
-    reads, written_count = 0, 0
+    read_count, written_message_count = 0, 0
     with ContextManager[str, str](MODEL, clock=SimClock(), resources={"door": Door()}, record=journal) as manager:
 
         def read_repeatedly() -> None:
-            nonlocal reads
-            while not stop.is_set():
-                written_before = written_count
+            nonlocal read_count
+            while not stop_event.is_set():
+                min_message_count = written_message_count
                 with JournalReader(path) as reader:
                     reader.header()
-                    numbers = [raw_message.message.sequence for raw_message in reader.raw_messages()]
+                    sequence_numbers = [raw_message.message.sequence for raw_message in reader.raw_messages()]
                 assert reader.is_live
-                assert reader.damage.unread == []
-                assert numbers == list(range(1, len(numbers) + 1))
-                assert len(numbers) >= written_before
-                reads += 1
+                assert reader.damage.unreadable_parts == []
+                assert sequence_numbers == list(range(1, len(sequence_numbers) + 1))
+                assert len(sequence_numbers) >= min_message_count
+                read_count += 1
 
         failures: list[BaseException] = []
 
@@ -240,8 +240,8 @@ def test_a_journal_that_is_read_while_it_is_written_has_no_gap(tmp_path: Path) -
         reader_thread.start()
         for number in range(6000):
             manager.set("localized", True)
-            written_count = 2 * number
-        stop.set()
+            written_message_count = 2 * number
+        stop_event.set()
         reader_thread.join(PATIENCE_S)
     assert failures == []
-    assert reads > 3
+    assert read_count > 3

@@ -21,7 +21,7 @@ from mcap.records import Chunk
 
 from codra_dsl.runtime import ContextManager, EventLog, Journal, SimClock
 from codra_dsl.runtime.journal import Event, Kind
-from codra_dsl.runtime.journal.mcap_file import CHUNK_BYTES, OPEN_CHUNK
+from codra_dsl.runtime.journal.mcap_file import CHUNK_BYTES, OPEN_CHUNK_OPCODE
 from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 from codra_dsl.runtime.journal.recovery import recover
 from codra_dsl.runtime.values.model import integer, member, real, text
@@ -83,25 +83,25 @@ def test_every_variable_observer_and_algorithm_has_its_topic(long_run: Path) -> 
     assert topics["/codra/run"] == 1
 
 
-def undescribed_fields(schema: dict[str, Any], path: str) -> list[str]:
+def find_undescribed_fields(schema: dict[str, Any], path: str) -> list[str]:
     own_paths = [] if schema.get("description") else [path]
-    inner_paths = (
-        undescribed_fields(field_schema, f"{path}.{name}")
+    path_lists = (
+        find_undescribed_fields(field_schema, f"{path}.{name}")
         for name, field_schema in schema.get("properties", {}).items()
     )
-    return [*own_paths, *(name for names in inner_paths for name in names)]
+    return [*own_paths, *(name for inner_paths in path_lists for name in inner_paths)]
 
 
-def fields_with_unsupported_types(schema: dict[str, Any], path: str) -> list[str]:
+def find_unsupported_fields(schema: dict[str, Any], path: str) -> list[str]:
     """Return fields that Foxglove cannot read: it needs a simple type per field, and the properties of each object."""
     if schema["type"] == "object":
         if schema.get("additionalProperties") is not False:
             return [path]
-        inner_paths = (
-            fields_with_unsupported_types(field_schema, f"{path}.{name}")
+        path_lists = (
+            find_unsupported_fields(field_schema, f"{path}.{name}")
             for name, field_schema in schema["properties"].items()
         )
-        return [name for names in inner_paths for name in names]
+        return [name for inner_paths in path_lists for name in inner_paths]
     kind = schema["items"]["type"] if schema["type"] == "array" else schema["type"]
     return [] if kind in ("boolean", "string", "number", "integer") else [path]
 
@@ -118,8 +118,8 @@ def test_the_schemas_describe_every_field_of_every_message(long_run: Path) -> No
         described = json.loads(schema.data)
         jsonschema.Draft202012Validator.check_schema(described)
         assert schema.encoding == "jsonschema"
-        assert undescribed_fields(described, schema.name) == []
-        assert fields_with_unsupported_types(described, schema.name) == []
+        assert find_undescribed_fields(described, schema.name) == []
+        assert find_unsupported_fields(described, schema.name) == []
     assert {channel.message_encoding for channel in summary.channels.values()} == {"json"}
 
 
@@ -186,9 +186,9 @@ def test_units_labels_and_members_are_metadata_of_the_topic(tmp_path: Path) -> N
         summary = make_reader(stream).get_summary()
     assert summary is not None
 
-    metadata_of_topics = {channel.topic: channel.metadata for channel in summary.channels.values()}
-    assert metadata_of_topics["/codra/context/light"] == {"label": "Licht", "unit": "lux", "valid_for_s": "60"}
-    assert metadata_of_topics["/codra/context/mode"] == {"values": "idle, busy"}
+    metadata_by_topic = {channel.topic: channel.metadata for channel in summary.channels.values()}
+    assert metadata_by_topic["/codra/context/light"] == {"label": "Licht", "unit": "lux", "valid_for_s": "60"}
+    assert metadata_by_topic["/codra/context/mode"] == {"values": "idle, busy"}
 
 
 def test_messages_are_in_compressed_chunks_with_an_index(long_run: Path) -> None:
@@ -240,26 +240,32 @@ def finished_after(events: list[Event], path: Path) -> bytes:
 def test_a_recovered_journal_equals_one_that_was_finished_then(tmp_path: Path) -> None:
     run_door(tmp_path / "whole.mcap", loops=8)
     header, events = read(tmp_path / "whole.mcap")
-    for count in (0, 1, 40, 300, len(events) - 1):
+    for event_count in (0, 1, 40, 300, len(events) - 1):
         torn_journal = Journal(tmp_path / "torn.mcap")
         torn_journal.begin(lambda: header)
-        for event in events[:count]:
+        for event in events[:event_count]:
             torn_journal.add(event)
-        killed_path = tmp_path / "dead.mcap"
-        killed_path.write_bytes(torn_journal.path.read_bytes())  # what another process reads now
+        unfinished_path = tmp_path / "dead.mcap"
+        unfinished_path.write_bytes(torn_journal.path.read_bytes())  # what another process reads now
         torn_journal.end()
 
-        recovery = recover(killed_path, tmp_path / "recovered.mcap")
-        assert (recovery.messages, recovery.damage.is_torn, recovery.damage.unread) == (count + 1, True, [])
-        assert (tmp_path / "recovered.mcap").read_bytes() == finished_after(events[:count], tmp_path / "again.mcap")
+        recovery = recover(unfinished_path, tmp_path / "recovered.mcap")
+        assert (recovery.message_count, recovery.damage.is_torn, recovery.damage.unreadable_parts) == (
+            event_count + 1,
+            True,
+            [],
+        )
+        assert (tmp_path / "recovered.mcap").read_bytes() == finished_after(
+            events[:event_count], tmp_path / "again.mcap"
+        )
 
 
 def test_a_torn_journal_is_read_without_recovery(tmp_path: Path) -> None:
-    complete_path = run_door(tmp_path / "run.mcap").path
-    (tmp_path / "torn.mcap").write_bytes(complete_path.read_bytes()[:-1])
+    complete_journal_path = run_door(tmp_path / "run.mcap").path
+    (tmp_path / "torn.mcap").write_bytes(complete_journal_path.read_bytes()[:-1])
 
     with JournalReader(tmp_path / "torn.mcap") as reader:
-        assert list(reader.events()) == read(complete_path)[1]
+        assert list(reader.events()) == read(complete_journal_path)[1]
         assert reader.damage.is_torn
 
 
@@ -270,10 +276,10 @@ def test_a_journal_that_is_cut_anywhere_keeps_its_complete_chunks(
 ) -> None:
     content = complete_journal.path.read_bytes()
     cut_content = content[: int(share * len(content))]
-    torn_path = complete_journal.path.with_name("cut.mcap")
-    torn_path.write_bytes(cut_content)
+    torn_journal_path = complete_journal.path.with_name("cut.mcap")
+    torn_journal_path.write_bytes(cut_content)
     try:
-        with JournalReader(torn_path) as reader:
+        with JournalReader(torn_journal_path) as reader:
             reader.header()
             kept_events = list(reader.events())
     except JournalError:
@@ -290,17 +296,17 @@ def test_a_changed_byte_damages_its_chunk_only_and_never_crashes(
 ) -> None:
     content = bytearray(complete_journal.path.read_bytes())
     content[int(place * (len(content) - 1))] = byte
-    damaged_path = complete_journal.path.with_name("damaged.mcap")
-    damaged_path.write_bytes(content)
-    all_events = set(map(Event.as_json, complete_journal.events))
+    damaged_journal_path = complete_journal.path.with_name("damaged.mcap")
+    damaged_journal_path.write_bytes(content)
+    original_event_texts = set(map(Event.as_json, complete_journal.events))
     try:
-        with JournalReader(damaged_path) as reader:
+        with JournalReader(damaged_journal_path) as reader:
             reader.header()
-            events = set(map(Event.as_json, reader.events()))
+            event_texts = set(map(Event.as_json, reader.events()))
     except JournalError:
         return
-    assert events <= all_events
-    assert events == all_events or reader.damage.unread or reader.damage.is_torn
+    assert event_texts <= original_event_texts
+    assert event_texts == original_event_texts or reader.damage.unreadable_parts or reader.damage.is_torn
 
 
 @drawn(data=st.data(), edit=st.sampled_from(["change", "cut out", "put in"]))
@@ -309,7 +315,7 @@ def test_a_damaged_start_is_reported_and_never_misread(
     complete_journal: CompleteJournal, data: st.DataObject, edit: str
 ) -> None:
     content = bytearray(complete_journal.path.read_bytes()[:300_000])
-    end = content.index(bytes([OPEN_CHUNK]) + CHUNK_BYTES.to_bytes(8, "little"))
+    end = content.index(bytes([OPEN_CHUNK_OPCODE]) + CHUNK_BYTES.to_bytes(8, "little"))
     position = data.draw(st.integers(0, end - 1))
     if edit == "change":
         content[position] = data.draw(st.integers(0, 255))
@@ -317,10 +323,10 @@ def test_a_damaged_start_is_reported_and_never_misread(
         del content[position : position + data.draw(st.integers(1, 60))]
     else:
         content[position:position] = data.draw(st.binary(min_size=1, max_size=60))
-    damaged_path = complete_journal.path.with_name("start.mcap")
-    damaged_path.write_bytes(content)
+    damaged_journal_path = complete_journal.path.with_name("start.mcap")
+    damaged_journal_path.write_bytes(content)
     try:
-        with JournalReader(damaged_path) as reader:
+        with JournalReader(damaged_journal_path) as reader:
             summary = reader.header().summary
     except JournalError:
         return
@@ -337,9 +343,9 @@ def test_an_unreadable_chunk_is_reported_with_the_lost_messages(long_run: Path, 
 
     recovery = recover(tmp_path / "damaged.mcap", tmp_path / "recovered.mcap")
     message_count = len(messages(long_run))
-    assert recovery.damage.lost == message_count - recovery.messages > 0
-    assert "the chunk at byte" in recovery.damage.unread[0]
-    assert len(messages(tmp_path / "recovered.mcap")) == recovery.messages
+    assert recovery.damage.lost_message_count == message_count - recovery.message_count > 0
+    assert "the chunk at byte" in recovery.damage.unreadable_parts[0]
+    assert len(messages(tmp_path / "recovered.mcap")) == recovery.message_count
 
 
 @pytest.mark.parametrize(
@@ -369,7 +375,7 @@ def test_an_event_that_is_larger_than_a_chunk_is_kept_at_once(tmp_path: Path) ->
 
 def test_the_region_of_the_open_chunk_is_empty_in_a_finished_journal(long_run: Path) -> None:
     content = long_run.read_bytes()
-    position = content.index(bytes([OPEN_CHUNK]) + CHUNK_BYTES.to_bytes(8, "little")) + 9
+    position = content.index(bytes([OPEN_CHUNK_OPCODE]) + CHUNK_BYTES.to_bytes(8, "little")) + 9
 
     assert content[position : position + CHUNK_BYTES] == bytes(CHUNK_BYTES)
 
@@ -393,11 +399,11 @@ def test_a_journal_whose_writer_was_killed_is_moved_aside_and_a_finished_one_rep
     path = tmp_path / "run.mcap"
     run_door(path)
     run_door(path)
-    assert [file.name for file in tmp_path.iterdir()] == ["run.mcap"]
+    assert [journal_file.name for journal_file in tmp_path.iterdir()] == ["run.mcap"]
     for _ in range(2):
         path.write_bytes(path.read_bytes()[:-1])
         run_door(path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == [
+    assert sorted(journal_file.name for journal_file in tmp_path.iterdir()) == [
         "run.mcap",
         "run.unfinished-1.mcap",
         "run.unfinished-2.mcap",
@@ -489,9 +495,13 @@ def test_numpy_numbers_are_written_as_numbers(tmp_path: Path) -> None:
         manager.decide("size", lambda: np.int64(3), max_age_s=np.float32(0.5), since_s=np.int32(9))
 
     assert journal.failure is None
-    inputs = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/input"]
-    assert inputs[0]["evidence_s"] == [8.5]
-    assert (inputs[1]["max_age_s"], inputs[1]["since_s"], inputs[2]["value"]) == (0.5, 9.0, "3.0")
+    contents = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/input"]
+    assert contents[0]["evidence_s"] == [8.5]
+    assert (contents[1]["max_age_s"], contents[1]["since_s"], contents[2]["value"]) == (
+        0.5,
+        9.0,
+        "3.0",
+    )
 
 
 def test_a_full_disk_ends_the_journal_and_not_the_run(tmp_path: Path) -> None:
@@ -502,7 +512,7 @@ def test_a_full_disk_ends_the_journal_and_not_the_run(tmp_path: Path) -> None:
     assert done.stderr.count("ends here: OSError") == 1
     assert "Traceback" not in done.stderr
     recovery = recover(tmp_path / "run.mcap", tmp_path / "recovered.mcap")
-    assert len(messages(tmp_path / "recovered.mcap")) == recovery.messages > 100
+    assert len(messages(tmp_path / "recovered.mcap")) == recovery.message_count > 100
 
 
 def test_without_a_journal_there_are_no_inputs_and_mcap_is_not_imported(tmp_path: Path) -> None:

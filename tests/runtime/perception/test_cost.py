@@ -35,18 +35,18 @@ def chains(number: int) -> ContextModel:
     return forest([*map(given, roots), *map(variable, names)], *observers)
 
 
-def calls(act: Callable[[], object]) -> int:
+def count_calls(action: Callable[[], object]) -> int:
     """Return the number of calls of Python functions, counted by the interpreter."""
     call_count = 0
 
-    def count(_frame: object, what: str, _argument: object) -> None:
+    def count_event(_frame: object, what: str, _argument: object) -> None:
         nonlocal call_count
         call_count += what == "call"
 
     before = sys.getprofile()
-    sys.setprofile(count)
+    sys.setprofile(count_event)
     try:
-        act()
+        action()
     finally:
         sys.setprofile(before)
     return call_count
@@ -61,23 +61,25 @@ def clock() -> SimClock:
 def large_manager(clock: SimClock) -> Iterator[Manager]:
     model = chains(CHAINS)
     with started(
-        model, World({f"see_{entry.identifies[0]}": {"seen": True} for entry in model.observers}), clock
+        model,
+        World({f"see_{observer_model.identifies[0]}": {"seen": True} for observer_model in model.observers}),
+        clock,
     ) as manager:
         yield manager
 
 
-def ticked_observers(act: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> set[str]:
+def names_of_ticked_observers(action: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> set[str]:
     """Return the observers that are ticked during a call."""
     names: set[str] = set()
     tick = Forest._tick
 
-    def count_tick(self: Forest, ticked_observer: Observer, now_s: float) -> list:
+    def record_tick(self: Forest, ticked_observer: Observer, now_s: float) -> list:
         names.add(ticked_observer.name)
         return tick(self, ticked_observer, now_s)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Forest, "_tick", count_tick)
-        act()
+        patch.setattr(Forest, "_tick", record_tick)
+        action()
     return names
 
 
@@ -87,11 +89,13 @@ def test_declaring_one_variable_of_ten_thousand_starts_and_ticks_what_it_needs(
     chain = {f"o_c0_{link}" for link in range(LINKS)}
     large_manager.set("c0", True)
 
-    ticked_names = ticked_observers(lambda: (large_manager.declare(f"c0_{LAST}"), clock.sleep(0.5)), monkeypatch)
+    ticked_names = names_of_ticked_observers(
+        lambda: (large_manager.declare(f"c0_{LAST}"), clock.sleep(0.5)), monkeypatch
+    )
 
     assert len(large_manager._forest.observers) == OBSERVERS
     assert ticked_names == large_manager.running() == chain
-    assert ticked_observers(lambda: large_manager.withdraw(f"c0_{LAST}"), monkeypatch) == chain
+    assert names_of_ticked_observers(lambda: large_manager.withdraw(f"c0_{LAST}"), monkeypatch) == chain
     assert large_manager.running() == set()
 
 
@@ -99,7 +103,7 @@ def test_starting_and_stopping_take_no_more_steps_in_a_larger_forest_or_when_mor
     large_manager: Manager, clock: SimClock
 ) -> None:
     def there_and_back(manager: Manager) -> int:
-        again = [calls(lambda: (manager.declare(f"c1_{LAST}"), manager.withdraw(f"c1_{LAST}"))) for _ in range(2)]
+        again = [count_calls(lambda: (manager.declare(f"c1_{LAST}"), manager.withdraw(f"c1_{LAST}"))) for _ in range(2)]
         return again[1]
 
     with started(chains(2), World(), SimClock()) as small:
@@ -122,11 +126,13 @@ def test_a_change_ticks_the_observers_that_read_it_and_a_confirmation_ticks_none
     large_manager.declare(f"c3_{LAST}")
     clock.sleep(0.1)
 
-    assert ticked_observers(lambda: (large_manager.set("c3", True), clock.sleep(0.0)), monkeypatch) == {
+    assert names_of_ticked_observers(lambda: (large_manager.set("c3", True), clock.sleep(0.0)), monkeypatch) == {
         f"o_c3_{link}" for link in range(LINKS)
     }
-    assert ticked_observers(lambda: (large_manager.set("c3", True), clock.sleep(0.0)), monkeypatch) == set()
-    assert ticked_observers(lambda: (large_manager.set("c3", False), clock.sleep(0.0)), monkeypatch) == {"o_c3_0"}
+    assert names_of_ticked_observers(lambda: (large_manager.set("c3", True), clock.sleep(0.0)), monkeypatch) == set()
+    assert names_of_ticked_observers(lambda: (large_manager.set("c3", False), clock.sleep(0.0)), monkeypatch) == {
+        "o_c3_0"
+    }
 
 
 def test_no_work_is_done_while_no_event_is_due_and_no_value_changes(large_manager: Manager, clock: SimClock) -> None:
@@ -134,7 +140,7 @@ def test_no_work_is_done_while_no_event_is_due_and_no_value_changes(large_manage
     large_manager.set("c3", False)
     clock.sleep(0.1)
 
-    assert calls(lambda: clock.sleep(0.2)) < 10
+    assert count_calls(lambda: clock.sleep(0.2)) < 10
 
 
 def test_jobs_that_have_ended_leave_no_garbage_for_the_cyclic_collector() -> None:
@@ -156,7 +162,7 @@ def test_jobs_that_have_ended_leave_no_garbage_for_the_cyclic_collector() -> Non
         try:
             clock.sleep(200.0)
             jobs = manager.spent()["o_accepted"].jobs
-            job_run_count = sum(isinstance(item, JobRun) for item in gc.get_objects())
+            job_run_count = sum(isinstance(tracked_object, JobRun) for tracked_object in gc.get_objects())
         finally:
             gc.enable()
     assert jobs > 100

@@ -139,17 +139,19 @@ SAME: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("function", SAME)
 def test_in_simulated_time_a_process_and_a_thread_write_the_same_events(function: str) -> None:
-    everything = {"camera": Camera(), "gain": np.int64(5), "given": True}
+    all_handles = {"camera": Camera(), "gain": np.int64(5), "given": True}
     event_texts = []
     for way in WAYS:
         algorithm = eye(function, isolate=way, timeout_s=0.5, **SAME[function])
-        handles = {name: everything[name] for name in algorithm.handles}
+        handles = {name: all_handles[name] for name in algorithm.handles}
         with started(looking(algorithm), SimClock(), handles, seed=3) as manager:
             manager._clock.sleep(6.3)
-            text = manager.record.text()
-        for values_ in values(manager):
-            text = text.replace(f'"number": {values_["number"]}', "").replace(f'"pid": {values_["pid"]}', "")
-        event_texts.append(text)
+            event_text = manager.record.text()
+        for result_values in values(manager):
+            event_text = event_text.replace(f'"number": {result_values["number"]}', "").replace(
+                f'"pid": {result_values["pid"]}', ""
+            )
+        event_texts.append(event_text)
     assert event_texts[0] == event_texts[1]
     assert event_texts[0].count('"started"') >= 6
 
@@ -167,10 +169,10 @@ def test_a_run_with_processes_is_replayed_from_its_journal_without_them(tmp_path
 def test_a_process_stays_from_one_job_to_the_next(clock: WallClock) -> None:
     with started(looking(eye("counts")), clock) as manager:
         wait(clock, lambda: len(values(manager)) >= 2)
-        pids = {result["pid"] for result in values(manager)}
+        pids = {result_values["pid"] for result_values in values(manager)}
         assert len(pids) == 1
         assert os.getpid() not in pids
-    assert [result["number"] for result in values(manager)][:2] == [1, 2]
+    assert [result_values["number"] for result_values in values(manager)][:2] == [1, 2]
     await_end(*pids)
 
 
@@ -186,7 +188,7 @@ def test_a_job_that_is_not_needed_ends_and_its_process_stays(clock: WallClock) -
             manager.set("x", True)
         wait(clock, lambda: len(values(manager)) >= 1)
         assert "voided" in events(manager, Kind.JOB)
-    assert len({returned["pid"] for returned in values(manager)}) == 1
+    assert len({result_values["pid"] for result_values in values(manager)}) == 1
 
 
 # Failures of a process
@@ -262,7 +264,7 @@ def test_a_process_that_ended_between_two_jobs_is_replaced_unnoticed(tmp_path: P
 def test_a_process_that_sends_nothing_in_simulated_time_times_out_at_its_timeout(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("codra_dsl.runtime.perception.process_executor.SETUP_S", 0.5)
+    monkeypatch.setattr("codra_dsl.runtime.perception.process_executor.SETUP_TIMEOUT_S", 0.5)
     clock = SimClock()
     with started(looking(eye("eats_a_core", timeout_s=0.4)), clock) as manager:
         clock.sleep(1.0)
@@ -342,9 +344,9 @@ def test_a_handle_that_a_process_cannot_use_is_refused_before_anything_runs(what
     handle, message = REFUSED[what]
     with pytest.raises(
         CallError, match="perception 'eye' runs in a separate process, which cannot use handle 'camera'"
-    ) as raised:
+    ) as error_info:
         started(looking(eye("asks", handles=("camera",))), SimClock(), {"camera": handle}).__enter__()
-    assert message in str(raised.value)
+    assert message in str(error_info.value)
     await_no_process()
 
 
@@ -367,9 +369,9 @@ def test_a_call_that_a_process_cannot_import_is_reported_before_anything_runs(
     (tmp_path / "deadly_on_import.py").write_text("import os; os._exit(5)\n")
     monkeypatch.syspath_prepend(tmp_path)
     model = looking(replace(eye("counts"), call=call), eye("counts", name="b"))
-    with pytest.raises(CallError) as raised:
+    with pytest.raises(CallError) as error_info:
         started(model, SimClock()).__enter__()
-    assert str(raised.value) == f"perception 'eye' calls {call!r}{CALLS[call]}"
+    assert str(error_info.value) == f"perception 'eye' calls {call!r}{CALLS[call]}"
     await_no_process()
 
 

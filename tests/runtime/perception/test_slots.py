@@ -25,21 +25,21 @@ class Desk:
     def __init__(self, counts: Mapping[str, int | None]) -> None:
         self.clock = SimClock()
         self.slots = Slots(self.clock, {name: ResourceModel(name=name, slots=count) for name, count in counts.items()})
-        self.granted: list[str] = []
+        self.granted_names: list[str] = []
         self.tickets: dict[str, Ticket] = {}
 
     def request(
         self, name: str, *slots: str, priority: float = 0.0, urgency: int = 0, max_duration_s: float = 0.0
     ) -> None:
         self.tickets[name] = self.slots.request(
-            slots, lambda: (priority, urgency), lambda: self.granted.append(name), max_duration_s
+            slots, lambda: (priority, urgency), lambda: self.granted_names.append(name), max_duration_s
         )
 
     def release(self, *names: str) -> list[str]:
         for name in names:
             self.slots.release(self.tickets[name])
         self.clock.sleep(0)
-        return self.granted
+        return self.granted_names
 
 
 def test_slots_are_granted_to_the_main_execution_then_by_priority_then_by_waiting_time() -> None:
@@ -116,12 +116,12 @@ def test_slots_never_run_out_or_multiply(requests: list[tuple[str, int, bool]]) 
     for number, (what, priority, must_release) in enumerate(requests):
         desk.request(str(number), *(["eye", "arm"] if what == "both" else [what]), priority=priority)
         if must_release and desk.release():
-            desk.release(desk.granted[number % len(desk.granted)])
-        free_slots = desk.slots.resources
-        assert 0 <= free_slots["eye"] <= 1
-        assert 0 <= free_slots["arm"] <= 2
+            desk.release(desk.granted_names[number % len(desk.granted_names)])
+        free_slot_counts = desk.slots.free_slot_counts
+        assert 0 <= free_slot_counts["eye"] <= 1
+        assert 0 <= free_slot_counts["arm"] <= 2
     desk.release(*desk.tickets)
-    assert desk.slots.resources == {"eye": 1, "arm": 2}
+    assert desk.slots.free_slot_counts == {"eye": 1, "arm": 2}
 
 
 def test_a_slot_of_an_undeclared_resource_is_an_error() -> None:
@@ -163,11 +163,11 @@ def test_the_slot_is_released_whenever_a_job_ends(how: str) -> None:
 def test_a_thread_can_request_a_slot_that_it_already_holds() -> None:
     with started(forest([], slots={"eye": 1, "arm": 1}), World()) as manager:
         with manager.slot("eye"), manager.slot("eye"), manager.slot("eye", "eye"):
-            assert manager._components.slots.resources["eye"] == 0
-        assert manager._components.slots.resources["eye"] == 1
+            assert manager._components.slots.free_slot_counts["eye"] == 0
+        assert manager._components.slots.free_slot_counts["eye"] == 1
         with manager.slot("eye", "arm"), manager.slot("arm"):
-            assert manager._components.slots.resources == {"world": math.inf, "eye": 0, "arm": 0}
-        assert manager._components.slots.resources == {"world": math.inf, "eye": 1, "arm": 1}
+            assert manager._components.slots.free_slot_counts == {"world": math.inf, "eye": 0, "arm": 0}
+        assert manager._components.slots.free_slot_counts == {"world": math.inf, "eye": 1, "arm": 1}
 
 
 def test_taking_slots_one_by_one_is_refused_and_the_message_shows_how_to_take_them_together() -> None:
@@ -178,7 +178,7 @@ def test_taking_slots_one_by_one_is_refused_and_the_message_shows_how_to_take_th
         manager.slot("arm"),
     ):
         pass
-    assert manager._components.slots.resources["eye"] == 1
+    assert manager._components.slots.free_slot_counts["eye"] == 1
 
 
 # Urgency and age
@@ -192,27 +192,27 @@ def test_the_more_urgent_request_goes_first_among_equal_priorities() -> None:
         desk.request(name, "eye", priority=priority, urgency=urgency)
     for name in ("holder", "c", "b", "d"):
         desk.release(name)
-    assert desk.granted == ["holder", "c", "b", "d", "a"]
+    assert desk.granted_names == ["holder", "c", "b", "d", "a"]
 
 
 def test_priority_decides_until_the_oldest_request_could_wait_too_long() -> None:
     """With two algorithms and timeouts of at most 3 s, a request waits for at most 6 s; others may pass it for 3 s."""
     desk = Desk({"eye": 1})
-    desk.slots.expect(("eye",), 3.0)
-    desk.slots.expect(("eye",), 2.0)
+    desk.slots.register_user(("eye",), 3.0)
+    desk.slots.register_user(("eye",), 2.0)
     desk.request("low", "eye", priority=-1, max_duration_s=2.0)
     desk.request("high 0", "eye", priority=9, max_duration_s=3.0)
     for number in range(6):
         desk.clock.sleep(1.0)
         desk.request(f"high {number + 1}", "eye", priority=9, max_duration_s=3.0)
-        desk.release(desk.granted[-1])
-    assert desk.granted == ["high 0", "high 1", "high 2", "high 3", "low", "high 4", "high 5"]
+        desk.release(desk.granted_names[-1])
+    assert desk.granted_names == ["high 0", "high 1", "high 2", "high 3", "low", "high 4", "high 5"]
 
 
 def test_requests_do_not_age_while_the_main_execution_holds_the_slot() -> None:
     desk = Desk({"eye": 1})
     for _ in range(2):
-        desk.slots.expect(("eye",), 3.0)
+        desk.slots.register_user(("eye",), 3.0)
     desk.request("main", "eye", priority=MAIN_EXECUTION)
     desk.clock.sleep(0)
     desk.request("low", "eye", priority=-1, max_duration_s=3.0)
@@ -309,7 +309,7 @@ def compete(
         slots={"one": 1},
     )
     finds = {f"see_{name}": takes(load[2], {"seen": True}) for name, load in zip(names, loads, strict=True)}
-    clock, free_time, asked_s = SimClock(), FreeTime(), {}
+    clock, free_clock, asked_s = SimClock(), FreeTime(), {}
     waits_s: dict[str, list[float]] = {name: [] for name in names}
     with started(model, World(finds), clock) as manager:
         request = manager._components.slots.request
@@ -317,9 +317,9 @@ def compete(
         def record_request(
             slots: Any, precedence: Any, grant: Callable[[], None], max_duration_s: float = 0.0
         ) -> Ticket:
-            free_s = free_time.at(clock.now_s())
+            free_time_s = free_clock.at(clock.now_s())
             return request(
-                slots, precedence, lambda: (asked_s.update({clock.now_s(): free_s}), grant())[1], max_duration_s
+                slots, precedence, lambda: (asked_s.update({clock.now_s(): free_time_s}), grant())[1], max_duration_s
             )
 
         manager._components.slots.request = record_request  # type: ignore[method-assign]
@@ -329,15 +329,15 @@ def compete(
             pause_s, look_s = looks[int(clock.now_s()) % len(looks)]
             clock.sleep(pause_s)
             with manager.slot("one"):
-                free_time.stop(clock.now_s())
+                free_clock.stop(clock.now_s())
                 clock.sleep(look_s)
-                free_time.go(clock.now_s())
+                free_clock.go(clock.now_s())
         spent, events = manager.spent(), manager.record.of(Kind.JOB)
     for event in events:
         if event.what == "started":
-            waits_s[event.name.removeprefix("see_")].append(free_time.at(event.instant_s) - asked_s[event.instant_s])
+            waits_s[event.name.removeprefix("see_")].append(free_clock.at(event.instant_s) - asked_s[event.instant_s])
     bound_s = len(loads) * max(timeout_s for *_, timeout_s in loads)
-    return Competition(spent, waits_s, free_time.taken_s, bound_s)
+    return Competition(spent, waits_s, free_clock.taken_s, bound_s)
 
 
 class FreeTime:
@@ -386,8 +386,8 @@ def test_no_observer_starves_when_six_share_a_slot_with_the_main_execution_for_a
     for name, waits_s in competition.waits_s.items():
         assert max(waits_s) <= competition.bound_s, name
         assert competition.spent[name].jobs >= 3600 / (2 * competition.bound_s), name
-    means_s = [sum(waits) / len(waits) for waits in competition.waits_s.values()]
-    assert max(means_s[:2]) < min(means_s[2:]) / 3
+    mean_waits_s = [sum(observer_waits_s) / len(observer_waits_s) for observer_waits_s in competition.waits_s.values()]
+    assert max(mean_waits_s[:2]) < min(mean_waits_s[2:]) / 3
     assert competition.spent["v1"].slot_s > 2 * competition.spent["v5"].slot_s, "though its jobs are shorter"
     assert competition.spent["v5"].failed >= competition.spent["v5"].jobs - 1
     assert competition.spent["v0"].accepted >= competition.spent["v0"].jobs - 1

@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.values.cell import MAX_PINNED_READINGS, MIN_READINGS, Cell, Reading, Reason, UnknownValueError
+from codra_dsl.runtime.values.cell import (
+    MAX_PINNED_READINGS,
+    MIN_KEPT_READINGS,
+    Cell,
+    Reading,
+    Reason,
+    UnknownValueError,
+)
 
 
 def reading(evidence_s: float, content: Value | None = True, expires_s: float = math.inf) -> Reading[Value]:
@@ -37,7 +44,7 @@ def test_older_evidence_goes_into_the_history_only() -> None:
     assert cell.write(reading(2.0, True))
     assert not cell.write(reading(1.0, False))
     assert cell.reading.content is True
-    assert [entry.content for entry in cell.history()] == [False, True]
+    assert [past_reading.content for past_reading in cell.history()] == [False, True]
     assert cell.at(1.5).content is False
 
 
@@ -70,14 +77,16 @@ def test_evidence_that_is_newer_than_a_stale_value_replaces_it() -> None:
 @given(st.lists(st.integers(0, 400), max_size=300), st.integers(0, 150))
 def test_the_history_is_a_ring_that_drops_the_oldest_evidence(stamps: list[int], history: int) -> None:
     cell = filled(*stamps, history=history)
-    assert [entry.evidence_s for entry in cell.history()] == sorted(stamps)[max(0, len(stamps) - history) :]
+    assert [past_reading.evidence_s for past_reading in cell.history()] == sorted(stamps)[
+        max(0, len(stamps) - history) :
+    ]
     assert cell.reading.evidence_s == max(stamps, default=-math.inf)
 
 
 def test_a_short_history_is_still_long_enough_to_judge_evidence() -> None:
     cell = filled(*range(200), history=1)
     assert len(cell.history()) == 1
-    assert cell.complete_from_s == 200 - MIN_READINGS
+    assert cell.complete_from_s == 200 - MIN_KEPT_READINGS
     assert cell.at(150.5).evidence_s == 150
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Term, Value, age, known, value
 from codra_dsl.runtime.values.cell import Cell, Reading, Reason
-from codra_dsl.runtime.values.conditions_held import ContextAt, Watch, first_loss, held
+from codra_dsl.runtime.values.conditions_held import ContextAt, ObservabilityMonitor, first_loss_s, has_held
 
 History = list[tuple[float, Value | None]]
 
@@ -54,59 +54,59 @@ A, B = value("a"), value("b")
     ids=repr,
 )
 def test_a_condition_holds_from_two_to_four(history: History, expected: bool) -> None:
-    assert held(A, cells(a=history), 2, 4) is expected
+    assert has_held(A, cells(a=history), 2, 4) is expected
 
 
 def test_an_instant_is_an_interval_too() -> None:
     flips = cells(a=[(0, True), (2, False), (4, True)])
-    assert [held(A, flips, at_s, at_s) for at_s in (1, 2, 3, 4)] == [True, False, False, True]
+    assert [has_held(A, flips, at_s, at_s) for at_s in (1, 2, 3, 4)] == [True, False, False, True]
 
 
 def test_one_of_two_variables_may_take_over_from_the_other_at_one_instant() -> None:
-    assert held(A | B, cells(a=[(0, True), (3, False)], b=[(0, False), (3, True)]), 2, 4)
-    assert not held(A | B, cells(a=[(0, True), (3, False)], b=[(0, False), (3.1, True)]), 2, 4)
+    assert has_held(A | B, cells(a=[(0, True), (3, False)], b=[(0, False), (3, True)]), 2, 4)
+    assert not has_held(A | B, cells(a=[(0, True), (3, False)], b=[(0, False), (3.1, True)]), 2, 4)
 
 
 def test_the_end_of_validity_breaks_it_unless_newer_evidence_is_there() -> None:
-    assert not held(A, cells(1.0, a=[(1.5, True)]), 2, 4)
-    assert held(A, cells(1.0, a=[(1.5, True), (2.5, True), (3.2, True)]), 2, 4)
-    assert not held(A, cells(1.0, a=[(1.5, True), (2.6, True), (3.2, True)]), 2, 4)
-    assert held(A, cells(1.0, a=[(1.5, True)]), 2, 2.4)
-    assert not held(A, cells(1.0, a=[(1.5, True)]), 2, 2.5)
+    assert not has_held(A, cells(1.0, a=[(1.5, True)]), 2, 4)
+    assert has_held(A, cells(1.0, a=[(1.5, True), (2.5, True), (3.2, True)]), 2, 4)
+    assert not has_held(A, cells(1.0, a=[(1.5, True), (2.6, True), (3.2, True)]), 2, 4)
+    assert has_held(A, cells(1.0, a=[(1.5, True)]), 2, 2.4)
+    assert not has_held(A, cells(1.0, a=[(1.5, True)]), 2, 2.5)
 
 
 def test_an_interval_before_the_end_of_validity_is_judged_the_same_after_it() -> None:
     readings = cells(valid_for_s=5.0, a=[(0, True)])
-    assert held(A, readings, 1, 2) is True
+    assert has_held(A, readings, 1, 2) is True
     assert readings["a"].expire(5.0)
-    assert held(A, readings, 1, 2) is True
-    assert held(A, readings, 4, 5) is False
+    assert has_held(A, readings, 1, 2) is True
+    assert has_held(A, readings, 4, 5) is False
 
 
 def test_an_age_that_passes_its_limit_breaks_it() -> None:
     fresh = age("a") < 2.0
-    assert held(fresh, cells(a=[(1, 1), (2.5, 1)]), 2, 4)
-    assert not held(fresh, cells(a=[(1, 1)]), 2, 4)
-    assert not held(fresh, cells(a=[(1, 1), (3.5, 1)]), 2, 4)
-    assert held(~known("a") | (age("a") > 2.0), cells(a=[(1, 1)]), 3.5, 9)
-    assert not held(~known("a") | (age("a") > 2.0), cells(a=[(1, 1), (5, 1)]), 3.5, 9)
+    assert has_held(fresh, cells(a=[(1, 1), (2.5, 1)]), 2, 4)
+    assert not has_held(fresh, cells(a=[(1, 1)]), 2, 4)
+    assert not has_held(fresh, cells(a=[(1, 1), (3.5, 1)]), 2, 4)
+    assert has_held(~known("a") | (age("a") > 2.0), cells(a=[(1, 1)]), 3.5, 9)
+    assert not has_held(~known("a") | (age("a") > 2.0), cells(a=[(1, 1), (5, 1)]), 3.5, 9)
 
 
 def test_a_condition_is_lost_when_it_first_fails() -> None:
     history = cells(a=[(0, True), (3, False), (4, True), (5, False)])
-    assert first_loss(A, history, 1, 9) == 3
-    assert first_loss(A, history, 4, 9) == 5
-    assert first_loss(A, history, 3, 9) == 3
-    assert first_loss(A, history, 3, 9, held_before=False) == 5
-    assert first_loss(A, history, 1, 2) is None
+    assert first_loss_s(A, history, 1, 9) == 3
+    assert first_loss_s(A, history, 4, 9) == 5
+    assert first_loss_s(A, history, 3, 9) == 3
+    assert first_loss_s(A, history, 3, 9, held_before=False) == 5
+    assert first_loss_s(A, history, 1, 2) is None
 
 
 def test_a_history_that_does_not_reach_back_counts_as_a_break() -> None:
     """This is the safe side: while evidence is being taken, histories keep the readings that are needed."""
     flooded = cells(a=[(stamp / 100, True) for stamp in range(300)])
-    assert held(A, flooded, 2.0, 2.99)
-    assert not held(A, flooded, 1.9, 2.99)
-    assert not held(~known("a"), flooded, 1.9, 1.99)
+    assert has_held(A, flooded, 2.0, 2.99)
+    assert not has_held(A, flooded, 1.9, 2.99)
+    assert not has_held(~known("a"), flooded, 1.9, 1.99)
 
 
 Stamps = st.lists(st.tuples(st.integers(0, 12), st.sampled_from([True, False, None])), max_size=8)
@@ -128,11 +128,11 @@ def test_a_condition_held_exactly_if_it_holds_at_every_sampled_instant(
     made = cells(valid_for_s, a=list(dict(a).items()), b=list(dict(b).items()))
     grid = [start_s + step / 32 for step in range(length_s * 32 + 1)]
     everywhere = all(term.holds(ContextAt(made, instant_s)) for instant_s in grid)
-    assert held(term, made, start_s, start_s + length_s) is everywhere
+    assert has_held(term, made, start_s, start_s + length_s) is everywhere
 
 
-def watched(term: Term, history: History) -> tuple[Watch, Mapping[str, Cell]]:
-    return Watch(term), cells(a=history)
+def watched(term: Term, history: History) -> tuple[ObservabilityMonitor, Mapping[str, Cell]]:
+    return ObservabilityMonitor(term), cells(a=history)
 
 
 def own(evidence_s: float) -> Reading[Value]:

@@ -21,8 +21,8 @@ BAND = between(value("gap") > 6.0, value("gap") < 4.0)
 
 def gaps(*results: float | None) -> Any:
     """Return a perception function that returns these gaps one by one, and then always the last gap."""
-    remaining = list(results)
-    return lambda _: {"gap": remaining.pop(0) if len(remaining) > 1 else remaining[0]}
+    remaining_gaps = list(results)
+    return lambda _: {"gap": remaining_gaps.pop(0) if len(remaining_gaps) > 1 else remaining_gaps[0]}
 
 
 def make_model(term: Term, *, when: Sequence[Term] = (), **settings: Any) -> Any:
@@ -107,8 +107,8 @@ def test_one_result_of_two_needed_is_unconfirmed_with_the_count() -> None:
         )
         clock.sleep(1.0)
         assert manager.get("open").value is True
-        rejections = [event for event in manager.record.of(Kind.JOB) if event.what == "rejected"]
-    assert [(event.details["reason"], event.details["variables"]) for event in rejections] == [
+        rejection_events = [event for event in manager.record.of(Kind.JOB) if event.what == "rejected"]
+    assert [(event.details["reason"], event.details["variables"]) for event in rejection_events] == [
         (Reason.UNCONFIRMED, ["open"])
     ]
 
@@ -205,18 +205,18 @@ def test_results_older_than_valid_for_do_not_confirm() -> None:
 
 @hypothesis_given(st.lists(st.booleans(), min_size=1, max_size=12), st.integers(1, 4), st.integers(0, 3))
 def test_a_value_is_known_only_if_enough_of_the_last_results_agree(
-    results: list[bool], needed: int, surplus: int
+    results: list[bool], needed: int, extra_votes: int
 ) -> None:
-    among = needed + surplus
+    among = needed + extra_votes
     model = make_model(confirmed(value("gap") > 6.0, needed, among), when_unobservable="forget")
     states = states_after_looks(model, *(7.0 if result else 3.0 for result in results))
     for number, state in enumerate(states):
-        last_counts = Counter(results[max(0, number + 1 - among) : number + 1])
+        last_result_counts = Counter(results[max(0, number + 1 - among) : number + 1])
         if isinstance(state, bool):
-            assert last_counts[state] >= needed
+            assert last_result_counts[state] >= needed
         else:
             assert state is Reason.UNCONFIRMED
-            assert last_counts[results[number]] < needed
+            assert last_result_counts[results[number]] < needed
 
 
 def test_the_reason_of_an_unconfirmed_variable_is_explained() -> None:

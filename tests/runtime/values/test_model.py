@@ -11,7 +11,7 @@ import pytest
 
 from codra_dsl.runtime.values.model import (
     MAX_INTEGER,
-    MAX_TEXT,
+    MAX_TEXT_CHARACTERS,
     NotOfTypeError,
     ValueType,
     boolean,
@@ -87,7 +87,7 @@ REFUSED = {
     "-0.5 lies outside [0, inf]": (real(low=0), -0.5),
     "13 lies outside [0, 12]": (integer(0, 12), 13),
     "a bytes is not of type str": (text(), b"x" * 10**8),
-    "a text of 10001 characters is too long: the limit is 10000": (text(), "x" * (MAX_TEXT + 1)),
+    "a text of 10001 characters is too long: the limit is 10000": (text(), "x" * (MAX_TEXT_CHARACTERS + 1)),
     "a text with half a character (a lone surrogate) cannot be written to a file": (text(), "\ud800"),
     "'ajar' is not one of open, shut": (member("open", "shut"), "ajar"),
     "1 is not of type enum": (member("open", "shut"), 1),

@@ -18,20 +18,20 @@ def entries(mapping: PersistentMap[int, int]) -> dict[int, int]:
 
 @given(st.lists(st.tuples(st.integers(0, 10**6), CHANGES), max_size=60), st.integers(0, 10**6))
 def test_every_version_stays_as_it_was_when_any_of_them_is_changed(
-    changes: list[tuple[int, dict[int, int | None]]], asked: int
+    changes: list[tuple[int, dict[int, int | None]]], first_asked: int
 ) -> None:
     versions: list[tuple[PersistentMap[int, int], dict[int, int]]] = [(PersistentMap(), {})]
-    for choice, change in changes:
-        before, expected = versions[-1 if choice % 3 else choice % len(versions)]
-        after = {key: value for key, value in {**expected, **change}.items() if value is not None}
+    for version_choice, change in changes:
+        before, expected_entries = versions[-1 if version_choice % 3 else version_choice % len(versions)]
+        after = {key: value for key, value in {**expected_entries, **change}.items() if value is not None}
         versions.append((before.with_changes(change), after))
-    first = asked % len(versions)
-    for mapping, expected in versions[first:] + versions[:first]:
-        assert {key: mapping.get(key) for key in range(13) if key in mapping} == expected
+    first = first_asked % len(versions)
+    for mapping, expected_entries in versions[first:] + versions[:first]:
+        assert {key: mapping.get(key) for key in range(13) if key in mapping} == expected_entries
         assert (len(mapping), entries(mapping), sorted(mapping.values())) == (
-            len(expected),
-            expected,
-            sorted(expected.values()),
+            len(expected_entries),
+            expected_entries,
+            sorted(expected_entries.values()),
         )
 
 
@@ -40,16 +40,16 @@ def test_an_old_version_is_read_after_thousands_of_changes(count: int, data: st.
     versions = [PersistentMap[int, int]()]
     for number in range(1, count + 1):
         versions.append(versions[-1].with_entry(number % 7, number))
-    position = data.draw(st.integers(0, count))
-    expected = {number % 7: number for number in range(1, position + 1)}
-    assert [versions[position].get(key) for key in range(7)] == [expected.get(key) for key in range(7)]
-    assert entries(versions[position]) == expected
+    version_index = data.draw(st.integers(0, count))
+    expected_entries = {number % 7: number for number in range(1, version_index + 1)}
+    assert [versions[version_index].get(key) for key in range(7)] == [expected_entries.get(key) for key in range(7)]
+    assert entries(versions[version_index]) == expected_entries
 
 
 def test_removing_a_missing_key_returns_the_same_mapping() -> None:
     mapping = PersistentMap[str, int]().with_entry("a", 1)
-    assert mapping.without("b") is mapping
-    assert "a" not in mapping.without("a")
+    assert mapping.without_key("b") is mapping
+    assert "a" not in mapping.without_key("a")
     assert "a" in mapping
 
 
@@ -74,12 +74,12 @@ class Key:
 def test_a_reader_of_a_mapping_during_its_change_gets_the_old_entries() -> None:
     keys = [Key(name) for name in "abc"]
     before = PersistentMap[Key, int]().with_changes({Key(name): 1 for name in "abc"})
-    seen_values: list[list[int | None]] = []
+    read_values: list[list[int | None]] = []
     for key in keys:
-        key.turn = lambda: seen_values.append([before.get(Key(name)) for name in "abc"])
+        key.turn = lambda: read_values.append([before.get(Key(name)) for name in "abc"])
     after = before.with_changes(dict.fromkeys(keys, 2))
-    assert len(seen_values) > len(keys)
-    assert all(values == [1, 1, 1] for values in seen_values)
+    assert len(read_values) > len(keys)
+    assert all(values == [1, 1, 1] for values in read_values)
     assert [after.get(Key(name)) for name in "abc"] == [2, 2, 2]
 
 

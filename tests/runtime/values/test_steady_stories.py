@@ -109,16 +109,16 @@ def events_of_story(seed: int, record: Journal | None = None, *, is_often_ticked
 
 
 def do_something(manager: Manager, clock: SimClock, chance: random.Random) -> None:
-    choice, name = chance.random(), chance.choice(NAMES)
-    if choice < 0.3:
+    draw, name = chance.random(), chance.choice(NAMES)
+    if draw < 0.3:
         manager.declare(name)
-    elif choice < 0.35:
+    elif draw < 0.35:
         manager.withdraw(name)
-    elif choice < 0.55:
+    elif draw < 0.55:
         manager.set("near", chance.random() < 0.7, evidence_s=clock.now_s() - chance.choice([0.0, 0.05]))
-    elif choice < 0.65:
+    elif draw < 0.65:
         manager.decide(name, lambda: clock.sleep(0.1) or chance.choice([True, False, None]), wait_up_to_s=0.1)
-    elif choice < 0.7:
+    elif draw < 0.7:
         manager.expect(f"k{chance.randrange(4)}")
     else:
         with manager.skill(f"k{chance.randrange(4)}") as skill:
@@ -134,7 +134,7 @@ def check(manager: Manager, clock: SimClock) -> None:
         assert reading.known == (reading.content is not None) == (reading.reason is None)
         if reading.known:
             assert cell.invalidated_s <= reading.start_s <= reading.evidence_s <= clock.now_s() < reading.expires_s
-        evidence_s = [entry.evidence_s for entry in manager.history(name)]
+        evidence_s = [past_reading.evidence_s for past_reading in manager.history(name)]
         assert evidence_s == sorted(evidence_s)
 
 

@@ -49,7 +49,7 @@ def test_only_edited_ranges_change(text: str, data: st.DataObject, has_mark: boo
         expected += f"{text[at:start]}NEW"
         at = end
     assert splices is not None
-    assert before.after(splices) == (expected + text[at:]).encode()
+    assert before.apply(splices) == (expected + text[at:]).encode()
 
 
 def test_added_lines_end_as_the_first_line_does() -> None:
@@ -58,7 +58,7 @@ def test_added_lines_end_as_the_first_line_does() -> None:
 
     splices = splices_of([Edit(Span("f", 1, 1, 1, 1), "codra: 1\n")], text)
 
-    assert text.after(splices or ()) == b"codra: 1\r\na\r\nb\n"
+    assert text.apply(splices or ()) == b"codra: 1\r\na\r\nb\n"
 
 
 def test_overlapping_edits_are_refused() -> None:

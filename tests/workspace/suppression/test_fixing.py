@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.compiler import plan_text
 from codra_dsl.language.diagnostics import Applicability, Diagnostic, Edit, Fix, Place, Rule, Severity, Span, is_safe
-from codra_dsl.workspace.suppression import Fixed, fix_all
+from codra_dsl.workspace.suppression import FixResult, fix_all
 from tests.workspace.suppression.specs import KITCHEN, UNUSED
 
 ROOT = Path(__file__).parents[3]
@@ -31,7 +31,7 @@ def linted(data: bytes, root: Path, file: str) -> Sequence[Diagnostic]:
     return plan_text(data, file, root).diagnostics
 
 
-def fixed(data: str | bytes, root: Path = CASES / "invalid", file: str = "-") -> Fixed:
+def fixed(data: str | bytes, root: Path = CASES / "invalid", file: str = "-") -> FixResult:
     original = data.encode() if isinstance(data, str) else data
     return fix_all(lambda texts: linted(texts.get(file, original), root, file), {file: original})
 
@@ -267,7 +267,9 @@ def test_specs_with_misspelt_words_get_no_new_error_and_change_only_where_fixed(
     assert after(right, root, file) == right
     assert errors(right, root, file) <= errors(wrong.encode(), root, file)
     touched = {
-        edit.span.line for diagnostic in done.applied for edit in (diagnostic.fix.edits if diagnostic.fix else ())
+        edit.span.line
+        for diagnostic in done.fixed_findings
+        for edit in (diagnostic.fix.edits if diagnostic.fix else ())
     }
     lines = zip(wrong.split("\n"), right.decode().split("\n"), strict=True)
     assert {number for number, (old, new) in enumerate(lines, start=1) if old != new} <= touched
@@ -294,9 +296,13 @@ RULE = Rule(code="CDR3999", name="example", severity=Severity.ERROR)
 
 
 def finding(message: str, *edits: tuple[int, int, str]) -> Diagnostic:
-    spans = [(Span("f", 1, start, 1, end), text) for start, end, text in edits]
-    made = Fix(message="fix", edits=tuple(Edit(*span) for span in spans), applicability=Applicability.SAFE)
-    return Diagnostic(rule=RULE, message=message, place=Place(spans[0][0]), fix=made)
+    spans_and_texts = [(Span("f", 1, start, 1, end), text) for start, end, text in edits]
+    fix = Fix(
+        message="fix",
+        edits=tuple(Edit(*span_and_text) for span_and_text in spans_and_texts),
+        applicability=Applicability.SAFE,
+    )
+    return Diagnostic(rule=RULE, message=message, place=Place(spans_and_texts[0][0]), fix=fix)
 
 
 class Words:
@@ -314,7 +320,7 @@ class Words:
             *[Diagnostic(rule=RULE, message="an X", place=Place(Span("f", 1, 1, 1, 1)))] * text.count("X"),
         ]
 
-    def fixed(self) -> Fixed:
+    def fixed(self) -> FixResult:
         return fix_all(self.lint, {"f": self.text})
 
 
@@ -324,7 +330,7 @@ def test_a_fix_that_causes_an_error_is_undone_and_the_others_stay(text: str) -> 
 
     expected = text.replace("a", "A").replace("b", "B")
     assert done.texts.get("f", text.encode()).decode() == expected
-    assert all(is_safe(diagnostic) for diagnostic in done.applied)
+    assert all(is_safe(diagnostic) for diagnostic in done.fixed_findings)
 
 
 def test_of_two_overlapping_fixes_the_first_is_applied_and_the_other_one_is_not() -> None:
@@ -344,7 +350,7 @@ def test_cyclic_fixes_terminate() -> None:
 
     done = fix_all(lint, {"f": b"a"})
 
-    assert bool(done.texts) == bool(done.applied)
+    assert bool(done.texts) == bool(done.fixed_findings)
 
 
 def test_a_file_that_may_not_be_changed_is_left_alone() -> None:

@@ -28,7 +28,7 @@ def lint(text: str) -> str:
     return f"[tool.codra.lint]\n{text}\n"
 
 
-def place_of(finding: Diagnostic) -> tuple[str, int, int, int]:
+def code_and_position(finding: Diagnostic) -> tuple[str, int, int, int]:
     span = finding.place.span
     return finding.code, span.line, span.column, span.end_column
 
@@ -114,14 +114,14 @@ def test_an_error_is_reported_with_its_place_and_help(
 ) -> None:
     _, (finding,) = read(tmp_path, lint(text))
 
-    assert place_of(finding) == place
+    assert code_and_position(finding) == place
     assert help in finding.help
 
 
 def test_a_misspelt_table_is_reported(tmp_path: Path) -> None:
     _, (finding,) = read(tmp_path, "[tool.codra]\n[tool.codra.lnit]\nignore = []\n")
 
-    assert place_of(finding)[:2] == ("CDR0021", 2)
+    assert code_and_position(finding)[:2] == ("CDR0021", 2)
     assert finding.help == "did you mean 'lint'?"
 
 
@@ -157,7 +157,7 @@ def test_a_file_that_is_not_toml_is_reported_at_the_error(
     """A duplicate key makes the file invalid too."""
     _, (finding,) = read(tmp_path, text)
 
-    assert place_of(finding)[:3] == ("CDR0020", line, column)
+    assert code_and_position(finding)[:3] == ("CDR0020", line, column)
     assert project_of(tmp_path / "specs") == tmp_path
 
 

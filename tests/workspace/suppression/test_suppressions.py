@@ -197,10 +197,10 @@ def test_comments_work_in_parts(tmp_path: Path) -> None:
 def test_a_comment_in_a_part_is_called_unused_only_if_the_part_s_folder_was_linted(tmp_path: Path) -> None:
     """Another spec may include the part."""
     idle = PART.replace(UNUSED, f"  pot_hot: {{type: bool, source: main_execution}}  {COMMENT}\n")
-    kitchen_with_both = WHOLE.replace("[pot_full]", "[pot_full, pot_hot]")
+    kitchen_with_pot_hot = WHOLE.replace("[pot_full]", "[pot_full, pot_hot]")
 
-    assert codes(lint_files(tmp_path, "kitchen.yaml", kitchen=kitchen_with_both, parts__more=idle).diagnostics) == []
-    assert codes(lint_files(tmp_path, ".", kitchen=kitchen_with_both, parts__more=idle).diagnostics) == ["CDR7901"]
+    assert codes(lint_files(tmp_path, "kitchen.yaml", kitchen=kitchen_with_pot_hot, parts__more=idle).diagnostics) == []
+    assert codes(lint_files(tmp_path, ".", kitchen=kitchen_with_pot_hot, parts__more=idle).diagnostics) == ["CDR7901"]
 
 
 def test_a_comment_that_silences_in_one_of_two_specs_is_used(tmp_path: Path) -> None:

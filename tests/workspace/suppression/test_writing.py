@@ -8,7 +8,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codra_dsl.workspace.suppression import rewritable, rewrite, unified
+from codra_dsl.workspace.suppression import read_rewritable_files, rewrite, unified_diff
 
 
 def test_a_file_that_has_changed_since_it_was_read_is_left_alone(tmp_path: Path) -> None:
@@ -52,13 +52,13 @@ def test_files_outside_of_the_project_are_neither_read_nor_written(tmp_path: Pat
     (tmp_path / "project/link.yaml").symlink_to("../outside.yaml")
 
     for file in ("../outside.yaml", "link.yaml"):
-        assert rewritable([file], tmp_path / "project") == {}
+        assert read_rewritable_files([file], tmp_path / "project") == {}
         assert rewrite(file, tmp_path / "project", b"old", b"fixed") is not None
     assert (tmp_path / "outside.yaml").read_bytes() == b"old"
 
 
 def test_a_missing_file_is_reported(tmp_path: Path) -> None:
-    assert rewritable(["a.yaml"], tmp_path) == {}
+    assert read_rewritable_files(["a.yaml"], tmp_path) == {}
     assert rewrite("a.yaml", tmp_path, b"", b"fixed") is not None
     assert list(tmp_path.iterdir()) == []
 
@@ -68,7 +68,7 @@ LINES = st.lists(st.sampled_from(["a\n", "b\r\n", "c\rd\n", "\n", "e"]), max_siz
 
 @given(LINES, LINES)
 def test_a_difference_has_every_line_of_both_texts_unchanged(before: str, after: str) -> None:
-    diff = unified(before.encode(), after.encode(), "f")
+    diff = unified_diff(before.encode(), after.encode(), "f")
 
     body = diff.split("\n", 2)[-1]
     removed = [line[1:] for line in body.split("\n") if line.startswith("-")]
