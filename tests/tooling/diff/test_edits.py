@@ -21,7 +21,7 @@ def version(text: str, root: Path) -> Version:
     if not has_errors(planned.diagnostics):
         return Version(plans=planned.plans)
     errors = tuple(finding for finding in planned.diagnostics if has_errors([finding]))
-    return Version(broken=(BrokenSpec(name="bench", file="bench.yaml", errors=errors),))
+    return Version(broken_specs=(BrokenSpec(name="bench", file="bench.yaml", errors=errors),))
 
 
 def edited(edit: dict[str, Any]) -> str:

@@ -174,11 +174,11 @@ def test_the_first_node_of_a_spec_is_added() -> None:
 def test_an_error_in_knowledge_is_reported_at_its_element() -> None:
     text = BASE.replace("by: container_detection", "by: container_detectoin")
     findings = plan_text(text, "spec.yaml", ROOT / "tests").diagnostics
-    broken = BrokenSpec(
+    broken_spec = BrokenSpec(
         name="picking_up", file="spec.yaml", errors=tuple(error for error in findings if has_errors([error]))
     )
 
-    result = review(plan_version(BASE), Version(broken=(broken,)))
+    result = review(plan_version(BASE), Version(broken_specs=(broken_spec,)))
 
     assert changes(result) == ["invalid task/detecting "]
 

@@ -15,7 +15,7 @@ from codra_dsl.compiler import plan_paths, plan_text
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.language import model
 from codra_dsl.tooling.diff import Category, Version, review
-from codra_dsl.tooling.diff.table import FIELDS
+from codra_dsl.tooling.diff.table import FIELD_COMPARERS
 from tests.tooling.diff.test_changes import BASE
 
 CASES = Path(__file__).parents[2] / "cases/valid"
@@ -69,7 +69,9 @@ def test_every_field_has_a_line_in_the_table_or_is_compared_by_default_on_purpos
     unlisted_fields = [
         f"{cls.__name__}.{field.name}"
         for field in dataclasses.fields(cls)
-        if field.compare and field.type != "Place" and field.name not in {**FIELDS[object], **FIELDS.get(cls, {})}
+        if field.compare
+        and field.type != "Place"
+        and field.name not in {**FIELD_COMPARERS[object], **FIELD_COMPARERS.get(cls, {})}
     ]
 
     assert {name for name in unlisted_fields if not name.endswith(".name")} - BY_DEFAULT - PAIRED_BY == set()
@@ -82,7 +84,7 @@ def test_lists_of_this_file_name_no_field_that_is_gone() -> None:
     assert {cls.__name__ for cls in CLASSES} >= set(AS_ONE_VALUE)
     assert all(
         set(comparers) <= {field.name for field in dataclasses.fields(cls)}
-        for cls, comparers in FIELDS.items()
+        for cls, comparers in FIELD_COMPARERS.items()
         if dataclasses.is_dataclass(cls)
     )
 
