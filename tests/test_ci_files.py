@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from codra_dsl.tooling.scaffold import starter_texts, write_new
+from codra_dsl.tooling.scaffold import starter_texts, write_new_files
 from tests.test_docs import blocks, run
 
 ROOT = Path(__file__).parents[1]
@@ -53,7 +53,7 @@ def steps(workflow: dict[Any, Any]) -> Iterator[dict[str, Any]]:
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     """A new project, compiled."""
-    write_new(STARTER, tmp_path)
+    write_new_files(STARTER, tmp_path)
     assert run(["codra", "compile", "specs"], tmp_path).returncode == 0
     return tmp_path
 

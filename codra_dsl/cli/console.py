@@ -151,7 +151,7 @@ class View:
             files,
             self._text_of_file,
             is_failure=lambda diagnostic: is_failure([diagnostic], self.fail_on),
-            suite=self.title.replace(" ", "."),
+            suite_name=self.title.replace(" ", "."),
         )
 
     def _text_of_file(self, file: str) -> str | None:
@@ -178,9 +178,9 @@ def text_for_log(text: str) -> str:
     """Return a text for standard output. In GitHub Actions, replace what the runner would recognise as a command."""
     if not _in_github_actions():
         return text
-    from codra_dsl.tooling.report.github import without_commands
+    from codra_dsl.tooling.report.github import escape_commands
 
-    return without_commands(text)
+    return escape_commands(text)
 
 
 def _in_github_actions() -> bool:

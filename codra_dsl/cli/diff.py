@@ -397,7 +397,7 @@ def _versions_of(sides: tuple[_Side, _Side]) -> Versions:
     from codra_dsl.tooling.report.changes import Versions
 
     before, after = sides
-    return Versions(before=before.name, after=after.name, file_before=before.file, file_after=after.file)
+    return Versions(before=before.name, after=after.name, show_file_before=before.file, show_file_after=after.file)
 
 
 def _choose_format(requested_format: DiffFormat | None, output: Path | None) -> DiffFormat:

@@ -24,7 +24,7 @@ from codra_dsl.cli.console import (
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, Output, Specs
-from codra_dsl.tooling.report.graph_formats import DEFAULT, FORMATS, GraphFormat, formats_by_ending
+from codra_dsl.tooling.report.graph_formats import DEFAULT_FORMAT, FORMATS, GraphFormat, format_by_ending
 
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
@@ -39,7 +39,7 @@ GraphFormatOption = Annotated[
     FormatName | None,
     typer.Option(
         "--format",
-        help=f"The format of the graph.  [default: chosen by the ending of FILE, else {DEFAULT.name}]",
+        help=f"The format of the graph.  [default: chosen by the ending of FILE, else {DEFAULT_FORMAT.name}]",
         show_default=False,
     ),
 ]
@@ -88,12 +88,12 @@ def graph_command(
 def _choose_format(output: Path | None) -> GraphFormat:
     """Return the format for the ending of a file name. An unknown ending is a usage error."""
     if output is None or not output.suffix:
-        return DEFAULT
-    format_by_ending = formats_by_ending()
-    graph_format = format_by_ending.get(output.suffix.lower())
+        return DEFAULT_FORMAT
+    known_formats = format_by_ending()
+    graph_format = known_formats.get(output.suffix.lower())
     if graph_format is None:
         message = (
-            f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(format_by_ending)}"
+            f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(known_formats)}"
         )
         raise typer.BadParameter(message, param_hint="--output")
     return graph_format

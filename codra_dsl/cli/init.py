@@ -22,7 +22,7 @@ Name = Annotated[
 
 def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     """Start a project that passes lint, compiles and runs its tests. Existing files are not changed."""
-    from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new
+    from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new_files
 
     project_name = _choose_project_name(folder, name)
     if folder.exists() and not folder.is_dir():
@@ -32,7 +32,7 @@ def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     if existing_paths:
         _refuse(existing_paths, folder, project_name)
     try:
-        write_new(texts, folder)
+        write_new_files(texts, folder)
     except OSError as error:
         say(f"codra: cannot write '{error.filename}': {error.strerror}; nothing was written")
         raise typer.Exit(ExitCode.FAILED) from error

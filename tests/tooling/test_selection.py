@@ -35,7 +35,7 @@ def choices(*edges: Edge) -> Choices:
         spec, kind, name = node_id.split("/")
         file, use = f"specs/{spec}.yaml", "rear" if name == "deep" else ""
         nodes.append(Choice(id=node_id, name=name, kind=kind, label=LABELS.get(node_id, name), file=file, use=use))
-    return Choices(nodes=nodes, edges=edges, kinds=(*KINDS, "agent"), absent_names=frozenset({"unused"}))
+    return Choices(nodes=nodes, edges=edges, kinds=(*KINDS, "agent"), unneeded_names=frozenset({"unused"}))
 
 
 def chosen(*wanted: str, without: tuple[str, ...] = ()) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.tooling.report.graph_formats import DEFAULT, FORMATS, formats_by_ending
+from codra_dsl.tooling.report.graph_formats import DEFAULT_FORMAT, FORMATS, format_by_ending
 
 PAGE = Path(__file__).parents[3] / "docs/reference/graph.md"
 
@@ -22,13 +22,13 @@ app(["graph", "--help"])
 
 def test_formats_are_in_alphabetical_order() -> None:
     assert list(FORMATS) == ["dot", "html", "json", "mermaid", "svg"]
-    assert DEFAULT.name == "dot"
+    assert DEFAULT_FORMAT.name == "dot"
 
 
 def test_every_ending_chooses_one_format() -> None:
     endings = [ending for graph_format in FORMATS.values() for ending in graph_format.endings]
 
-    assert len(endings) == len(set(endings)) == len(formats_by_ending())
+    assert len(endings) == len(set(endings)) == len(format_by_ending())
     assert all(ending.startswith(".") and ending == ending.lower() for ending in endings)
 
 

@@ -15,7 +15,7 @@ from matplotlib.textpath import TextPath
 from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
-from codra_dsl.tooling.report.dot import drawing, render_dot, render_svg
+from codra_dsl.tooling.report.dot import render_dot, render_drawing, render_svg
 from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Graph, graph_of, render_json
 from codra_dsl.tooling.selection import select
@@ -271,7 +271,7 @@ def test_the_picture_shrinks_with_its_window_but_stays_readable(lab: Graph) -> N
 
 
 def test_a_drawing_for_a_page_names_nodes_and_edges_by_number(lab: Graph) -> None:
-    root = ElementTree.fromstring(drawing(lab))
+    root = ElementTree.fromstring(render_drawing(lab))
 
     names = [group.get("id", "") for group in root.iter(f"{SVG}g")]
     label = next(group for group in root.iter(f"{SVG}g") if group.get("id") == "n0").findtext(f"{SVG}text")

@@ -15,7 +15,7 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import EdgeKind
 from codra_dsl.tooling.report.graphs import Graph, graph_of
-from codra_dsl.tooling.report.looks import EDGES, label_of
+from codra_dsl.tooling.report.looks import EDGE_LOOKS, label_of
 from codra_dsl.tooling.report.mermaid import MAX_EDGES, MAX_LETTERS, flowchart
 from codra_dsl.tooling.selection import select
 from tests.language.check.checked_specs import Pi, checked_spec, skill, variable
@@ -133,11 +133,11 @@ def test_every_kind_of_edge_has_a_colour_and_a_sentence(lab: Graph) -> None:
 
     assert chart.colours.keys() == set(range(len(chart.edges)))
     for number, link in enumerate(lab.links):
-        assert chart.colours[number] == EDGES[link.kind].colour
+        assert chart.colours[number] == EDGE_LOOKS[link.kind].colour
     legend = [sentence for sentence, _, target in chart.edges if not target]
     used = {link.kind for link in lab.links}
     assert EdgeKind.FEEDBACK not in used
-    assert legend == [EDGES[kind].sentence for kind in EDGES if kind in used]
+    assert legend == [EDGE_LOOKS[kind].sentence for kind in EDGE_LOOKS if kind in used]
 
 
 def test_every_one_of_several_specs_has_a_frame(lab: Graph) -> None:
@@ -192,7 +192,7 @@ def test_a_graph_beyond_mermaids_limits_is_condensed() -> None:
 
     assert len(graph.links) > MAX_EDGES
     assert not chart.is_complete
-    assert chart.fits
+    assert chart.is_within_limits
     assert sorted(boxes.nodes.values()) == sorted(
         ["lab\n2 nodes", *(f"room_{number}\n9 nodes" for number in range(60))]
     )
@@ -226,4 +226,4 @@ def test_a_condensed_graph_that_is_still_too_large_is_reported() -> None:
 
     chart = flowchart(graph_of([plan(checked_spec(looks))]))
 
-    assert (chart.is_complete, chart.fits, chart.edges) == (False, False, 600)
+    assert (chart.is_complete, chart.is_within_limits, chart.edges) == (False, False, 600)

@@ -268,8 +268,8 @@ def test_no_result_has_more_places_than_github_accepts() -> None:
 
     (result,) = valid_run([finding(CYCLE, related=related)])["results"]
 
-    assert len(result["relatedLocations"]) == sarif.MAX_RELATED
-    assert len(result["codeFlows"][0]["threadFlows"][0]["locations"]) == sarif.MAX_STEPS
+    assert len(result["relatedLocations"]) == sarif.MAX_RELATED_LOCATIONS
+    assert len(result["codeFlows"][0]["threadFlows"][0]["locations"]) == sarif.MAX_FLOW_STEPS
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)

@@ -17,7 +17,7 @@ def _render(graph: Graph, say: Say) -> str:
     chart = flowchart(graph)
     if not chart.is_complete:
         say("the graph is too large for Mermaid and was condensed: --select shows a part in full")
-    if not chart.fits:
+    if not chart.is_within_limits:
         say(f"the flowchart has {chart.edges} edges: Mermaid draws at most {MAX_EDGES} unless its page sets maxEdges")
     return chart.text
 
