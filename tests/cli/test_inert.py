@@ -73,7 +73,7 @@ def run_watched(project: Path, *arguments: str) -> list[tuple[str, str]]:
     """Run a command and return its actions, as far as Python's audit hooks report them."""
     events = project.parent / "events.json"
     path = f"{ROOT}{os.pathsep}{project}"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", WATCH, *arguments],
         cwd=project,
         env={**os.environ, "PYTHONPATH": path, "EVENTS": str(events), "PYTHONDONTWRITEBYTECODE": "1"},
@@ -81,7 +81,7 @@ def run_watched(project: Path, *arguments: str) -> list[tuple[str, str]]:
         capture_output=True,
         check=False,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert process.returncode == 0, process.stdout + process.stderr
     return [(event, what) for event, what in json.loads(events.read_text())]
 
 

@@ -81,8 +81,8 @@ observers:
 """
 
 
-def change_texts(result: Review) -> list[str]:
-    return sorted(f"{change.category} {change.element}" for change in result.changes)
+def change_texts(diff_review: Review) -> list[str]:
+    return sorted(f"{change.category} {change.element}" for change in diff_review.changes)
 
 
 @pytest.mark.parametrize(

@@ -129,8 +129,8 @@ def test_no_other_format_has_a_command_in_the_log(findings: list[Diagnostic]) ->
 def test_an_annotation_has_the_message_of_the_finding(findings: list[Diagnostic]) -> None:
     commands, _ = read(render_github(findings))
 
-    by_severity = sorted(findings, key=lambda finding: finding.severity.value)
-    for command, finding in zip(commands, by_severity, strict=True):
+    sorted_findings = sorted(findings, key=lambda finding: finding.severity.value)
+    for command, finding in zip(commands, sorted_findings, strict=True):
         assert command.message.split("\n")[0] == visible_text(finding.message)
         assert command.properties.keys() <= {"file", "line", "endLine", "col", "endColumn", "title"}
         assert command.properties["title"] == f"{finding.code} {finding.rule.name}"

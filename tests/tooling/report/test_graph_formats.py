@@ -12,7 +12,7 @@ from codra_dsl.tooling.report.graph_formats import DEFAULT_FORMAT, FORMATS, form
 
 PAGE = Path(__file__).parents[3] / "docs/reference/graph.md"
 
-ADDED = """
+PROGRAM_WITH_ADDED_FOLDER = """
 import sys, codra_dsl.tooling.report
 codra_dsl.tooling.report.__path__.insert(0, sys.argv[1])
 from codra_dsl.cli.app import app
@@ -52,6 +52,8 @@ def test_a_new_module_is_a_new_choice_of_the_command(tmp_path: Path) -> None:
         "FORMAT = GraphFormat(name='listing', endings=('.lst',), render=lambda graph, say: '')\n"
     )
 
-    done = subprocess.run([sys.executable, "-c", ADDED, tmp_path], capture_output=True, text=True, check=True)
+    process = subprocess.run(
+        [sys.executable, "-c", PROGRAM_WITH_ADDED_FOLDER, tmp_path], capture_output=True, text=True, check=True
+    )
 
-    assert "--format <dot|html|json|listing|mermaid|svg>" in done.stdout
+    assert "--format <dot|html|json|listing|mermaid|svg>" in process.stdout

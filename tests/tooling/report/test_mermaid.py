@@ -64,33 +64,33 @@ def read(text: str) -> Chart:
     assert first == "flowchart LR"
     chart, frames, used = Chart(), [], set()
     for line in map(str.strip, lines):
-        ((form, matched),) = [
-            (form, match) for form, line_form in LINES.items() if (match := line_form.fullmatch(line))
+        ((form, line_match),) = [
+            (form, match) for form, line_pattern in LINES.items() if (match := line_pattern.fullmatch(line))
         ] or [("?", line)]
-        assert not isinstance(matched, str), line
-        parts = {key: value for key, value in matched.groupdict().items() if value is not None}
-        label = next((shown(value) for key, value in parts.items() if key.startswith("label")), "")
+        assert not isinstance(line_match, str), line
+        fields = {key: value for key, value in line_match.groupdict().items() if value is not None}
+        label = next((shown(value) for key, value in fields.items() if key.startswith("label")), "")
         if form == "subgraph":
             frames.append(label)
-            assert parts["name"] not in chart.nodes
+            assert fields["name"] not in chart.nodes
         elif form == "end":
             frames.pop()
         elif form == "node":
-            assert (parts["shape"], parts["closing"]) in SHAPES
-            assert parts["name"] not in chart.nodes
-            chart.nodes[parts["name"]], chart.inside[parts["name"]] = label, "/".join(frames)
-            used.add(parts.get("style", "plain"))
+            assert (fields["shape"], fields["closing"]) in SHAPES
+            assert fields["name"] not in chart.nodes
+            chart.nodes[fields["name"]], chart.inside[fields["name"]] = label, "/".join(frames)
+            used.add(fields.get("style", "plain"))
         elif form == "legend":
-            chart.edges.append((label, parts["arrow"], ""))
+            chart.edges.append((label, fields["arrow"], ""))
         elif form == "edge":
-            assert {parts["source"], parts["target"]} <= chart.nodes.keys()
-            chart.edges.append((parts["source"], parts["arrow"], parts["target"]))
+            assert {fields["source"], fields["target"]} <= chart.nodes.keys()
+            chart.edges.append((fields["source"], fields["arrow"], fields["target"]))
         elif form == "classDef":
-            chart.styles.add(parts["name"])
+            chart.styles.add(fields["name"])
         elif form == "linkStyle":
-            numbers = [int(number) for number in parts["numbers"].split(",")]
+            numbers = [int(number) for number in fields["numbers"].split(",")]
             assert not chart.colours.keys() & set(numbers)
-            chart.colours |= dict.fromkeys(numbers, parts["colour"])
+            chart.colours |= dict.fromkeys(numbers, fields["colour"])
     assert frames == []
     assert used <= chart.styles | {"plain"}
     assert not RESERVED & {name.lower() for name in chart.nodes}
@@ -135,9 +135,9 @@ def test_every_kind_of_edge_has_a_colour_and_a_sentence(lab: Graph) -> None:
     for number, link in enumerate(lab.links):
         assert chart.colours[number] == EDGE_LOOKS[link.kind].colour
     legend = [sentence for sentence, _, target in chart.edges if not target]
-    used = {link.kind for link in lab.links}
-    assert EdgeKind.FEEDBACK not in used
-    assert legend == [EDGE_LOOKS[kind].sentence for kind in EDGE_LOOKS if kind in used]
+    used_kinds = {link.kind for link in lab.links}
+    assert EdgeKind.FEEDBACK not in used_kinds
+    assert legend == [EDGE_LOOKS[kind].sentence for kind in EDGE_LOOKS if kind in used_kinds]
 
 
 def test_every_one_of_several_specs_has_a_frame(lab: Graph) -> None:
