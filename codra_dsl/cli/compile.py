@@ -147,10 +147,10 @@ def _write_output(compilation: Compilation, folder: Path) -> _OutputResult:
     """Bring the output folder up to date."""
     from codra_dsl.generation.output import write
 
-    report = write(compilation.files, folder, compilation.covered)
-    if report.diagnostics:
-        return _OutputResult(diagnostics=report.diagnostics)
-    changes_text = f"{len(report.changed)} written, {len(report.removed)} removed"
+    write_report = write(compilation.files, folder, compilation.covered)
+    if write_report.diagnostics:
+        return _OutputResult(diagnostics=write_report.diagnostics)
+    changes_text = f"{len(write_report.changed)} written, {len(write_report.removed)} removed"
     return _OutputResult(summary=f"{folder.name}: {len(compilation.files)} files, {changes_text}")
 
 

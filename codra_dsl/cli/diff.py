@@ -226,9 +226,9 @@ def _side_in_revision(name: str, base_path: Path, relative_paths: Sequence[PureP
     kind_by_unread_path = repository.extract(commit, PurePosixPath(spec_folder.relative_to(top)), folder)
     paths = [real_path / relative_path for relative_path in relative_paths] or [real_path]
     extracted_paths = [folder / _path_in_repository(Path(os.path.normpath(path)), top) for path in paths]
-    for path, kind in kind_by_unread_path.items():
+    for path, file_kind in kind_by_unread_path.items():
         if any((folder / path).is_relative_to(compared_path) for compared_path in extracted_paths):
-            say(f"codra: {name}:{path} is not read, because it is {kind}")
+            say(f"codra: {name}:{path} is not read, because it is {file_kind}")
     existing_paths = tuple(path for path in extracted_paths if path.exists())
     root = _root_of(existing_paths, folder) if existing_paths else folder
     root_in_repository = root.relative_to(folder).as_posix()

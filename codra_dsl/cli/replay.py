@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.knowledge import KnowledgeModel
     from codra_dsl.runtime.replay import Build, Difference, Replayed
 
-    MakeKnowledge = Callable[[KnowledgeModel | None], KnowledgeModel | None]
+    KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
 
 Package = Annotated[
     Path | None,
@@ -111,7 +111,7 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
     events: tuple[Event, ...],
     package: Path | None,
     spec: Path | None,
-    make_knowledge: MakeKnowledge,
+    make_knowledge: KnowledgeFactory,
     journal: Path | None,
 ) -> Replayed:
     import tempfile

@@ -155,16 +155,16 @@ class Repository:
         """
         entries = tuple(self._entries(commit))
         inner_entries = [entry for entry in entries if entry.path.is_relative_to(subfolder)]
-        wanted_entries = [
+        spec_entries = [
             entry for entry in inner_entries if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)
         ]
-        wanted_entries += [
+        spec_entries += [
             entry for entry in entries if entry.path.name == SETTINGS and subfolder.is_relative_to(entry.path.parent)
         ]
-        wanted_entries += [
+        spec_entries += [
             entry for entry in inner_entries if entry.path.name == SETTINGS and entry.path.parent != subfolder
         ]
-        written_entries = self._write(dict.fromkeys(wanted_entries), target_folder)
+        written_entries = self._write(dict.fromkeys(spec_entries), target_folder)
         mentioned_words = set(_words_in_including_files(target_folder / entry.path for entry in written_entries))
         mentioned_entries = [
             entry

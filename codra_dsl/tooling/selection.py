@@ -241,9 +241,11 @@ class _Search:
         return matching_ids
 
     def _help_for_name(self, term: _Term, known_keys: Sequence[str]) -> str:
-        labelled_names = [node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()]
-        if labelled_names:
-            return f": that is the label of '{labelled_names[0]}'"
+        names_with_label = [
+            node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()
+        ]
+        if names_with_label:
+            return f": that is the label of '{names_with_label[0]}'"
         if term.pattern in self._choices.unneeded_names:
             return " in the graph: it is declared, but no decision needs it"
         return self._help_for_value(term, known_keys)

@@ -40,8 +40,8 @@ def choices(*edges: Edge) -> Choices:
 
 def chosen(*wanted: str, without: tuple[str, ...] = ()) -> str:
     """Return the selected nodes; those of the lab without the name of their spec."""
-    selected = select(choices(*EDGES), wanted, without)
-    return " ".join(sorted(node_id.removeprefix("lab/") for node_id in selected))
+    selected_ids = select(choices(*EDGES), wanted, without)
+    return " ".join(sorted(node_id.removeprefix("lab/") for node_id in selected_ids))
 
 
 ALL = (

@@ -69,13 +69,13 @@ def growth_comparer(increase_category: Category, decrease_category: Category) ->
         if old is None or new is None:
             yield from compare_by_default(scope, key, old, new)
             return
-        is_time = isinstance(new, float)
-        increase_word, decrease_word = ("longer", "shorter") if is_time else ("larger", "smaller")
+        is_duration = isinstance(new, float)
+        increase_word, decrease_word = ("longer", "shorter") if is_duration else ("larger", "smaller")
         wordings = (
             (increase_category, f"'{key}' is {increase_word}"),
             (decrease_category, f"'{key}' is {decrease_word}"),
         )
-        yield from order_comparer(*wordings, duration_text if is_time else str)(scope, key, old, new)
+        yield from order_comparer(*wordings, duration_text if is_duration else str)(scope, key, old, new)
 
     return compare
 

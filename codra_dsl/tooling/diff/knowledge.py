@@ -58,8 +58,12 @@ def _expectations_by_subject(expectations: Iterable[Expectation]) -> dict[tuple[
 
 def _compare_expectation(scope: Scope, key: str, old: Expectation | None, new: Expectation | None) -> Iterator[Change]:
     if old is None or new is None:
-        category, verb = (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
-        yield scope.make_change(category, key, f"{_expectation_text(old or new)} {verb}", changed_parts=(old, new))
+        category, verb_phrase = (
+            (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
+        )
+        yield scope.make_change(
+            category, key, f"{_expectation_text(old or new)} {verb_phrase}", changed_parts=(old, new)
+        )
         return
     guard_relation = _expectation_relation(scope.pair, old, new)
     if guard_relation is not Relation.SAME:

@@ -26,7 +26,7 @@ def _find_successor(pair: Pair, old: Variable) -> str | None:
     It has the same type, and one of the same algorithms identifies it. If the removed variable has no algorithm that is
     also in B, it is a variable with a similar name that no algorithm identifies.
     """
-    same_type_names = [name for name in sorted(pair.gained) if pair.new.variables[name].type == old.type]
+    same_type_names = [name for name in sorted(pair.gained_names) if pair.new.variables[name].type == old.type]
     paired_names = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
     identified_names = [name for name in same_type_names if paired_names & {*pair.new.producers.get(name, ())}]
     if identified_names:

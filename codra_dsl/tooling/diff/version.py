@@ -114,7 +114,7 @@ class Pair:
         return self.old, self.new
 
     @property
-    def gained(self) -> frozenset[str]:
+    def gained_names(self) -> frozenset[str]:
         """Return the variables that A does not have."""
         return frozenset(self.new.variables.keys() - self.old.variables.keys())
 

@@ -66,9 +66,9 @@ class Scope:
         for field in fields(new):
             if field.compare and field.name not in skipped_fields:
                 before, after = (getattr(value, field.name) for value in self.values)
-                is_time = field.name.endswith("_s") and float in {type(before), type(after)}
+                is_duration = field.name.endswith("_s") and float in {type(before), type(after)}
                 compare = comparers.get(
-                    field.name, equality_comparer(show=duration_text) if is_time else compare_by_default
+                    field.name, equality_comparer(show=duration_text) if is_duration else compare_by_default
                 )
                 yield from compare(self, _key_of_field(field.name), before, after)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
-Say = Callable[[str], None]
+ShowMessage = Callable[[str], None]
 """Shows one line to the user. The line is not part of the result."""
 
 
@@ -33,7 +33,7 @@ class GraphFormat:
 
     name: str
     endings: tuple[str, ...]
-    render: Callable[[Graph, Say], str]
+    render: Callable[[Graph, ShowMessage], str]
 
 
 def _find_formats() -> Mapping[str, GraphFormat]:
