@@ -13,19 +13,19 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = {"codra_dsl": "tests", "codra_papers": "tests/papers"}
+TEST_ROOT_BY_PACKAGE = {"codra_dsl": "tests", "codra_papers": "tests/papers"}
 
 
 def git(*arguments: str) -> list[str]:
     """Return the lines that a git command prints; none if it fails."""
-    done = subprocess.run(("git", *arguments), cwd=ROOT, capture_output=True, text=True, check=False)
-    return done.stdout.splitlines() if done.returncode == 0 else []
+    process = subprocess.run(("git", *arguments), cwd=ROOT, capture_output=True, text=True, check=False)
+    return process.stdout.splitlines() if process.returncode == 0 else []
 
 
 def changed_files() -> set[str]:
     """Return the changed files, relative to the root."""
-    base = next(iter(git("merge-base", "HEAD", "main")), "HEAD")
-    return {*git("diff", "--name-only", base), *git("ls-files", "--others", "--exclude-standard")}
+    merge_base = next(iter(git("merge-base", "HEAD", "main")), "HEAD")
+    return {*git("diff", "--name-only", merge_base), *git("ls-files", "--others", "--exclude-standard")}
 
 
 def module_of(file: str) -> str:
@@ -36,46 +36,50 @@ def module_of(file: str) -> str:
 
 def imported_modules(text: str) -> set[str]:
     """Return the modules that a text imports; both readings of `from package import name` count."""
-    names = set[str]()
+    module_names = set[str]()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
+            module_names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return names
+            module_names.add(node.module)
+            module_names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return module_names
 
 
 def mirrored_folder(file: str) -> str | None:
     """Return the folder of tests that mirrors the folder of a module; None for a module of no package."""
     package, *folders = PurePosixPath(file).parent.parts or ("",)
-    tests = PACKAGES.get(package)
-    return None if tests is None or not folders else "/".join((tests, *folders))
+    test_root = TEST_ROOT_BY_PACKAGE.get(package)
+    return None if test_root is None or not folders else "/".join((test_root, *folders))
 
 
-def select(changed: Iterable[str], texts: dict[str, str]) -> list[str]:
+def select(changed_paths: Iterable[str], texts: dict[str, str]) -> list[str]:
     """Return the test files that concern changed files, sorted.
 
     Args:
-        changed: files, relative to the root.
+        changed_paths: files, relative to the root.
         texts: the text of each test file, by its name relative to the root.
     """
-    files = {file for file in changed if file.endswith(".py")}
-    modules = {module_of(file) for file in files}
-    folders = {mirrored_folder(file) for file in files}
+    python_files = {file for file in changed_paths if file.endswith(".py")}
+    changed_modules = {module_of(file) for file in python_files}
+    test_folders = {mirrored_folder(file) for file in python_files}
     return sorted(
-        test
-        for test, text in texts.items()
-        if test in files or PurePosixPath(test).parent.as_posix() in folders or imported_modules(text) & modules
+        test_file
+        for test_file, text in texts.items()
+        if test_file in python_files
+        or PurePosixPath(test_file).parent.as_posix() in test_folders
+        or imported_modules(text) & changed_modules
     )
 
 
 def main() -> None:
     """Print the tests, one on a line."""
-    paths = sorted((ROOT / "tests").rglob("test_*.py"))
-    texts = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in paths}
-    rafcon = "tests/integrations/rafcon/"  # has an environment of its own
-    sys.stdout.writelines(f"{test}\n" for test in select(changed_files(), texts) if not test.startswith(rafcon))
+    test_paths = sorted((ROOT / "tests").rglob("test_*.py"))
+    texts = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in test_paths}
+    rafcon_folder = "tests/integrations/rafcon/"  # has an environment of its own
+    sys.stdout.writelines(
+        f"{test_file}\n" for test_file in select(changed_files(), texts) if not test_file.startswith(rafcon_folder)
+    )
 
 
 if __name__ == "__main__":

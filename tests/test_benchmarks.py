@@ -17,14 +17,14 @@ def test_a_missing_peer_is_reported_on_one_line_and_the_next_rows_are_measured(t
     results = (tmp_path / "benchmarks/results.json").read_bytes()
     command = (sys.executable, "benchmarks/bench.py", "fuzzy", "fuzzy")
     environment = {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False, text=True)
+    process = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False, text=True)
     message = "fuzzy: FuzzyLite is not installed: `make .venv-fuzzylite/.ready` installs it\n"
-    assert (done.returncode, done.stderr) == (2, message * 2)
-    assert done.stdout.split() == ["row", "ours", "peer", "ratio", "target"]
+    assert (process.returncode, process.stderr) == (2, message * 2)
+    assert process.stdout.split() == ["row", "ours", "peer", "ratio", "target"]
     assert (tmp_path / "benchmarks/results.json").read_bytes() == results
 
 
 def test_the_target_that_a_missing_peer_names_exists_in_the_makefile() -> None:
     command = ("make", "--dry-run", ".venv-fuzzylite/.ready")
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False, text=True)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, check=False, text=True)
+    assert process.returncode == 0, process.stderr

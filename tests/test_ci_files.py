@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from codra_dsl.tooling.scaffold import starter_texts, write_new
+from codra_dsl.tooling.scaffold import starter_texts, write_new_files
 from tests.test_docs import blocks, run
 
 ROOT = Path(__file__).parents[1]
@@ -32,13 +32,13 @@ skills:
 """
 
 
-def copied(page: str) -> dict[str, str]:
+def files_of_page(page: str) -> dict[str, str]:
     """Return the files that a page of the guide tells its readers to write."""
     page_blocks = blocks(ROOT / "docs/how-to" / page)
     return {block.options["file"]: block.body for block in page_blocks if "file" in block.options}
 
 
-CI, EDITOR = copied("ci.md"), copied("editor.md")
+CI, EDITOR = files_of_page("ci.md"), files_of_page("editor.md")
 WORKFLOWS = {
     "starter": yaml.safe_load(STARTER[".github/workflows/codra.yml"]),
     "docs": yaml.safe_load(CI[".github/workflows/codra.yml"]),
@@ -53,7 +53,7 @@ def steps(workflow: dict[Any, Any]) -> Iterator[dict[str, Any]]:
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     """A new project, compiled."""
-    write_new(STARTER, tmp_path)
+    write_new_files(STARTER, tmp_path)
     assert run(["codra", "compile", "specs"], tmp_path).returncode == 0
     return tmp_path
 
@@ -167,9 +167,9 @@ def commands() -> list[str]:
 
 @pytest.mark.parametrize("command", sorted({*commands()}))
 def test_every_command_of_a_workflow_passes_in_a_new_project(command: str, project: Path) -> None:
-    done = run(shlex.split(command), project)
+    process = run(shlex.split(command), project)
 
-    assert done.returncode == 0, done.stdout
+    assert process.returncode == 0, process.stdout
 
 
 def test_gitlab_gets_the_report_that_lint_writes(project: Path) -> None:
@@ -238,6 +238,6 @@ def test_the_guide_maps_the_schema_from_where_it_is_kept() -> None:
 def test_python_knows_where_the_schema_is_installed() -> None:
     program = "import codra_dsl, pathlib; print(pathlib.Path(codra_dsl.__file__).with_name('schema.json').is_file())"
 
-    done = subprocess.run([sys.executable, "-c", program], text=True, capture_output=True, check=True)
+    process = subprocess.run([sys.executable, "-c", program], text=True, capture_output=True, check=True)
 
-    assert done.stdout == "True\n"
+    assert process.stdout == "True\n"

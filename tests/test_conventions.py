@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[1]
 COMPILER_LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "jinja2", "networkx", "typer", "rich")
 LONGEST_FUNCTION_LINES = 70
 LONGEST_FILE_LINES = 500
-MOST_MODULES = 20
+MAX_MODULES = 20
 
 IMPORT_THE_RUNTIME = """
 import importlib, pkgutil, sys
@@ -39,11 +39,11 @@ for package in (codra_dsl.runtime, generated):
 
 def run(*command: str | Path, cwd: Path = ROOT, env: Mapping[str, str] | None = None) -> str:
     """Run a command, assert that it succeeds, and return its output."""
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=cwd, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
     )
-    assert done.returncode == 0, done.stdout
-    return done.stdout
+    assert process.returncode == 0, process.stdout
+    return process.stdout
 
 
 def sources(folder: str) -> dict[str, str]:
@@ -81,15 +81,15 @@ def imported_names(node: ast.AST) -> list[str]:
 
 
 def test_generated_code_imports_only_py_trees_and_one_module_of_codra() -> None:
-    allowed = re.compile(r"py_trees(\..+)?|codra_dsl\.runtime\.generated_api")
-    foreign = [
+    allowed_pattern = re.compile(r"py_trees(\..+)?|codra_dsl\.runtime\.generated_api")
+    foreign_imports = [
         f"{path} imports {name}"
         for path, node in nodes("generated")
         for name in imported_names(node)
-        if name.split(".")[0] not in sys.stdlib_module_names and not allowed.fullmatch(name)
+        if name.split(".")[0] not in sys.stdlib_module_names and not allowed_pattern.fullmatch(name)
     ]
 
-    assert foreign == []
+    assert foreign_imports == []
 
 
 # Sizes
@@ -114,9 +114,9 @@ def test_no_file_is_too_long_to_survey(folder: str) -> None:
 
 
 def test_no_folder_of_the_papers_has_more_than_20_modules() -> None:
-    modules = Counter(str(Path(path).parent) for path in sources("codra_papers"))
+    module_counts = Counter(str(Path(path).parent) for path in sources("codra_papers"))
 
-    assert {folder: count for folder, count in modules.items() if count > MOST_MODULES} == {}
+    assert {folder: count for folder, count in module_counts.items() if count > MAX_MODULES} == {}
 
 
 # Tests
@@ -124,13 +124,13 @@ def test_no_folder_of_the_papers_has_more_than_20_modules() -> None:
 
 def test_every_test_runs_and_none_is_allowed_to_fail() -> None:
     """No test is skipped or expected to fail, by a mark, a call, an exception or a name of unittest's."""
-    escapes = {"skip", "skipif", "xfail", "importorskip", "skipTest", "skipIf", "skipUnless", "SkipTest"}
-    escapes |= {"expectedFailure", "collect_ignore", "collect_ignore_glob", "__test__"}
+    escape_names = {"skip", "skipif", "xfail", "importorskip", "skipTest", "skipIf", "skipUnless", "SkipTest"}
+    escape_names |= {"expectedFailure", "collect_ignore", "collect_ignore_glob", "__test__"}
     violations = [
         f"{path}:{node.lineno} {name}"
         for path, node in nodes("tests")
         for name in [getattr(node, "attr", None) or getattr(node, "id", None)]
-        if isinstance(node, ast.Attribute | ast.Name) and name in escapes
+        if isinstance(node, ast.Attribute | ast.Name) and name in escape_names
     ]
 
     assert violations == []
@@ -141,21 +141,21 @@ def test_every_test_runs_and_none_is_allowed_to_fail() -> None:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return built(ROOT, tmp_path_factory.mktemp("wheel"))
+    return build_wheel(ROOT, tmp_path_factory.mktemp("wheel"))
 
 
-def built(project: Path, folder: Path) -> Path:
+def build_wheel(project: Path, folder: Path) -> Path:
     """Build the wheel of a project into a folder."""
     run(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, project)
     (wheel,) = folder.glob("*.whl")
     return wheel
 
 
-def packed_in(wheel: Path) -> set[str]:
+def files_in_wheel(wheel: Path) -> set[str]:
     return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
 
 
-def present_in(package: str) -> set[str]:
+def files_in_repository(package: str) -> set[str]:
     """The files of a package in the repository."""
     return {
         path.relative_to(ROOT).as_posix()
@@ -166,29 +166,31 @@ def present_in(package: str) -> set[str]:
 
 def test_the_wheel_has_only_the_package(wheel: Path) -> None:
     """The wheel has every file of the package in the repository, and no specs, tests, worlds or generated code."""
-    packed = packed_in(wheel)
+    packed_files = files_in_wheel(wheel)
 
-    assert packed == present_in("codra_dsl")
-    assert {"codra_dsl/schema.json", "codra_dsl/py.typed"} <= packed
-    assert any(re.fullmatch(r"codra_dsl/generation/emit/.*\.(j2|jinja)", name) for name in packed)
+    assert packed_files == files_in_repository("codra_dsl")
+    assert {"codra_dsl/schema.json", "codra_dsl/py.typed"} <= packed_files
+    assert any(re.fullmatch(r"codra_dsl/generation/emit/.*\.(j2|jinja)", name) for name in packed_files)
 
 
 def test_the_wheel_of_the_papers_holds_their_package_and_its_entry_points(tmp_path: Path) -> None:
-    papers = built(ROOT / "codra_papers", tmp_path)
-    names = zipfile.ZipFile(papers).namelist()
-    (entry_points,) = (name for name in names if name.endswith("/entry_points.txt"))
-    registered = zipfile.ZipFile(papers).read(entry_points).decode()
+    papers_wheel = build_wheel(ROOT / "codra_papers", tmp_path)
+    file_names = zipfile.ZipFile(papers_wheel).namelist()
+    (entry_points,) = (name for name in file_names if name.endswith("/entry_points.txt"))
+    entry_points_text = zipfile.ZipFile(papers_wheel).read(entry_points).decode()
 
-    assert packed_in(papers) == present_in("codra_papers") - {"codra_papers/pyproject.toml"}
-    assert "[codra.worlds]\nlab = codra_papers.cli.lab:lab\nstore = codra_papers.cli.store:store\n" in registered
-    assert "[codra.commands]\nexperiment = codra_papers.cli.experiment:experiment_command\n" in registered
+    assert files_in_wheel(papers_wheel) == files_in_repository("codra_papers") - {"codra_papers/pyproject.toml"}
+    assert "[codra.worlds]\nlab = codra_papers.cli.lab:lab\nstore = codra_papers.cli.store:store\n" in entry_points_text
+    assert "[codra.commands]\nexperiment = codra_papers.cli.experiment:experiment_command\n" in entry_points_text
 
 
 def test_the_wheel_needs_no_library_of_a_simulator(wheel: Path) -> None:
     metadata = next(name for name in zipfile.ZipFile(wheel).namelist() if name.endswith("/METADATA"))
-    required = re.findall(r"^Requires-Dist: ([\w-]+)", zipfile.ZipFile(wheel).read(metadata).decode(), re.MULTILINE)
+    required_names = re.findall(
+        r"^Requires-Dist: ([\w-]+)", zipfile.ZipFile(wheel).read(metadata).decode(), re.MULTILINE
+    )
 
-    assert {"mujoco", "opencv-python-headless", "starlette", "uvicorn"}.isdisjoint(required)
+    assert {"mujoco", "opencv-python-headless", "starlette", "uvicorn"}.isdisjoint(required_names)
 
 
 @pytest.fixture(scope="module")
@@ -197,20 +199,20 @@ def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
     run(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", folder, wheel)
     metadata = next(folder.glob("codra_dsl-*.dist-info/METADATA")).read_text("utf-8")
-    wanted = needed(re.findall(r"^Requires-Dist: (.*)$", metadata, re.MULTILINE))
-    linked = set[str]()
-    while wanted:
-        name = wanted.pop()
-        if name not in linked:
-            linked.add(name)
-            link(name, folder)
-            wanted += needed(distribution(name).requires or [])
+    pending_names = applicable_names(re.findall(r"^Requires-Dist: (.*)$", metadata, re.MULTILINE))
+    linked_names = set[str]()
+    while pending_names:
+        name = pending_names.pop()
+        if name not in linked_names:
+            linked_names.add(name)
+            link_distribution(name, folder)
+            pending_names += applicable_names(distribution(name).requires or [])
     return folder
 
 
-def needed(declared: list[str]) -> list[str]:
+def applicable_names(requirement_lines: list[str]) -> list[str]:
     """Return the names of the requirements that apply here without an extra."""
-    requirements = [Requirement(line) for line in declared]
+    requirements = [Requirement(line) for line in requirement_lines]
     return [
         requirement.name
         for requirement in requirements
@@ -218,11 +220,11 @@ def needed(declared: list[str]) -> list[str]:
     ]
 
 
-def link(name: str, folder: Path) -> None:
-    installed = distribution(name)
-    for top in sorted({path.parts[0] for path in installed.files or []} - {"..", "__pycache__"}):
-        if not (folder / top).exists():
-            (folder / top).symlink_to(str(installed.locate_file(top)))
+def link_distribution(name: str, folder: Path) -> None:
+    installed_distribution = distribution(name)
+    for top_name in sorted({path.parts[0] for path in installed_distribution.files or []} - {"..", "__pycache__"}):
+        if not (folder / top_name).exists():
+            (folder / top_name).symlink_to(str(installed_distribution.locate_file(top_name)))
 
 
 def test_an_installed_wheel_compiles_a_spec_outside_the_repository(site: Path, tmp_path: Path) -> None:

@@ -12,15 +12,15 @@ ROOT = Path(__file__).parents[1]
 
 def test_missing_system_packages_are_named_and_not_installed_without_apt() -> None:
     command = ["make", "prerequisites", "browser", "--keep-going", "APT=no", "PYTHON=false"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
-    assert done.returncode != 0
-    installs = [line.strip() for line in done.stderr.splitlines() if "apt-get install" in line]
-    assert [line.removeprefix("sudo ").split()[:4] for line in installs] == [
+    assert process.returncode != 0
+    install_lines = [line.strip() for line in process.stderr.splitlines() if "apt-get install" in line]
+    assert [line.removeprefix("sudo ").split()[:4] for line in install_lines] == [
         ["apt-get", "install", "--no-install-recommends", "libosmesa6"],
         ["apt-get", "install", "--no-install-recommends", "chromium"],
     ]
-    assert done.stderr.count("APT=no: install these packages first") == 2
+    assert process.stderr.count("APT=no: install these packages first") == 2
 
 
 def test_a_changed_module_selects_the_tests_that_import_it_and_those_of_its_folder() -> None:
@@ -32,9 +32,9 @@ def test_a_changed_module_selects_the_tests_that_import_it_and_those_of_its_fold
         "tests/language/test_units.py": "from codra_dsl.language.units import convert",
     }
 
-    selected = select(["codra_dsl/runtime/why/explanation.py", "README.md"], texts)
+    selected_tests = select(["codra_dsl/runtime/why/explanation.py", "README.md"], texts)
 
-    assert selected == ["tests/cli/test_why.py", "tests/runtime/test_clock.py", "tests/runtime/why/test_why.py"]
+    assert selected_tests == ["tests/cli/test_why.py", "tests/runtime/test_clock.py", "tests/runtime/why/test_why.py"]
 
 
 def test_a_changed_test_selects_itself() -> None:

@@ -64,10 +64,10 @@ def run_console(block: Block, folder: Path) -> None:
     """Run a block's commands and compare their output."""
     for part in re.split(r"^\$ ", block.body, flags=re.MULTILINE)[1:]:
         command, _, expected = part.partition("\n")
-        done = run(shlex.split(command), folder, python_of(block))
+        process = run(shlex.split(command), folder, python_of(block))
 
-        assert done.stdout.strip() == expected.strip(), command
-        assert done.returncode == int(block.options.get("exit", "0")), done.stdout
+        assert process.stdout.strip() == expected.strip(), command
+        assert process.returncode == int(block.options.get("exit", "0")), process.stdout
 
 
 def follow(block: Block, folder: Path) -> None:
@@ -80,9 +80,9 @@ def follow(block: Block, folder: Path) -> None:
         run_console(block, folder)
     elif block.kind == "python":
         python = python_of(block)
-        done = run([str(python), "-W", "error", "-c", block.body], folder, python)
+        process = run([str(python), "-W", "error", "-c", block.body], folder, python)
 
-        assert done.returncode == 0, done.stdout
+        assert process.returncode == 0, process.stdout
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -23,7 +23,7 @@ from tests.language.behavior_trees.stories import compiled, document
 from tests.language.fuzzy.engines import NAMES, stored
 
 ROOT = Path(__file__).parents[1]
-GATE = """
+GATE_SPEC = """
 codra: 1
 name: gate
 context: {gate_open: {type: bool, valid_for: 1 min, refresh: on_event}}
@@ -34,7 +34,7 @@ perception:
     identifies: {gate_open: {enter: gap > 60 cm, leave: gap < 50 cm, confirm: 2 of 3}}
 skills: {open_gate: {preview: [gate_open], changes: [gate_open]}}
 """
-PORTS: Mapping[PortContent, str] = {
+PORT_VALUES: Mapping[PortContent, str] = {
     PortContent.TEXT: "a",
     PortContent.INTEGER: "1",
     PortContent.MILLISECONDS: "1",
@@ -52,10 +52,10 @@ TREES = (f'<A _while="{LONG_CONDITION}"/>', '<Script code="a := 1; a = 2"/>')
 
 def built_in_trees() -> Iterator[str]:
     """A tree for every built-in node except SubTree, with all of its ports."""
-    for name, built_in in BUILT_IN.items():
-        if built_in.word != "Subtree":
-            ports = " ".join(f'{port.name}="{PORTS[port.content]}"' for port in built_in.ports)
-            yield f"<{name} {ports}>{'<A/>' * built_in.least}</{name}>"
+    for name, built_in_node in BUILT_IN.items():
+        if built_in_node.word != "Subtree":
+            port_attributes = " ".join(f'{port.name}="{PORT_VALUES[port.content]}"' for port in built_in_node.ports)
+            yield f"<{name} {port_attributes}>{'<A/>' * built_in_node.least}</{name}>"
 
 
 def generated_texts() -> Iterator[str]:
@@ -63,7 +63,7 @@ def generated_texts() -> Iterator[str]:
     yield from (path.read_text("utf-8") for path in sorted((ROOT / "generated").rglob("*.py")))
     yield from (compile_engine(stored(name)) for name in NAMES)
     yield from (compiled(document(tree)) for tree in (*built_in_trees(), *TREES))
-    outputs = [emit(plan(rich())), emit(plan_text(GATE, "specs/gate.yaml", ROOT).plans[0])]
+    outputs = [emit(plan(rich())), emit(plan_text(GATE_SPEC, "specs/gate.yaml", ROOT).plans[0])]
     for spec in ("conditions.yaml", "knowledge-everything.yaml", "poses.yaml", "loops-everything/spec.yaml"):
         path = ROOT / "tests/cases/valid" / spec
         outputs.append(compile_paths([path], path.parent).files)
@@ -74,17 +74,17 @@ def imports_of(text: str) -> Iterator[ast.ImportFrom]:
     return (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom))
 
 
-def later_imports() -> Iterator[tuple[str, str, str]]:
+def lazy_imports() -> Iterator[tuple[str, str, str]]:
     """Yield the name, module and original name of names that are imported lazily, and at once only by type checkers."""
-    source = ast.parse(Path(str(generated_api.__file__)).read_text("utf-8"))
-    (block, _) = (node for node in source.body if isinstance(node, ast.If))
-    for node in block.body:
+    module_tree = ast.parse(Path(str(generated_api.__file__)).read_text("utf-8"))
+    (type_checking_block, _) = (node for node in module_tree.body if isinstance(node, ast.If))
+    for node in type_checking_block.body:
         assert isinstance(node, ast.ImportFrom)
         yield from ((alias.asname or alias.name, str(node.module), alias.name) for alias in node.names)
 
 
 def test_all_of_its_names_are_those_that_the_emitter_can_write() -> None:
-    emitted = {
+    emitted_names = {
         alias.name
         for text in generated_texts()
         for node in imports_of(text)
@@ -92,7 +92,7 @@ def test_all_of_its_names_are_those_that_the_emitter_can_write() -> None:
         for alias in node.names
     }
 
-    assert sorted(emitted) == generated_api.__all__
+    assert sorted(emitted_names) == generated_api.__all__
 
 
 @pytest.mark.parametrize("name", generated_api.__all__)
@@ -100,12 +100,18 @@ def test_every_name_is_there(name: str) -> None:
     assert getattr(generated_api, name) is not None
 
 
-@pytest.mark.parametrize(("name", "home", "name_there"), [*later_imports()], ids=str)
-def test_a_name_that_is_imported_later_is_the_one_that_type_checkers_see(name: str, home: str, name_there: str) -> None:
-    there = import_module(home)
-    expected = getattr(there, name_there) if hasattr(there, name_there) else import_module(f"{home}.{name_there}")
+@pytest.mark.parametrize(("name", "module_name", "original_name"), [*lazy_imports()], ids=str)
+def test_a_name_that_is_imported_later_is_the_one_that_type_checkers_see(
+    name: str, module_name: str, original_name: str
+) -> None:
+    module = import_module(module_name)
+    expected_object = (
+        getattr(module, original_name)
+        if hasattr(module, original_name)
+        else import_module(f"{module_name}.{original_name}")
+    )
 
-    assert getattr(generated_api, name) is expected
+    assert getattr(generated_api, name) is expected_object
 
 
 def test_a_name_that_it_does_not_have_is_an_error() -> None:
@@ -117,8 +123,8 @@ def test_a_name_that_it_does_not_have_is_an_error() -> None:
 
 def test_a_package_without_loops_loads_no_loops_trees_and_numpy() -> None:
     code = "import sys, generated.kitchen; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    loaded = set(done.stdout.split())
+    process = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    loaded_modules = set(process.stdout.split())
 
-    assert GENERATED_API in loaded
-    assert not {"numpy", "codra_dsl.runtime.loops", "codra_dsl.runtime.behavior_trees"} & loaded
+    assert GENERATED_API in loaded_modules
+    assert not {"numpy", "codra_dsl.runtime.loops", "codra_dsl.runtime.behavior_trees"} & loaded_modules

@@ -12,27 +12,27 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/reference/public-api.md"
-ROW = re.compile(r"^\| `(?P<module>codra_dsl[\w.]*)` \| [^|]+ \| (?P<names>[^|]+) \|$", re.MULTILINE)
+ROW_PATTERN = re.compile(r"^\| `(?P<module>codra_dsl[\w.]*)` \| [^|]+ \| (?P<names>[^|]+) \|$", re.MULTILINE)
 PRODUCT = "codra_dsl"
 
 
-def listed() -> Mapping[str, tuple[str, ...]]:
+def read_listed_names() -> Mapping[str, tuple[str, ...]]:
     """The names that the page lists, by module."""
-    rows = list(ROW.finditer(PAGE.read_text("utf-8")))
+    rows = list(ROW_PATTERN.finditer(PAGE.read_text("utf-8")))
     assert len(rows) == PAGE.read_text("utf-8").count("\n| `")
     return {row["module"]: tuple(re.findall(r"`(\w+)`", row["names"])) for row in rows}
 
 
-LISTED = listed()
+LISTED_NAMES = read_listed_names()
 
 
-def source(module: str) -> Path:
+def source_file(module: str) -> Path:
     """The file of a module of the product; some modules need libraries that tests do not have."""
     path = ROOT / module.replace(".", "/")
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def defined(tree: ast.Module) -> Iterator[str]:
+def defined_names(tree: ast.Module) -> Iterator[str]:
     """Yield the names that a module defines or imports at its top level."""
     for node in tree.body:
         match node:
@@ -46,20 +46,20 @@ def defined(tree: ast.Module) -> Iterator[str]:
                 yield name
 
 
-@pytest.mark.parametrize("module", LISTED)
+@pytest.mark.parametrize("module", LISTED_NAMES)
 def test_the_page_lists_what_a_public_module_declares(module: str) -> None:
-    tree = ast.parse(source(module).read_text("utf-8"))
-    declared = [
+    tree = ast.parse(source_file(module).read_text("utf-8"))
+    declared_lists = [
         ast.literal_eval(node.value)
         for node in tree.body
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "__all__"
     ]
 
-    assert declared == [list(LISTED[module])]
-    assert set(LISTED[module]) <= set(defined(tree))
+    assert declared_lists == [list(LISTED_NAMES[module])]
+    assert set(LISTED_NAMES[module]) <= set(defined_names(tree))
 
 
-def imports(text: str) -> Iterator[tuple[str, str]]:
+def product_imports(text: str) -> Iterator[tuple[str, str]]:
     """Yield the modules and names of the product that Python code imports; a module alone has no name."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
@@ -68,36 +68,40 @@ def imports(text: str) -> Iterator[tuple[str, str]]:
             yield from ((node.module or "", alias.name) for alias in node.names)
 
 
-def private(text: str) -> list[str]:
+def find_private_imports(text: str) -> list[str]:
     """Return the imports that the page does not allow."""
     return [
         f"{module} {name}".strip()
-        for module, name in imports(text)
-        if module not in LISTED or (name and name not in LISTED[module])
+        for module, name in product_imports(text)
+        if module not in LISTED_NAMES or (name and name not in LISTED_NAMES[module])
     ]
 
 
 def test_a_private_import_is_noticed() -> None:
-    assert private("from codra_dsl.generation.algorithm2 import plan") == ["codra_dsl.generation.algorithm2 plan"]
-    assert private("from codra_dsl.runtime import context") == ["codra_dsl.runtime context"]
-    assert private("from codra_dsl.runtime import SimClock\nimport codra_dsl") == []
+    assert find_private_imports("from codra_dsl.generation.algorithm2 import plan") == [
+        "codra_dsl.generation.algorithm2 plan"
+    ]
+    assert find_private_imports("from codra_dsl.runtime import context") == ["codra_dsl.runtime context"]
+    assert find_private_imports("from codra_dsl.runtime import SimClock\nimport codra_dsl") == []
 
 
 @pytest.mark.parametrize("folder", ["codra_papers", "examples"])
 def test_code_outside_the_product_imports_public_names_only(folder: str) -> None:
     files = sorted((ROOT / folder).rglob("*.py"))
-    private_imports = {path.relative_to(ROOT).as_posix(): private(path.read_text("utf-8")) for path in files}
+    private_imports = {
+        path.relative_to(ROOT).as_posix(): find_private_imports(path.read_text("utf-8")) for path in files
+    }
 
     assert files
     assert {path: names for path, names in private_imports.items() if names} == {}
 
 
 def test_the_docs_import_public_names_only() -> None:
-    block = re.compile(r"^```python[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+    block_pattern = re.compile(r"^```python[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
     private_imports = {
         page.relative_to(ROOT).as_posix(): [
-            name for text in block.findall(page.read_text("utf-8")) for name in private(text)
+            name for text in block_pattern.findall(page.read_text("utf-8")) for name in find_private_imports(text)
         ]
         for page in pages
     }
@@ -107,7 +111,7 @@ def test_the_docs_import_public_names_only() -> None:
 
 def test_the_import_contract_allows_public_modules_only() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
-    (contract,) = (declared for declared in settings["contracts"] if declared["id"] == "public-api")
-    allowed = {line.removeprefix("codra_papers.** -> ") for line in contract["ignore_imports"]}
+    (contract,) = (candidate for candidate in settings["contracts"] if candidate["id"] == "public-api")
+    allowed_modules = {line.removeprefix("codra_papers.** -> ") for line in contract["ignore_imports"]}
 
-    assert allowed <= set(LISTED)
+    assert allowed_modules <= set(LISTED_NAMES)

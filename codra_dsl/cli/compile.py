@@ -13,7 +13,7 @@ from codra_dsl.cli.console import (
     ExitCode,
     Format,
     View,
-    choose_fail_limit,
+    choose_failure_threshold,
     choose_format,
     common_root,
     counts_text,
@@ -66,11 +66,13 @@ def compile_command(
     stage_timings = make_timings(timings)
     cache = None if no_cache or timings else cache_of(root, "compile", paths)
     run, output_result = _compile_or_recall(paths, root, folder, check=check, cache=cache, timings=stage_timings)
-    fail_limit = choose_fail_limit(fail_on, run.fail_on)
+    failure_threshold = choose_failure_threshold(fail_on, run.fail_on)
     view = View(
-        root=root, format=choose_format(format_, output), colour=color, fail_on=fail_limit, title="codra compile"
+        root=root, format=choose_format(format_, output), colour=color, fail_on=failure_threshold, title="codra compile"
     )
-    output_findings = (_relative_to_root(diagnostic, folder, root) for diagnostic in output_result.diagnostics)
+    output_findings = (
+        _diagnostic_relative_to_root(diagnostic, folder, root) for diagnostic in output_result.diagnostics
+    )
     findings = (*run.diagnostics, *output_findings, *_check_or_renew_schema(run, root, check))
     with stage_timings.stage("show"):
         view.show(findings, run.specs, output)
@@ -78,12 +80,12 @@ def compile_command(
         write_result(text_for_log(visible_lines(output_result.diff)))
     if findings:
         say(counts_text(findings))
-        view.point_to_page(findings)
+        view.suggest_explain_command(findings)
     if output_result.summary:
         say(output_result.summary)
     if timings:
         say(stage_timings.table())
-    raise typer.Exit(ExitCode.FAILED if not run.outputs or is_failure(findings, fail_limit) else ExitCode.CLEAN)
+    raise typer.Exit(ExitCode.FAILED if not run.outputs or is_failure(findings, failure_threshold) else ExitCode.CLEAN)
 
 
 def _default_out(path: Path) -> Path:
@@ -145,10 +147,10 @@ def _write_output(compilation: Compilation, folder: Path) -> _OutputResult:
     """Bring the output folder up to date."""
     from codra_dsl.generation.output import write
 
-    report = write(compilation.files, folder, compilation.covered)
-    if report.diagnostics:
-        return _OutputResult(diagnostics=report.diagnostics)
-    changes_text = f"{len(report.changed)} written, {len(report.removed)} removed"
+    write_report = write(compilation.files, folder, compilation.covered)
+    if write_report.diagnostics:
+        return _OutputResult(diagnostics=write_report.diagnostics)
+    changes_text = f"{len(write_report.changed)} written, {len(write_report.removed)} removed"
     return _OutputResult(summary=f"{folder.name}: {len(compilation.files)} files, {changes_text}")
 
 
@@ -166,7 +168,7 @@ def _check_or_renew_schema(run: Run, root: Path, check: bool) -> tuple[Diagnosti
     return judge_schema(root) if check else renew_schema(root)
 
 
-def _relative_to_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
+def _diagnostic_relative_to_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
     """Return a finding about the output folder, with its file relative to the root instead of the folder's parent."""
     from codra_dsl.language.diagnostics import Place
 

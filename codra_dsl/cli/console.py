@@ -67,7 +67,7 @@ class FailOn(StrEnum):
 
 
 STANDARD_INPUT = "-"
-_PIECE_BYTES = 1 << 15
+_CHUNK_BYTES = 1 << 15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +124,7 @@ class View:
             case _:
                 return self._render_text(diagnostics, stream)
 
-    def point_to_page(self, diagnostics: Sequence[Diagnostic]) -> None:
+    def suggest_explain_command(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Show the command for the page about the first error, or else about the first finding.
 
         This is shown only in the format `full`, if standard error is a terminal.
@@ -151,7 +151,7 @@ class View:
             files,
             self._text_of_file,
             is_failure=lambda diagnostic: is_failure([diagnostic], self.fail_on),
-            suite=self.title.replace(" ", "."),
+            suite_name=self.title.replace(" ", "."),
         )
 
     def _text_of_file(self, file: str) -> str | None:
@@ -178,9 +178,9 @@ def text_for_log(text: str) -> str:
     """Return a text for standard output. In GitHub Actions, replace what the runner would recognise as a command."""
     if not _in_github_actions():
         return text
-    from codra_dsl.tooling.report.github import without_commands
+    from codra_dsl.tooling.report.github import escape_commands
 
-    return without_commands(text)
+    return escape_commands(text)
 
 
 def _in_github_actions() -> bool:
@@ -228,27 +228,27 @@ def is_failure(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
     return has_errors(diagnostics) or (fail_on is FailOn.WARNING and bool(diagnostics))
 
 
-def choose_fail_limit(requested_limit: FailOn | None, setting: Severity) -> FailOn:
+def choose_failure_threshold(requested_threshold: FailOn | None, configured_severity: Severity) -> FailOn:
     """Return the least severity that makes a command fail: the requested one, or else that of the settings."""
-    return FailOn(setting.value) if requested_limit is None else requested_limit
+    return FailOn(configured_severity.value) if requested_threshold is None else requested_threshold
 
 
-def make_timings(is_wanted: bool) -> Timings:
+def make_timings(is_enabled: bool) -> Timings:
     """Return the timings of a command. They measure nothing unless they are wanted."""
     import time
 
     from codra_dsl.workspace.timings import UNTIMED, Timings
 
-    return Timings(time.perf_counter) if is_wanted else UNTIMED  # noqa: TID251  passed on as an argument
+    return Timings(time.perf_counter) if is_enabled else UNTIMED  # noqa: TID251  passed on as an argument
 
 
 def counts_text(diagnostics: Sequence[Diagnostic]) -> str:
     """Return the numbers of errors and warnings as text."""
     from codra_dsl.language.diagnostics import has_errors
 
-    errors = sum(has_errors([diagnostic]) for diagnostic in diagnostics)
-    numbers = ((errors, "error"), (len(diagnostics) - errors, "warning"))
-    count_texts = [f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in numbers if number]
+    error_count = sum(has_errors([diagnostic]) for diagnostic in diagnostics)
+    counts_and_nouns = ((error_count, "error"), (len(diagnostics) - error_count, "warning"))
+    count_texts = [f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts_and_nouns if count]
     return ", ".join(count_texts) or "no findings"
 
 
@@ -268,8 +268,8 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
             return
         sys.stdout.flush()
         # Write in pieces: with PYTHONUNBUFFERED, a single write to a closed pipe would be cut off without an error.
-        for start in range(0, len(data), _PIECE_BYTES):
-            sys.stdout.buffer.write(data[start : start + _PIECE_BYTES])
+        for start in range(0, len(data), _CHUNK_BYTES):
+            sys.stdout.buffer.write(data[start : start + _CHUNK_BYTES])
         sys.stdout.buffer.flush()
     except BrokenPipeError:
         raise
@@ -318,15 +318,17 @@ def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
     """
     from codra_dsl.compiler import plan_paths
 
-    planned = plan_paths([path], root)
-    if planned.diagnostics:
-        write_result(View(root=root, format=Format.FULL, colour=colour).render(planned.diagnostics, sys.stdout))
-        say(counts_text(planned.diagnostics))
-    if len(planned.plans) > 1:
-        raise typer.BadParameter(f"'{path}' has {len(planned.plans)} specs: choose one of them", param_hint="SPEC")
-    if not planned.plans:
+    planning_result = plan_paths([path], root)
+    if planning_result.diagnostics:
+        write_result(View(root=root, format=Format.FULL, colour=colour).render(planning_result.diagnostics, sys.stdout))
+        say(counts_text(planning_result.diagnostics))
+    if len(planning_result.plans) > 1:
+        raise typer.BadParameter(
+            f"'{path}' has {len(planning_result.plans)} specs: choose one of them", param_hint="SPEC"
+        )
+    if not planning_result.plans:
         raise typer.Exit(ExitCode.FAILED)
-    return planned.plans[0]
+    return planning_result.plans[0]
 
 
 def made_folder(folder: Path) -> Path:

@@ -108,24 +108,26 @@ def diff_command(
     from codra_dsl.tooling.revisions import RevisionError
 
     allow_options = tuple(_parse_allow_option(option) for option in allow or ())
-    wanted_paths = [_relative_path(path) for path in paths or ()]
+    relative_paths = [_relative_path(path) for path in paths or ()]
     with ExitStack() as stack:
         try:
-            sides = _sides((before, after), wanted_paths, stack)
+            sides = _sides((before, after), relative_paths, stack)
         except RevisionError as error:
             raise typer.BadParameter(str(error), param_hint="A, B") from error
         versions = [_version(side) for side in sides]
         _report_errors(sides[0], versions[0], color)
-        result = review(versions[0], versions[1])
-    result = replace(result, changes=tuple(_with_allowance(change, allow_options) for change in result.changes))
-    _report_unused_options(allow_options, result)
+        diff_review = review(versions[0], versions[1])
+    diff_review = replace(
+        diff_review, changes=tuple(_apply_allow_options(change, allow_options) for change in diff_review.changes)
+    )
+    _report_unused_allow_options(allow_options, diff_review)
     diff_format, versions_in_report = _choose_format(format_, output), _versions_of(sides)
     if diff_format is DiffFormat.GITHUB:
-        _annotate(result, versions_in_report, sides[1].folder, output)
+        _annotate(diff_review, versions_in_report, sides[1].folder, output)
     else:
         has_colours = output is None and is_coloured(color, sys.stdout)
-        write_result(_render(result, versions_in_report, diff_format, has_colours), output)
-    raise typer.Exit(ExitCode.FAILED if _fails(result.verdict, fail_on) else ExitCode.CLEAN)
+        write_result(_render(diff_review, versions_in_report, diff_format, has_colours), output)
+    raise typer.Exit(ExitCode.FAILED if _fails(diff_review.verdict, fail_on) else ExitCode.CLEAN)
 
 
 # The compared versions
@@ -161,28 +163,28 @@ def _relative_path(path: str) -> PurePosixPath:
     return relative_path
 
 
-def _sides(names: tuple[str, str], wanted_paths: Sequence[PurePosixPath], stack: ExitStack) -> tuple[_Side, _Side]:
+def _sides(names: tuple[str, str], relative_paths: Sequence[PurePosixPath], stack: ExitStack) -> tuple[_Side, _Side]:
     disk_paths = [Path(name) if os.path.lexists(name) else None for name in names]
     disk_path = next((path for path in disk_paths if path is not None), None)
-    if disk_path is None and not wanted_paths:
-        disk_path, wanted_paths = _default_paths(names)
+    if disk_path is None and not relative_paths:
+        disk_path, relative_paths = _default_project_and_paths(names)
     base_path = Path.cwd() if disk_path is None else disk_path
     first, second = (
-        _side_on_disk(name, path, wanted_paths)
+        _side_on_disk(name, path, relative_paths)
         if path is not None
-        else _side_in_revision(name, base_path, wanted_paths, stack)
+        else _side_in_revision(name, base_path, relative_paths, stack)
         for name, path in zip(names, disk_paths, strict=True)
     )
-    if not first.paths and not second.paths and wanted_paths:
-        names_text = ", ".join(f"'{path}'" for path in wanted_paths)
-        raise typer.BadParameter(f"neither version has {names_text}", param_hint="PATH")
+    if not first.paths and not second.paths and relative_paths:
+        paths_text = ", ".join(f"'{path}'" for path in relative_paths)
+        raise typer.BadParameter(f"neither version has {paths_text}", param_hint="PATH")
     if None not in disk_paths and first.root != second.root:
         first = replace(first, file_prefix=f"{os.path.relpath(first.root)}/")
         second = replace(second, file_prefix=f"{os.path.relpath(second.root)}/")
     return first, second
 
 
-def _default_paths(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
+def _default_project_and_paths(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
     """Return the project's folder, and the paths below it that are compared if both versions are revisions.
 
     The only path is `specs` if one of the revisions has that folder. Otherwise there are no paths, and the entire
@@ -198,18 +200,18 @@ def _default_paths(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath
     return project, [PurePosixPath(_SPECS)] if has_specs else ()
 
 
-def _side_on_disk(name: str, path: Path, wanted_paths: Sequence[PurePosixPath]) -> _Side:
+def _side_on_disk(name: str, path: Path, relative_paths: Sequence[PurePosixPath]) -> _Side:
     from codra_dsl.language.project import straight
 
-    if wanted_paths and not path.is_dir():
+    if relative_paths and not path.is_dir():
         raise typer.BadParameter(f"'{name}' is not a folder: remove the paths below it", param_hint="PATH")
-    paths = [path / relative_path for relative_path in wanted_paths] or [path]
+    paths = [path / relative_path for relative_path in relative_paths] or [path]
     existing_paths = tuple(straight(candidate) for candidate in paths if candidate.exists())
     root = _root_of(existing_paths or (path,), Path("/"))
     return _Side(name=name, paths=existing_paths, root=root, file_prefix="", folder=folder_in_repository(root))
 
 
-def _side_in_revision(name: str, base_path: Path, wanted_paths: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
+def _side_in_revision(name: str, base_path: Path, relative_paths: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
     """Return a revision as a side. Its spec files are in a folder, which is removed when the stack is closed."""
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
@@ -221,12 +223,12 @@ def _side_in_revision(name: str, base_path: Path, wanted_paths: Sequence[PurePos
     project = project_of(real_path)
     spec_folder = project if project is not None and project.is_relative_to(top) else _folder_of(real_path)
     folder = Path(os.path.realpath(stack.enter_context(tempfile.TemporaryDirectory(prefix="codra-"))))
-    unread_paths = repository.extract(commit, PurePosixPath(spec_folder.relative_to(top)), folder)
-    paths = [real_path / relative_path for relative_path in wanted_paths] or [real_path]
+    kind_by_unread_path = repository.extract(commit, PurePosixPath(spec_folder.relative_to(top)), folder)
+    paths = [real_path / relative_path for relative_path in relative_paths] or [real_path]
     extracted_paths = [folder / _path_in_repository(Path(os.path.normpath(path)), top) for path in paths]
-    for path, kind in unread_paths.items():
+    for path, file_kind in kind_by_unread_path.items():
         if any((folder / path).is_relative_to(compared_path) for compared_path in extracted_paths):
-            say(f"codra: {name}:{path} is not read, because it is {kind}")
+            say(f"codra: {name}:{path} is not read, because it is {file_kind}")
     existing_paths = tuple(path for path in extracted_paths if path.exists())
     root = _root_of(existing_paths, folder) if existing_paths else folder
     root_in_repository = root.relative_to(folder).as_posix()
@@ -283,22 +285,32 @@ def _version(side: _Side) -> Version:
 
     if not side.paths:
         return Version()
-    planned = plan_paths(side.paths, side.root)
-    errors = [finding for finding in planned.diagnostics if has_errors([finding]) and finding.rule.name != "no-spec"]
-    duplicate_files = {error.place.span.file for error in errors if error.rule.name == "same-spec-name"}
-    plans = tuple(plan for plan in planned.plans if plan.checked.spec.file not in duplicate_files)
-    planned_files = {plan.checked.spec.file for plan in plans}
-    broken = list(_broken_specs(side, [file for file in planned.specs if file not in planned_files], errors))
-    broken += [
-        BrokenSpec(name=plan.name, file=plan.checked.spec.file, errors=own_errors)
-        for plan in plans
-        if (own_errors := _errors_of(plan.checked.spec, errors))
+    planning_result = plan_paths(side.paths, side.root)
+    errors = [
+        finding for finding in planning_result.diagnostics if has_errors([finding]) and finding.rule.name != "no-spec"
     ]
-    assigned_ids = {id(error) for spec in broken for error in spec.errors}
-    other_errors = [error for error in errors if id(error) not in assigned_ids]
+    duplicate_name_files = {error.place.span.file for error in errors if error.rule.name == "same-spec-name"}
+    plans = tuple(plan for plan in planning_result.plans if plan.checked.spec.file not in duplicate_name_files)
+    planned_files = {plan.checked.spec.file for plan in plans}
+    broken_specs = list(
+        _broken_specs(side, [file for file in planning_result.specs if file not in planned_files], errors)
+    )
+    broken_specs += [
+        BrokenSpec(name=plan.name, file=plan.checked.spec.file, errors=spec_errors)
+        for plan in plans
+        if (spec_errors := _errors_in_spec(plan.checked.spec, errors))
+    ]
+    assigned_error_ids = {id(error) for spec in broken_specs for error in spec.errors}
+    unassigned_errors = [error for error in errors if id(error) not in assigned_error_ids]
     return Version(
         plans=plans,
-        broken=(*broken, *(BrokenSpec(name=None, file=f, errors=e) for f, e in _errors_by_file(other_errors))),
+        broken_specs=(
+            *broken_specs,
+            *(
+                BrokenSpec(name=None, file=file, errors=file_errors)
+                for file, file_errors in _errors_by_file(unassigned_errors)
+            ),
+        ),
     )
 
 
@@ -308,15 +320,15 @@ def _broken_specs(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic
 
     for file in files:
         spec, _ = load_spec(side.root / file, side.root)
-        own_errors = (
+        spec_errors = (
             tuple(error for error in errors if error.place.span.file == file)
             if spec is None
-            else _errors_of(spec, errors)
+            else _errors_in_spec(spec, errors)
         )
-        yield BrokenSpec(name=None if spec is None else spec.name, file=file, errors=own_errors)
+        yield BrokenSpec(name=None if spec is None else spec.name, file=file, errors=spec_errors)
 
 
-def _errors_of(spec: Spec, errors: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
+def _errors_in_spec(spec: Spec, errors: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
     return tuple(error for error in errors if error.place.span.file in spec.files)
 
 
@@ -330,7 +342,7 @@ def _report_errors(side: _Side, version: Version, colour: Colour) -> None:
     from codra_dsl.language.diagnostics import in_file_order
     from codra_dsl.tooling.report import findings
 
-    errors = in_file_order(error for broken in version.broken for error in broken.errors)
+    errors = in_file_order(error for broken_spec in version.broken_specs for error in broken_spec.errors)
     if errors:
         palette = findings.COLOURED if is_coloured(colour, sys.stderr) else findings.PLAIN
         spans = [replace(error.place.span, file=side.file(error.place.span.file)) for error in errors]
@@ -354,7 +366,7 @@ def _parse_allow_option(text: str) -> tuple[str, str]:
     return category, element
 
 
-def _with_allowance(change: Change, allow_options: Sequence[tuple[str, str]]) -> Change:
+def _apply_allow_options(change: Change, allow_options: Sequence[tuple[str, str]]) -> Change:
     return (
         replace(change, allowed=True)
         if any(_accepts(allow_option, change) for allow_option in allow_options)
@@ -367,7 +379,7 @@ def _accepts(allow_option: tuple[str, str], change: Change) -> bool:
     return category == change.category and element in ("", change.element)
 
 
-def _report_unused_options(allow_options: Sequence[tuple[str, str]], review: Review) -> None:
+def _report_unused_allow_options(allow_options: Sequence[tuple[str, str]], review: Review) -> None:
     for allow_option in allow_options:
         if not any(_accepts(allow_option, change) for change in review.changes):
             say(f"codra: --allow {':'.join(filter(None, allow_option))} accepts no change: remove it")
@@ -385,7 +397,7 @@ def _versions_of(sides: tuple[_Side, _Side]) -> Versions:
     from codra_dsl.tooling.report.changes import Versions
 
     before, after = sides
-    return Versions(before=before.name, after=after.name, file_before=before.file, file_after=after.file)
+    return Versions(before=before.name, after=after.name, show_file_before=before.file, show_file_after=after.file)
 
 
 def _choose_format(requested_format: DiffFormat | None, output: Path | None) -> DiffFormat:

@@ -49,13 +49,13 @@ def explain_command(
     write_result(text)
 
 
-def _requested_pages(names: list[str]) -> Iterator[Page]:
+def _requested_pages(codes_or_names: list[str]) -> Iterator[Page]:
     """Yield the requested pages without duplicates. An unknown code or name is a usage error."""
     from codra_dsl.tooling.report.explain import all_rules, code_of, page_of
     from codra_dsl.tooling.report.findings import visible_text
     from codra_dsl.workspace.suppression.rules import nearest_code
 
-    for code in dict.fromkeys(code_of(name) or name for name in names):
+    for code in dict.fromkeys(code_of(code_or_name) or code_or_name for code_or_name in codes_or_names):
         page = page_of(code)
         if page is None:
             similar_code = nearest_code(code)

@@ -33,14 +33,14 @@ class LintInput:
     root: Path
     requested_paths: tuple[str, ...]
     plan: Callable[[Mapping[str, bytes]], Planned]
-    data: bytes | None = None
+    stdin_data: bytes | None = None
 
-    def texts(self, planned: Planned) -> dict[str, bytes]:
+    def texts(self, planning_result: Planned) -> dict[str, bytes]:
         """Return the contents of the files that fixes may change."""
         from codra_dsl.workspace.suppression import read_rewritable_files
 
-        files = filter(self.may_change, planned.files)
-        return read_rewritable_files(files, self.root) if self.data is None else {STANDARD_INPUT: self.data}
+        files = filter(self.may_change, planning_result.files)
+        return read_rewritable_files(files, self.root) if self.stdin_data is None else {STANDARD_INPUT: self.stdin_data}
 
     def may_change(self, file: str) -> bool:
         """Return whether fixes may change a file: one on the command line, or in a folder on the command line."""
@@ -56,15 +56,15 @@ class LintInput:
         from codra_dsl.language.diagnostics import is_safe
 
         fixes = [diagnostic.fix for diagnostic in diagnostics if diagnostic.fix is not None and is_safe(diagnostic)]
-        changed_files = [{edit.span.file for edit in fix.edits} for fix in fixes]
-        outside_fixes = [fix_files for fix_files in changed_files if not all(map(self.may_change, fix_files))]
-        if not outside_fixes:
-            return len(changed_files), ""
+        file_sets = [{edit.span.file for edit in fix.edits} for fix in fixes]
+        outside_file_sets = [file_set for file_set in file_sets if not all(map(self.may_change, file_set))]
+        if not outside_file_sets:
+            return len(file_sets), ""
         folder = os.path.relpath(
-            self.root / os.path.commonpath([*self.requested_paths, *chain.from_iterable(outside_fixes)])
+            self.root / os.path.commonpath([*self.requested_paths, *chain.from_iterable(outside_file_sets)])
         )
-        hint = f"; {len(outside_fixes)} more can be fixed if you lint '{folder}'"
-        return len(changed_files) - len(outside_fixes), hint
+        hint = f"; {len(outside_file_sets)} more can be fixed if you lint '{folder}'"
+        return len(file_sets) - len(outside_file_sets), hint
 
 
 def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
@@ -88,12 +88,12 @@ def input_from_standard_input(timings: Timings) -> LintInput:
     from codra_dsl.language.load.yaml.source import MAX_BYTES
 
     root = common_root([Path.cwd()])
-    data = sys.stdin.buffer.read(MAX_BYTES + 1)
+    stdin_data = sys.stdin.buffer.read(MAX_BYTES + 1)
     return LintInput(
         root=root,
         requested_paths=(STANDARD_INPUT,),
-        plan=lambda texts: plan_text(texts.get(STANDARD_INPUT, data), STANDARD_INPUT, root, timings),
-        data=data,
+        plan=lambda texts: plan_text(texts.get(STANDARD_INPUT, stdin_data), STANDARD_INPUT, root, timings),
+        stdin_data=stdin_data,
     )
 
 
@@ -109,7 +109,7 @@ class FixResult:
         after: the new contents of the files that have changed.
     """
 
-    planned: Planned
+    planning_result: Planned
     diagnostics: tuple[Diagnostic, ...]
     fixed_count: int
     before: Mapping[str, bytes]
@@ -130,24 +130,24 @@ def fix(lint_input: LintInput, *, write: bool) -> FixResult:
     from codra_dsl.language.load.yaml.source import MAX_BYTES
     from codra_dsl.workspace.suppression import fix_all, rewrite
 
-    if lint_input.data is not None and len(lint_input.data) > MAX_BYTES:
+    if lint_input.stdin_data is not None and len(lint_input.stdin_data) > MAX_BYTES:
         raise typer.BadParameter(f"the text has more than {MAX_BYTES >> 20} MiB: it is not fixed", param_hint="-")
     before = lint_input.texts(lint_input.plan({}))
     fix_result = fix_all(lambda texts: lint_input.plan({**before, **texts}).diagnostics, before)
-    texts_to_write = fix_result.texts if write and lint_input.data is None else {}
-    write_findings = {
+    texts_to_write = fix_result.texts if write and lint_input.stdin_data is None else {}
+    findings_by_file = {
         file: rewrite(file, lint_input.root, before[file], after) for file, after in sorted(texts_to_write.items())
     }
-    refusals = {file: finding for file, finding in write_findings.items() if finding is not None}
-    planned = lint_input.plan({}) if refusals else lint_input.plan({**before, **fix_result.texts})
+    refusals = {file: finding for file, finding in findings_by_file.items() if finding is not None}
+    planning_result = lint_input.plan({}) if refusals else lint_input.plan({**before, **fix_result.texts})
     return FixResult(
-        planned=planned,
-        diagnostics=(*planned.diagnostics, *refusals.values()),
-        fixed_count=sum(not _touches(fixed_diagnostic, refusals) for fixed_diagnostic in fix_result.fixed_findings),
+        planning_result=planning_result,
+        diagnostics=(*planning_result.diagnostics, *refusals.values()),
+        fixed_count=sum(not _edits_any_file(finding, refusals) for finding in fix_result.fixed_findings),
         before=before,
         after=fix_result.texts,
     )
 
 
-def _touches(diagnostic: Diagnostic, files: Container[str]) -> bool:
+def _edits_any_file(diagnostic: Diagnostic, files: Container[str]) -> bool:
     return diagnostic.fix is not None and any(edit.span.file in files for edit in diagnostic.fix.edits)

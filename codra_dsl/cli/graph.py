@@ -24,7 +24,7 @@ from codra_dsl.cli.console import (
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, Output, Specs
-from codra_dsl.tooling.report.graph_formats import DEFAULT, FORMATS, GraphFormat, formats_by_ending
+from codra_dsl.tooling.report.graph_formats import DEFAULT_FORMAT, FORMATS, GraphFormat, format_by_ending
 
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
@@ -39,7 +39,7 @@ GraphFormatOption = Annotated[
     FormatName | None,
     typer.Option(
         "--format",
-        help=f"The format of the graph.  [default: chosen by the ending of FILE, else {DEFAULT.name}]",
+        help=f"The format of the graph.  [default: chosen by the ending of FILE, else {DEFAULT_FORMAT.name}]",
         show_default=False,
     ),
 ]
@@ -75,45 +75,47 @@ def graph_command(
     paths = existing(paths)
     graph_format = FORMATS[format_] if format_ is not None else _choose_format(output)
     root = common_root(paths)
-    planned = plan_paths(paths, root)
-    if planned.diagnostics:
+    planning_result = plan_paths(paths, root)
+    if planning_result.diagnostics:
         view = View(root=root, format=Format.FULL, colour=color)
-        say(f"{view.render(planned.diagnostics, sys.stderr)}{counts_text(planned.diagnostics)}")
-    if is_failure(planned.diagnostics, FailOn.ERROR):
+        say(f"{view.render(planning_result.diagnostics, sys.stderr)}{counts_text(planning_result.diagnostics)}")
+    if is_failure(planning_result.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
-    graph = _select_part(graph_of(planned.plans), select or (), exclude or ())
+    graph = _select_part(graph_of(planning_result.plans), select or (), exclude or ())
     write_result(_render(graph, graph_format), output)
 
 
 def _choose_format(output: Path | None) -> GraphFormat:
     """Return the format for the ending of a file name. An unknown ending is a usage error."""
     if output is None or not output.suffix:
-        return DEFAULT
-    formats = formats_by_ending()
-    graph_format = formats.get(output.suffix.lower())
+        return DEFAULT_FORMAT
+    known_formats = format_by_ending()
+    graph_format = known_formats.get(output.suffix.lower())
     if graph_format is None:
-        message = f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(formats)}"
+        message = (
+            f"no graph format has the ending '{output.suffix}': use --format, or one of {', '.join(known_formats)}"
+        )
         raise typer.BadParameter(message, param_hint="--output")
     return graph_format
 
 
-def _select_part(graph: Graph, wanted_selectors: Sequence[str], unwanted_selectors: Sequence[str]) -> Graph:
+def _select_part(graph: Graph, include_selectors: Sequence[str], exclude_selectors: Sequence[str]) -> Graph:
     """Return the part of a graph that selectors match.
 
     A selector is a usage error if it cannot be parsed, or has a name, pattern, kind or method that does not exist.
     """
     from codra_dsl.tooling.selection import SelectorError, select
 
-    if not wanted_selectors and not unwanted_selectors:
+    if not include_selectors and not exclude_selectors:
         return graph
     choices = graph.choices()
-    for option, selectors in (("--select", wanted_selectors), ("--exclude", unwanted_selectors)):
+    for option, selectors in (("--select", include_selectors), ("--exclude", exclude_selectors)):
         for selector in selectors:
             try:
                 select(choices, [selector])
             except SelectorError as error:
                 raise typer.BadParameter(str(error), param_hint=option) from error
-    selected_graph = graph.part(select(choices, wanted_selectors, unwanted_selectors))
+    selected_graph = graph.part(select(choices, include_selectors, exclude_selectors))
     say(f"{len(selected_graph.elements)} of {len(graph.elements)} nodes")
     return selected_graph
 

@@ -22,9 +22,9 @@ Name = Annotated[
 
 def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     """Start a project that passes lint, compiles and runs its tests. Existing files are not changed."""
-    from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new
+    from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new_files
 
-    project_name = _choose_name(folder, name)
+    project_name = _choose_project_name(folder, name)
     if folder.exists() and not folder.is_dir():
         raise typer.BadParameter(f"'{folder}' is not a folder", param_hint="DIR")
     texts = starter_texts(project_name, installed_requirement())
@@ -32,7 +32,7 @@ def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     if existing_paths:
         _refuse(existing_paths, folder, project_name)
     try:
-        write_new(texts, folder)
+        write_new_files(texts, folder)
     except OSError as error:
         say(f"codra: cannot write '{error.filename}': {error.strerror}; nothing was written")
         raise typer.Exit(ExitCode.FAILED) from error
@@ -41,7 +41,7 @@ def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     _warn_of_repository(folder)
 
 
-def _choose_name(folder: Path, name: str | None) -> str:
+def _choose_project_name(folder: Path, name: str | None) -> str:
     from codra_dsl.tooling.scaffold import ImproperNameError, name_from_folder, require_name
 
     try:
@@ -59,9 +59,9 @@ def _refuse(existing_paths: tuple[str, ...], folder: Path, name: str) -> None:
 
 
 def _next_commands(folder: Path, name: str) -> str:
-    cd_command = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
+    cd_commands = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
     commands = [
-        *cd_command,
+        *cd_commands,
         "pip install -r requirements.txt",
         "codra lint specs --fail-on warning",
         "codra compile specs",

@@ -14,7 +14,7 @@ from codra_dsl.cli.console import (
     Colour,
     ExitCode,
     View,
-    choose_fail_limit,
+    choose_failure_threshold,
     choose_format,
     counts_text,
     is_failure,
@@ -55,7 +55,7 @@ def lint_command(
     stage_timings = make_timings(timings)
     is_text = paths == [Path(STANDARD_INPUT)]
     lint_input = input_from_standard_input(stage_timings) if is_text else input_from_files(paths, stage_timings)
-    text = None if lint_input.data is None else lint_input.data.decode("utf-8", errors="replace")
+    text = None if lint_input.stdin_data is None else lint_input.stdin_data.decode("utf-8", errors="replace")
     view = View(
         root=lint_input.root, format=choose_format(format_, output), colour=color, text=text, title="codra lint"
     )
@@ -65,15 +65,15 @@ def lint_command(
         raise typer.Exit(_apply_fixes(lint_input, view, fail_on, output))
     cache = None if no_cache or timings or is_text else cache_of(lint_input.root, "lint", paths)
     run = _lint_or_recall(lint_input, cache)
-    fail_limit = choose_fail_limit(fail_on, run.fail_on)
+    failure_threshold = choose_failure_threshold(fail_on, run.fail_on)
     with stage_timings.stage("show"):
-        replace(view, fail_on=fail_limit).show(run.diagnostics, run.specs, output)
+        replace(view, fail_on=failure_threshold).show(run.diagnostics, run.specs, output)
     fixable_count, hint = lint_input.count_fixable(run.diagnostics)
     say(f"{counts_text(run.diagnostics)}{f'; --fix can fix {fixable_count}' if fixable_count else ''}{hint}")
     if timings:
         say(stage_timings.table())
-    view.point_to_page(run.diagnostics)
-    raise typer.Exit(ExitCode.FAILED if is_failure(run.diagnostics, fail_limit) else ExitCode.CLEAN)
+    view.suggest_explain_command(run.diagnostics)
+    raise typer.Exit(ExitCode.FAILED if is_failure(run.diagnostics, failure_threshold) else ExitCode.CLEAN)
 
 
 def _lint_or_recall(lint_input: LintInput, cache: Cache | None) -> Run:
@@ -90,12 +90,12 @@ def _show_diff(lint_input: LintInput, output: Path | None) -> ExitCode:
     """Show the changes that fixes would make. If there are any, the exit code is that of a failure, for use in CI."""
     from codra_dsl.cli.fixes import fix
 
-    result = fix(lint_input, write=False)
-    diff = result.diff()
+    fix_result = fix(lint_input, write=False)
+    diff = fix_result.diff()
     patch_text = diff if output is not None else text_for_log(diff)
     write_result(patch_text.encode(), output)  # a patch is bytes, independent of the terminal's encoding
-    _, hint = lint_input.count_fixable(result.diagnostics)
-    say(f"would fix {result.fixed_count}; {counts_text(result.diagnostics)} left{hint}")
+    _, hint = lint_input.count_fixable(fix_result.diagnostics)
+    say(f"would fix {fix_result.fixed_count}; {counts_text(fix_result.diagnostics)} left{hint}")
     return ExitCode.FAILED if diff else ExitCode.CLEAN
 
 
@@ -106,17 +106,20 @@ def _apply_fixes(lint_input: LintInput, view: View, fail_on: FailOnOption, outpu
     """
     from codra_dsl.cli.fixes import fix
 
-    result = fix(lint_input, write=True)
-    findings, fail_limit = result.diagnostics, choose_fail_limit(fail_on, result.planned.settings.fail_on)
-    view = replace(view, fail_on=fail_limit)
-    if lint_input.data is None:
-        view.show(findings, result.planned.specs, output)
+    fix_result = fix(lint_input, write=True)
+    findings, failure_threshold = (
+        fix_result.diagnostics,
+        choose_failure_threshold(fail_on, fix_result.planning_result.settings.fail_on),
+    )
+    view = replace(view, fail_on=failure_threshold)
+    if lint_input.stdin_data is None:
+        view.show(findings, fix_result.planning_result.specs, output)
     else:
-        data = result.after.get(STANDARD_INPUT, lint_input.data)
-        write_result(data, output)
-        findings_text = replace(view, text=data.decode("utf-8", errors="replace")).render(findings, sys.stderr)
+        fixed_data = fix_result.after.get(STANDARD_INPUT, lint_input.stdin_data)
+        write_result(fixed_data, output)
+        findings_text = replace(view, text=fixed_data.decode("utf-8", errors="replace")).render(findings, sys.stderr)
         sys.stderr.write(findings_text)
     _, hint = lint_input.count_fixable(findings)
-    say(f"fixed {result.fixed_count}; {counts_text(findings)} left{hint}")
-    view.point_to_page(findings)
-    return ExitCode.FAILED if is_failure(findings, fail_limit) else ExitCode.CLEAN
+    say(f"fixed {fix_result.fixed_count}; {counts_text(findings)} left{hint}")
+    view.suggest_explain_command(findings)
+    return ExitCode.FAILED if is_failure(findings, failure_threshold) else ExitCode.CLEAN

@@ -19,14 +19,14 @@ from codra_dsl.cli.console import ExitCode, say
 if TYPE_CHECKING:
     from typer._click import Command, Context
 
-COMMANDS = "codra.commands"
-WORLDS = "codra.worlds"
+COMMANDS_GROUP = "codra.commands"
+WORLDS_GROUP = "codra.worlds"
 
-PAPERS = "codra-papers"
+PAPERS_PACKAGE = "codra-papers"
 """The distribution with the worlds and experiments of the papers."""
 
 
-def plugins(group: str) -> Mapping[str, EntryPoint]:
+def find_plugins(group: str) -> Mapping[str, EntryPoint]:
     """Return the entry points of a group by name, sorted. If several have one name, the first on the path counts."""
     entry_points_by_name: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
@@ -36,16 +36,16 @@ def plugins(group: str) -> Mapping[str, EntryPoint]:
 
 def load_plugin(entry_point: EntryPoint) -> Any:
     """Import a plug-in and return the object that its entry point names. If that fails, print one line and exit."""
-    kind = "command" if entry_point.group == COMMANDS else "world"
+    plugin_kind = "command" if entry_point.group == COMMANDS_GROUP else "world"
     try:
         return entry_point.load()
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        say(f"codra: the {kind} '{entry_point.name}'{_origin(entry_point)} cannot be loaded: {reason}")
+        say(f"codra: the {plugin_kind} '{entry_point.name}'{_origin_text(entry_point)} cannot be loaded: {reason}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _origin(entry_point: EntryPoint) -> str:
+def _origin_text(entry_point: EntryPoint) -> str:
     return f" from {entry_point.dist.name}" if entry_point.dist is not None else ""
 
 
@@ -54,15 +54,15 @@ class PluginGroup(TyperGroup):
 
     def list_commands(self, ctx: Context) -> list[str]:
         """Return the names of all commands. The commands of `codra` itself are first."""
-        own_names = super().list_commands(ctx)
-        return [*own_names, *(name for name in plugins(COMMANDS) if name not in own_names)]
+        own_command_names = super().list_commands(ctx)
+        return [*own_command_names, *(name for name in find_plugins(COMMANDS_GROUP) if name not in own_command_names)]
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
         """Return the command with a name. A command of another distribution is imported only when it is run."""
         own_command = super().get_command(ctx, cmd_name)
         if own_command is not None:
             return own_command
-        entry_point = plugins(COMMANDS).get(cmd_name)
+        entry_point = find_plugins(COMMANDS_GROUP).get(cmd_name)
         return None if entry_point is None else _PluginCommand(entry_point)
 
 
@@ -70,7 +70,7 @@ class _PluginCommand(TyperCommand):
     """A command of another distribution. It is imported when its arguments are parsed."""
 
     def __init__(self, entry_point: EntryPoint) -> None:
-        super().__init__(entry_point.name, help=f"A command{_origin(entry_point)}.", rich_markup_mode=None)
+        super().__init__(entry_point.name, help=f"A command{_origin_text(entry_point)}.", rich_markup_mode=None)
         self._entry_point = entry_point
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.knowledge import KnowledgeModel
     from codra_dsl.runtime.replay import Build, Difference, Replayed
 
-    MakeKnowledge = Callable[[KnowledgeModel | None], KnowledgeModel | None]
+    KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
 
 Package = Annotated[
     Path | None,
@@ -52,7 +52,7 @@ Copy = Annotated[
     typer.Option("--journal", metavar="FILE", help="Write the derived events as a journal.", show_default=False),
 ]
 
-_MOST_CHANGES = 5
+_MAX_SHOWN_CHANGES = 5
 
 
 def replay_command(
@@ -76,12 +76,12 @@ def replay_command(
         header, events = reader.header(), tuple(reader.events())
         report_damage(reader, events[-1].instant_s if events else header.start_s)
     make_knowledge = _declared_knowledge if dsr is None else partial(_knowledge_from_dsr, dsr, dsr_unit_m)
-    result = _load_and_replay(header, events, package, spec, make_knowledge, journal)
-    write_result(_result_text(result, header))
-    raise typer.Exit(ExitCode.CLEAN if result.difference is None else ExitCode.FAILED)
+    replay_result = _load_and_replay(header, events, package, spec, make_knowledge, journal)
+    write_result(_replay_result_text(replay_result, header))
+    raise typer.Exit(ExitCode.CLEAN if replay_result.difference is None else ExitCode.FAILED)
 
 
-def _open_journal(path: Path | None) -> Journal | None:
+def _create_journal(path: Path | None) -> Journal | None:
     from codra_dsl.runtime import Journal
 
     try:
@@ -111,7 +111,7 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
     events: tuple[Event, ...],
     package: Path | None,
     spec: Path | None,
-    make_knowledge: MakeKnowledge,
+    make_knowledge: KnowledgeFactory,
     journal: Path | None,
 ) -> Replayed:
     import tempfile
@@ -128,10 +128,10 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
         except Exception as error:
             say(f"codra: '{folder}' is not a package of codra that can be loaded: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
-        _report_versions(header, folder)
+        _report_version_differences(header, folder)
         try:
             knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
-            return _replay(header, events, module, knowledge, _open_journal(journal))
+            return _replay(header, events, module, knowledge, _create_journal(journal))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -150,14 +150,14 @@ def _replay(
     events: tuple[Event, ...],
     module: ModuleType,
     knowledge: KnowledgeModel | None,
-    copy: Journal | None,
+    derived_journal: Journal | None,
 ) -> Replayed:
     from codra_dsl.runtime.replay import replay
 
-    result = replay(header, events, module.MODEL, _manager_class(module), copy, knowledge)
-    if copy is not None and copy.failure is not None:
-        say(f"codra: '{copy.path}' is incomplete: {copy.failure}")
-    return result
+    replay_result = replay(header, events, module.MODEL, _manager_class(module), derived_journal, knowledge)
+    if derived_journal is not None and derived_journal.failure is not None:
+        say(f"codra: '{derived_journal.path}' is incomplete: {derived_journal.failure}")
+    return replay_result
 
 
 def _default_package(header: RunHeader) -> Path:
@@ -189,17 +189,17 @@ def _compile_into(spec: Path, folder: Path) -> Path:
     from codra_dsl.generation.emit import emit
 
     paths = existing([spec])
-    planned = plan_paths(paths, common_root(paths))
-    if len(planned.plans) != 1:
+    planning_result = plan_paths(paths, common_root(paths))
+    if len(planning_result.plans) != 1:
         say(f"codra: '{spec}' does not compile to one package: see codra lint {spec}")
         raise typer.Exit(ExitCode.FAILED)
-    for path, text in emit(planned.plans[0]).items():
+    for path, text in emit(planning_result.plans[0]).items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, encoding="utf-8")
-    return folder / planned.plans[0].name
+    return folder / planning_result.plans[0].name
 
 
-def _report_versions(header: RunHeader, folder: Path) -> None:
+def _report_version_differences(header: RunHeader, folder: Path) -> None:
     from codra_dsl import __version__
     from codra_dsl.runtime.context.package_files import manifest_of
 
@@ -212,13 +212,15 @@ def _report_versions(header: RunHeader, folder: Path) -> None:
         say(f"codra: the run used codra {header.codra}, but this is codra {__version__}")
 
 
-def _result_text(result: Replayed, header: RunHeader) -> str:
-    counts = Counter(result.derived)
-    derived_text = ", ".join(f"{number} of kind {kind}" for kind, number in sorted(counts.items()))
-    absent_text = "".join(f"not compared, because the journal has no such events: {kind}\n" for kind in result.absent)
-    if result.difference is None:
-        return f"equal: {result.compared} events\nderived: {derived_text}\n{absent_text}"
-    return _difference_text(result.difference, header) + absent_text
+def _replay_result_text(replay_result: Replayed, header: RunHeader) -> str:
+    counts_by_kind = Counter(replay_result.derived)
+    derived_counts_text = ", ".join(f"{count} of kind {kind}" for kind, count in sorted(counts_by_kind.items()))
+    absent_kinds_text = "".join(
+        f"not compared, because the journal has no such events: {kind}\n" for kind in replay_result.absent
+    )
+    if replay_result.difference is None:
+        return f"equal: {replay_result.compared} events\nderived: {derived_counts_text}\n{absent_kinds_text}"
+    return _difference_text(replay_result.difference, header) + absent_kinds_text
 
 
 def _difference_text(difference: Difference, header: RunHeader) -> str:
@@ -227,7 +229,7 @@ def _difference_text(difference: Difference, header: RunHeader) -> str:
     event = difference.recorded or difference.replayed
     if event is None:
         return ""
-    place = _place(event, header.summary)
+    place = _event_place(event, header.summary)
     lines = [
         f"differs at event {difference.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
         f"{_variables_text(event, header.summary)}{f'  [{place}]' if place else ''}",
@@ -236,9 +238,9 @@ def _difference_text(difference: Difference, header: RunHeader) -> str:
     ]
     if difference.because:
         lines.append(f"  the comparison ends here: {difference.because}")
-    lines.extend(f"  the spec differs: {change}" for change in difference.changes[:_MOST_CHANGES])
-    if len(difference.changes) > _MOST_CHANGES:
-        lines.append(f"  and {len(difference.changes) - _MOST_CHANGES} more changes, farther away")
+    lines.extend(f"  the spec differs: {change}" for change in difference.changes[:_MAX_SHOWN_CHANGES])
+    if len(difference.changes) > _MAX_SHOWN_CHANGES:
+        lines.append(f"  and {len(difference.changes) - _MAX_SHOWN_CHANGES} more changes, farther away")
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -248,15 +250,15 @@ def _event_text(event: Event | None) -> str:
     return "no event in its place" if event is None else f"{event.kind} {message_of(event).decode()}"
 
 
-def _variables_text(event: Event, summary: SpecSummary) -> str:
+def _variables_text(event: Event, spec_summary: SpecSummary) -> str:
     """Return the text about the variables for which a job runs; empty for other events."""
     from codra_dsl.runtime.journal import Kind
 
-    algorithm = summary.algorithms.get(event.name) if event.kind is Kind.JOB else None
+    algorithm = spec_summary.algorithms.get(event.name) if event.kind is Kind.JOB else None
     return "" if algorithm is None else f" for {', '.join(algorithm.identifies)}"
 
 
-def _place(event: Event, summary: SpecSummary) -> Place | None:
+def _event_place(event: Event, spec_summary: SpecSummary) -> Place | None:
     """Return the place in the spec that explains an event.
 
     If a rule of an algorithm gave the value of a variable, this is the place of the rule. Otherwise it is the place of
@@ -264,6 +266,6 @@ def _place(event: Event, summary: SpecSummary) -> Place | None:
     """
     from codra_dsl.runtime.journal.schemas import place_of
 
-    algorithm = summary.algorithms.get(event.details.get("source", ""))
+    algorithm = spec_summary.algorithms.get(event.details.get("source", ""))
     rule = None if algorithm is None else algorithm.identifies.get(event.name)
-    return place_of(event.kind, event.name, summary) if rule is None else rule.place
+    return place_of(event.kind, event.name, spec_summary) if rule is None else rule.place

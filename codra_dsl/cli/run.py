@@ -13,7 +13,7 @@ from typer.core import TyperCommand
 
 from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say
 from codra_dsl.cli.options import ColourOption
-from codra_dsl.cli.plugins import PAPERS, WORLDS, command_of, load_plugin, plugins
+from codra_dsl.cli.plugins import PAPERS_PACKAGE, WORLDS_GROUP, command_of, find_plugins, load_plugin
 from codra_dsl.cli.worlds import Pace, RunRequest, World
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ WorldOption = Annotated[
         help="The world in which the spec runs; `codra run --world NAME --help` shows the options of that world.  "
         "[default: lab, or the only world that is installed]",
         show_default=False,
-        autocompletion=lambda: list(plugins(WORLDS)),
+        autocompletion=lambda: list(find_plugins(WORLDS_GROUP)),
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="The seed of all random choices.")]
@@ -54,11 +54,11 @@ class RunCommand(TyperCommand):
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
         """Parse the arguments with the options of the world. Without a world, parse only the options of all worlds."""
-        name = _world_name_in(args)
-        entry_point = plugins(WORLDS).get(name or "")
-        if name is None or entry_point is None:
+        world_name = _world_name_in(args)
+        entry_point = find_plugins(WORLDS_GROUP).get(world_name or "")
+        if world_name is None or entry_point is None:
             return super().make_context(info_name, args, parent, **extra)
-        command = command_of(_command_function(load_plugin(entry_point), name), self.name or "run")
+        command = command_of(_make_command_function(load_plugin(entry_point), world_name), self.name or "run")
         try:
             return command.make_context(info_name, args, parent, **extra)
         except typer.TyperException as error:
@@ -66,7 +66,7 @@ class RunCommand(TyperCommand):
                 raise
             option, similar_options = getattr(error, "option_name", ""), getattr(error, "possibilities", None)
             hint = f": did you mean {' or '.join(sorted(similar_options))}?" if similar_options else ""
-            message = f"the world '{name}' has no such option{hint}"
+            message = f"the world '{world_name}' has no such option{hint}"
             raise typer.BadParameter(message, ctx=getattr(error, "ctx", None), param_hint=option) from error
 
 
@@ -83,14 +83,16 @@ def run_command(
 ) -> None:
     """Run a spec in a simulated world and print the results, compared with the ground truth."""
     del spec, seed, for_, pace, out, journal, color  # without a world, the arguments are not used
-    _refuse(world)
+    _refuse_world(world)
 
 
-def _refuse(world: str | None) -> NoReturn:
+def _refuse_world(world: str | None) -> NoReturn:
     """Exit with an error: no world is installed, no world was chosen, or the chosen world is not installed."""
-    world_names = list(plugins(WORLDS))
+    world_names = list(find_plugins(WORLDS_GROUP))
     if not world_names:
-        say(f"codra: 'run' needs a world, but no world is installed: pip install '{PAPERS}[lab,store]' adds two")
+        say(
+            f"codra: 'run' needs a world, but no world is installed: pip install '{PAPERS_PACKAGE}[lab,store]' adds two"
+        )
         raise typer.Exit(ExitCode.FAILED)
     if world is None:
         raise typer.BadParameter(f"several worlds exist: choose one of {', '.join(world_names)}", param_hint="--world")
@@ -109,7 +111,7 @@ def _world_name_in(args: Sequence[str]) -> str | None:
             return arguments[index + 1]
         if argument.startswith("--world="):
             return argument.removeprefix("--world=")
-    installed_worlds = plugins(WORLDS)
+    installed_worlds = find_plugins(WORLDS_GROUP)
     return (
         _DEFAULT_WORLD
         if _DEFAULT_WORLD in installed_worlds
@@ -119,15 +121,15 @@ def _world_name_in(args: Sequence[str]) -> str | None:
     )
 
 
-def _command_function(world: World, name: str) -> Callable[..., None]:
+def _make_command_function(world: World, world_name: str) -> Callable[..., None]:
     """Return the command function for a world. It has the options of all worlds, and those of this world."""
     _, *world_parameters = inspect.signature(world, eval_str=True).parameters.values()
     shared_parameters = inspect.signature(run_command, eval_str=True).parameters
-    if duplicate_names := [parameter.name for parameter in world_parameters if parameter.name in shared_parameters]:
-        say(f"codra: the world '{name}' declares options that all worlds already have: {', '.join(duplicate_names)}")
+    if duplicates := [parameter.name for parameter in world_parameters if parameter.name in shared_parameters]:
+        say(f"codra: the world '{world_name}' declares options that all worlds already have: {', '.join(duplicates)}")
         raise typer.Exit(ExitCode.FAILED)
 
-    def command(**arguments: Any) -> None:
+    def run_in_world(**arguments: Any) -> None:
         options = {parameter.name: arguments.pop(parameter.name) for parameter in world_parameters}
         del arguments["world"]
         world(_make_request(**arguments), **options)
@@ -136,13 +138,13 @@ def _command_function(world: World, name: str) -> Callable[..., None]:
         *shared_parameters.values(),
         *(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in world_parameters),
     ]
-    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
-    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    worlds_text = f"Installed worlds: {', '.join(plugins(WORLDS))}."
-    command.__doc__ = (
-        f"{inspect.getdoc(run_command)}\n\nThe world '{name}': {inspect.getdoc(world) or ''}\n\n{worlds_text}"
+    run_in_world.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
+    run_in_world.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    worlds_text = f"Installed worlds: {', '.join(find_plugins(WORLDS_GROUP))}."
+    run_in_world.__doc__ = (
+        f"{inspect.getdoc(run_command)}\n\nThe world '{world_name}': {inspect.getdoc(world) or ''}\n\n{worlds_text}"
     )
-    return command
+    return run_in_world
 
 
 def _make_request(

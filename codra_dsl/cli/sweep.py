@@ -60,7 +60,7 @@ FormatOption = Annotated[
     SweepFormat | None,
     typer.Option("--format", help="The format.  [default: from the ending of FILE, else text]", show_default=False),
 ]
-_MAX_VARIED = 2
+_MAX_VARIED_INPUTS = 2
 
 
 def sweep_command(
@@ -77,9 +77,9 @@ def sweep_command(
     """Vary inputs of fuzzy rules: show where and by which rule the course switches, and if each metric is monotone."""
     chosen_format = format_ or _choose_format(output)
     (spec,) = existing([spec])
-    if len(vary or ()) > _MAX_VARIED:
-        raise typer.BadParameter(f"at most {_MAX_VARIED} inputs can be varied at once", param_hint="--vary")
-    if len(vary or ()) == _MAX_VARIED and chosen_format is not SweepFormat.SVG:
+    if len(vary or ()) > _MAX_VARIED_INPUTS:
+        raise typer.BadParameter(f"at most {_MAX_VARIED_INPUTS} inputs can be varied at once", param_hint="--vary")
+    if len(vary or ()) == _MAX_VARIED_INPUTS and chosen_format is not SweepFormat.SVG:
         raise typer.BadParameter("two inputs can only be drawn: add --format svg, or vary one", param_hint="--vary")
     root = common_root([spec])
     plan = one_plan(spec, root, color)
@@ -105,49 +105,54 @@ def _choose_format(output: Path | None) -> SweepFormat:
 
 
 def _render(
-    subject: Subject, vary: Sequence[str], with_options: Sequence[str], steps: int, sweep_format: SweepFormat
+    subject: Subject, vary: Sequence[str], value_options: Sequence[str], steps: int, sweep_format: SweepFormat
 ) -> str | bytes:
     from codra_dsl.integrations.inspection.sweeps import SweepError, held, varied
 
     try:
-        known_values = held(subject, with_options)
+        input_values = held(subject, value_options)
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--with") from error
     try:
-        inputs = [varied(subject, text, steps) for text in vary]
+        varied_inputs = [varied(subject, vary_option, steps) for vary_option in vary]
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--vary") from error
-    for variable, _ in inputs:
-        if known_values[variable.name] is not None or [other.name for other, _ in inputs].count(variable.name) > 1:
+    for variable, _ in varied_inputs:
+        if (
+            input_values[variable.name] is not None
+            or [other_variable.name for other_variable, _ in varied_inputs].count(variable.name) > 1
+        ):
             message = f"'{variable.name}' is varied: give it only once, and not with --with"
             raise typer.BadParameter(message, param_hint="--vary")
     return (
-        _draw(subject, known_values, inputs, steps)
+        _draw(subject, input_values, varied_inputs, steps)
         if sweep_format is SweepFormat.SVG
-        else _render_text(subject, known_values, inputs, sweep_format)
+        else _render_text(subject, input_values, varied_inputs, sweep_format)
     )
 
 
 def _render_text(
     subject: Subject,
-    known_values: dict[str, Value | None],
-    inputs: Sequence[tuple[Variable, Sequence[Value]]],
+    input_values: dict[str, Value | None],
+    varied_inputs: Sequence[tuple[Variable, Sequence[Value]]],
     sweep_format: SweepFormat,
 ) -> str:
     from codra_dsl.integrations.inspection.sweeps import inputs_json, inputs_text, sweep_json
     from codra_dsl.runtime.loops.sweep import sweep
 
-    if not inputs:
+    if not varied_inputs:
         return inputs_json(subject) if sweep_format is SweepFormat.JSON else inputs_text(subject)
-    ((variable, values),) = inputs
-    result = sweep(subject.model, subject.course, known_values, variable.name, values, unit=variable.type.unit or "")
-    return sweep_json(result) if sweep_format is SweepFormat.JSON else f"{result}\n"
+    ((variable, values),) = varied_inputs
+    sweep_result = sweep(
+        subject.model, subject.course, input_values, variable.name, values, unit=variable.type.unit or ""
+    )
+    return sweep_json(sweep_result) if sweep_format is SweepFormat.JSON else f"{sweep_result}\n"
 
 
 def _draw(
     subject: Subject,
-    known_values: dict[str, Value | None],
-    inputs: Sequence[tuple[Variable, Sequence[Value]]],
+    input_values: dict[str, Value | None],
+    varied_inputs: Sequence[tuple[Variable, Sequence[Value]]],
     steps: int,
 ) -> bytes:
     try:
@@ -158,16 +163,18 @@ def _draw(
     from codra_dsl.integrations.inspection.sweeps import varied
     from codra_dsl.runtime.loops.sweep import surface, sweep
 
-    axes = [_axis(subject, variable, values) for variable, values in inputs]
-    if len(inputs) == _MAX_VARIED:
-        across, up = ((variable.name, values) for variable, values in inputs)
-        return surfaces_svg(surface(subject.model, subject.course, known_values, across, up), *axes)
-    if inputs:
-        ((variable, values),) = inputs
-        result = sweep(
-            subject.model, subject.course, known_values, variable.name, values, unit=variable.type.unit or ""
+    axes = [_axis(subject, variable, values) for variable, values in varied_inputs]
+    if len(varied_inputs) == _MAX_VARIED_INPUTS:
+        horizontal_input, vertical_input = ((variable.name, values) for variable, values in varied_inputs)
+        return surfaces_svg(
+            surface(subject.model, subject.course, input_values, horizontal_input, vertical_input), *axes
         )
-        return sweep_svg(result, axes[0])
+    if varied_inputs:
+        ((variable, values),) = varied_inputs
+        sweep_result = sweep(
+            subject.model, subject.course, input_values, variable.name, values, unit=variable.type.unit or ""
+        )
+        return sweep_svg(sweep_result, axes[0])
     input_names = [name for name in subject.inputs if (terms := subject.terms(name)) is not None and not terms.members]
     if not input_names:
         say(f"codra: no input of '{subject.name}' has terms of its own: use --vary to draw something")

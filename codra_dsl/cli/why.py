@@ -78,7 +78,7 @@ def why_command(
             message = f"the journal holds {instant(header.start_s)} to {instant(end_s)}, not {instant(at_s)}"
             raise typer.BadParameter(message, param_hint="--at")
         explanation = _explain(header, checkpoints, variable, end_s if at_s is None else at_s, journal)
-    write_result(f"{explanation}\n" if format_ is WhyFormat.TEXT else _json(explanation))
+    write_result(f"{explanation}\n" if format_ is WhyFormat.TEXT else _explanation_json(explanation))
 
 
 def _explain(header: RunHeader, checkpoints: Checkpoints, variable: str, at_s: float, journal: Path) -> Why:
@@ -88,14 +88,14 @@ def _explain(header: RunHeader, checkpoints: Checkpoints, variable: str, at_s: f
     try:
         return explain(header.summary, checkpoints.latest_events, variable, at_s)
     except UnknownNameError as error:
-        _refuse_undeclared(variable, header)
+        _refuse_undeclared_variable(variable, header)
         raise typer.BadParameter(str(error), param_hint="VARIABLE") from error
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _refuse_undeclared(name: str, header: RunHeader) -> None:
+def _refuse_undeclared_variable(name: str, header: RunHeader) -> None:
     """Refuse the name of an undeclared variable, if the spec has no knowledge to which the name could belong."""
     if not header.summary.nodes and name not in header.summary.variables:
         similar_names = difflib.get_close_matches(name, header.summary.variables, n=1)
@@ -103,7 +103,7 @@ def _refuse_undeclared(name: str, header: RunHeader) -> None:
         raise typer.BadParameter(f"the spec has no context-variable '{name}'{hint}", param_hint="VARIABLE")
 
 
-def _json(explanation: Why) -> str:
+def _explanation_json(explanation: Why) -> str:
     import dataclasses
 
     from codra_dsl.runtime.journal.encoding import json_text
@@ -114,11 +114,11 @@ def _json(explanation: Why) -> str:
 def _instant_s(text: str, header: RunHeader) -> float:
     """Return the instant that the text of `--at` gives."""
     if text.startswith("+"):
-        parsed_s = _parse_seconds(text[1:].strip())
-        at_s = None if parsed_s is None else header.start_s + parsed_s
+        seconds = _parse_seconds(text[1:].strip())
+        at_s = None if seconds is None else header.start_s + seconds
     else:
-        parsed_s = _parse_seconds(text)
-        at_s = _time_of_day_s(text) if parsed_s is None else parsed_s
+        seconds = _parse_seconds(text)
+        at_s = _time_of_day_s(text) if seconds is None else seconds
     if at_s is None or not abs(at_s) < math.inf:
         examples = "'31.5', '+2 min', or '2030-01-31 03:12:05' in UTC"
         raise typer.BadParameter(f"'{text}' is not an instant such as {examples}", param_hint="--at")

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Pace", "Progress", "RunRequest", "World"]
 
-_PROGRESS_EVERY_S = 10.0
+_PROGRESS_INTERVAL_S = 10.0
 
 
 class Pace(StrEnum):
@@ -52,12 +52,12 @@ class Progress:
 
     def __init__(self) -> None:
         self._is_terminal = sys.stderr.isatty()
-        self._last_shown_s = 0.0
+        self._last_shown_instant_s = 0.0
 
     def __call__(self, now_s: float) -> None:
         """Show an instant, unless the last shown instant is less than 10 s of simulated time earlier."""
-        if self._is_terminal and now_s - self._last_shown_s >= _PROGRESS_EVERY_S:
-            self._last_shown_s = now_s
+        if self._is_terminal and now_s - self._last_shown_instant_s >= _PROGRESS_INTERVAL_S:
+            self._last_shown_instant_s = now_s
             print(f"\r{now_s:8.0f} s", end="", file=sys.stderr, flush=True)
 
     def clear(self) -> None:

@@ -32,7 +32,7 @@ _GIT = (
     *("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"),
 )
 # Inherited variables could point git at another repository, or let it start a program.
-_SAFE_VARIABLES = {
+_SAFE_ENVIRONMENT = {
     "GIT_ALLOW_PROTOCOL": "none",
     "GIT_NO_LAZY_FETCH": "1",
     "GIT_OPTIONAL_LOCKS": "0",
@@ -100,13 +100,13 @@ class Repository:
             raise RevisionError(f"'{name}' is a range: give both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
         if ":" in name:
             raise RevisionError(f"'{name}' is not a revision: give the path after both versions")
-        commit = self._verify(name)
+        commit = self._resolve_commit(name)
         if commit is None:
-            hint = self._help(name)
+            hint = self._revision_hint(name)
             raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({hint})")
         return commit
 
-    def _verify(self, name: str) -> str | None:
+    def _resolve_commit(self, name: str) -> str | None:
         git_result = _run_git(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
         return git_result.stdout.decode().strip() if name and git_result.returncode == 0 else None
 
@@ -114,23 +114,23 @@ class Repository:
         """Return whether a commit has a file or folder."""
         return _run_git(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
 
-    def changed(self, but: Path) -> Sequence[PurePosixPath]:
+    def changed(self, excluded_folder: Path) -> Sequence[PurePosixPath]:
         """Return the files of the working folder that differ from the commit, or are new and not ignored.
 
         Args:
-            but: a folder whose files are left out.
+            excluded_folder: a folder whose files are left out.
 
         Raises:
             RevisionError: if git reports an error.
         """
         options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
-        git_result = _run_git((*self._without_filters(), "status", *options), self.top)
+        git_result = _run_git((*self._filter_disabling_options(), "status", *options), self.top)
         if git_result.returncode != 0:
             raise RevisionError(f"git cannot list the changed files of '{self.top}'")
         paths = (PurePosixPath(os.fsdecode(line[3:])) for line in git_result.stdout.split(b"\0") if line)
-        return [path for path in paths if not (self.top / path).is_relative_to(but)]
+        return [path for path in paths if not (self.top / path).is_relative_to(excluded_folder)]
 
-    def _without_filters(self) -> Iterator[str]:
+    def _filter_disabling_options(self) -> Iterator[str]:
         """Yield settings that disable the filters that the repository configures."""
         git_result = _run_git(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
         for name in dict.fromkeys(os.fsdecode(git_result.stdout).split("\0")):
@@ -139,13 +139,13 @@ class Repository:
             elif name.endswith(".required"):
                 yield from ("-c", f"{name}=false")
 
-    def extract(self, commit: str, below: PurePosixPath, into: Path) -> dict[PurePosixPath, str]:
+    def extract(self, commit: str, subfolder: PurePosixPath, target_folder: Path) -> dict[PurePosixPath, str]:
         """Write the spec files of a revision into a folder, under their paths in the repository.
 
         Args:
             commit: the object name of the commit.
-            below: the wanted folder within the repository.
-            into: an empty folder that no other process writes to.
+            subfolder: the wanted folder within the repository.
+            target_folder: an empty folder that no other process writes to.
 
         Returns:
             The paths of symbolic links and submodules that were not read but may hold specs, each with its kind.
@@ -154,24 +154,24 @@ class Repository:
             RevisionError: if the revision has too many or too large files, or if some of its files are missing here.
         """
         entries = tuple(self._entries(commit))
-        inner_entries = [entry for entry in entries if entry.path.is_relative_to(below)]
-        wanted_entries = [
+        inner_entries = [entry for entry in entries if entry.path.is_relative_to(subfolder)]
+        spec_entries = [
             entry for entry in inner_entries if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)
         ]
-        wanted_entries += [
-            entry for entry in entries if entry.path.name == SETTINGS and below.is_relative_to(entry.path.parent)
+        spec_entries += [
+            entry for entry in entries if entry.path.name == SETTINGS and subfolder.is_relative_to(entry.path.parent)
         ]
-        wanted_entries += [
-            entry for entry in inner_entries if entry.path.name == SETTINGS and entry.path.parent != below
+        spec_entries += [
+            entry for entry in inner_entries if entry.path.name == SETTINGS and entry.path.parent != subfolder
         ]
-        written_entries = self._write(dict.fromkeys(wanted_entries), into)
-        named_files = set(_words_in_including_files(into / entry.path for entry in written_entries))
-        named_entries = [
+        written_entries = self._write(dict.fromkeys(spec_entries), target_folder)
+        mentioned_words = set(_words_in_including_files(target_folder / entry.path for entry in written_entries))
+        mentioned_entries = [
             entry
             for entry in inner_entries
-            if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in named_files
+            if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in mentioned_words
         ]
-        self._write(dict.fromkeys(entry for entry in named_entries if entry not in written_entries), into)
+        self._write(dict.fromkeys(entry for entry in mentioned_entries if entry not in written_entries), target_folder)
         return {
             entry.path: _KIND_OF_UNREAD_MODE[entry.mode]
             for entry in inner_entries
@@ -179,19 +179,19 @@ class Repository:
             and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
         }
 
-    def _help(self, name: str) -> str:
+    def _revision_hint(self, name: str) -> str:
         base_name = _ANCESTOR_STEPS.sub("", name)
-        is_too_far = base_name != name and self._verify(base_name) is not None
-        if self._is_shallow() and (is_too_far or self._similar_name(name) is None):
+        is_too_far = base_name != name and self._resolve_commit(base_name) is not None
+        if self._is_shallow() and (is_too_far or self._similar_revision_name(name) is None):
             return "this clone is shallow: fetch the revision first, for example with git fetch --unshallow"
         if is_too_far:
             return f"'{base_name}' is a revision, but has no '{name.removeprefix(base_name)}'"
-        similar_name = self._similar_name(name)
+        similar_name = self._similar_revision_name(name)
         return (
             f"did you mean '{similar_name}'?" if similar_name else "name a file, a folder, a branch, a tag or a commit"
         )
 
-    def _similar_name(self, name: str) -> str | None:
+    def _similar_revision_name(self, name: str) -> str | None:
         git_result = _run_git(("for-each-ref", "--format=%(refname:short)"), self.top)
         names = ["HEAD", *os.fsdecode(git_result.stdout).split()]
         remote_branch = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
@@ -211,20 +211,22 @@ class Repository:
             if len(fields) == 3 and not path.is_absolute() and not {"..", ".git"} & set(path.parts):
                 yield _Entry(fields[0], fields[2], path)
 
-    def _write(self, entries: Iterable[_Entry], into: Path) -> tuple[_Entry, ...]:
+    def _write(self, entries: Iterable[_Entry], target_folder: Path) -> tuple[_Entry, ...]:
         file_entries = tuple(entry for entry in entries if entry.mode in _FILE_MODES)
         sizes = self._sizes(file_entries) if len(file_entries) <= MAX_FILES else None
         if sizes is None or sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
             raise RevisionError("too much YAML to compare: give the specs that matter as PATH")
         small_entries = [entry for entry in file_entries if sizes[entry] <= MAX_FILE_BYTES]
-        for entry, data in zip(small_entries, self._blobs([entry.object_name for entry in small_entries]), strict=True):
-            target = into / entry.path
+        for entry, data in zip(
+            small_entries, self._read_blobs([entry.object_name for entry in small_entries]), strict=True
+        ):
+            target = target_folder / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
         for entry in set(file_entries) - set(
             small_entries
         ):  # write an empty file of a size that is reported as too large
-            target = into / entry.path
+            target = target_folder / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as stream:
                 stream.truncate(MAX_FILE_BYTES + 1)
@@ -238,7 +240,7 @@ class Repository:
             raise RevisionError(_INCOMPLETE_MESSAGE)
         return {entry: int(size) for entry, size in zip(entries, sizes, strict=True)}
 
-    def _blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
+    def _read_blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
         if not object_names:
             return
         command = (*_GIT, "cat-file", "--batch")
@@ -257,13 +259,13 @@ class Repository:
                 for name in object_names:
                     process.stdin.write(f"{name}\n".encode())
                     process.stdin.flush()
-                    yield _blob(process.stdout)
+                    yield _read_blob(process.stdout)
             finally:
                 process.stdin.close()
                 process.stdout.close()
 
 
-def _blob(stream: IO[bytes]) -> bytes:
+def _read_blob(stream: IO[bytes]) -> bytes:
     fields = stream.readline().split()
     if len(fields) != 3 or fields[1] != b"blob":
         raise RevisionError(_INCOMPLETE_MESSAGE)
@@ -283,13 +285,13 @@ def _words_in_including_files(files: Iterable[Path]) -> Iterator[bytes]:
             yield from _WORDS.findall(data)
 
 
-def _run_git(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+def _run_git(arguments: Sequence[str], folder: Path, input_data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     try:
         return subprocess.run(
             (*_GIT, *arguments),
             cwd=folder,
             env=_environment(),
-            input=text,
+            input=input_data,
             capture_output=True,
             check=False,
         )
@@ -300,4 +302,4 @@ def _run_git(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subpr
 
 
 def _environment() -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _SAFE_VARIABLES
+    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _SAFE_ENVIRONMENT

@@ -48,13 +48,13 @@ class Choices:
 
     Attributes:
         kinds: all possible kinds, with or without nodes.
-        absent_names: declared names that are not nodes.
+        unneeded_names: declared names that are not nodes.
     """
 
     nodes: Sequence[Choice]
     edges: Iterable[Edge]
     kinds: Sequence[str]
-    absent_names: frozenset[str] = frozenset()
+    unneeded_names: frozenset[str] = frozenset()
 
 
 class SelectorError(ValueError):
@@ -77,24 +77,24 @@ class SelectorError(ValueError):
         return f"{self.args[0]} (column {self.column})\n  {shown_text}\n  {marks}"
 
 
-def select(choices: Choices, wanted: Sequence[str], unwanted: Sequence[str] = ()) -> frozenset[str]:
+def select(choices: Choices, include_selectors: Sequence[str], exclude_selectors: Sequence[str] = ()) -> frozenset[str]:
     """Return the ids of the nodes that at least one wanted selector and no unwanted selector matches.
 
     Args:
         choices: the graph.
-        wanted: selectors of nodes to keep; if there are none, all nodes are kept.
-        unwanted: selectors of nodes to remove.
+        include_selectors: selectors of nodes to keep; if there are none, all nodes are kept.
+        exclude_selectors: selectors of nodes to remove.
 
     Raises:
         SelectorError: if a selector cannot be parsed, or has a name, pattern, kind or method that does not exist.
     """
     search = _Search(choices)
     all_ids = frozenset(node.id for node in choices.nodes)
-    chosen_ids = frozenset().union(*map(search.matches, wanted)) if wanted else all_ids
-    return chosen_ids.difference(*map(search.matches, unwanted))
+    chosen_ids = frozenset().union(*map(search.find_matching_ids, include_selectors)) if include_selectors else all_ids
+    return chosen_ids.difference(*map(search.find_matching_ids, exclude_selectors))
 
 
-_ALL_STEPS = 10**9
+_UNLIMITED_STEPS = 10**9
 """More steps than any graph has."""
 
 _TERM = re.compile(
@@ -110,34 +110,35 @@ class _Term:
     Attributes:
         text: the complete selector.
         start: the position of the term's pattern in the selector.
-        needs: the number of steps to the nodes that the matched nodes need; `needed_by` in the other direction.
-        around: whether all nodes that need the matched nodes, and everything that these need, are included.
+        need_steps: the number of steps to the nodes that the matched nodes need.
+        user_steps: the number of steps to the nodes that need the matched nodes.
+        has_at_sign: whether all nodes that need the matched nodes, and everything that these need, are included.
     """
 
     text: str
     start: int
     method: str | None
     pattern: str
-    needs: int
-    needed_by: int
-    around: bool
+    need_steps: int
+    user_steps: int
+    has_at_sign: bool
 
     def error(self, message: str) -> SelectorError:
         """Return an error that marks the pattern."""
         return SelectorError(message, self.text, self.start, len(self.pattern))
 
 
-def _terms(text: str) -> Iterator[list[_Term]]:
+def _parse_terms(text: str) -> Iterator[list[_Term]]:
     """Yield the parts of a selector as lists of terms."""
-    parts = list(re.finditer(r"\S+", text))
-    if not parts:
+    part_matches = list(re.finditer(r"\S+", text))
+    if not part_matches:
         raise SelectorError("the selector is empty", text, 0)
-    for part in parts:
-        starts = [part.start(), *(part.start() + comma.end() for comma in re.finditer(",", part[0]))]
-        yield [_term(text, start) for start in starts]
+    for part_match in part_matches:
+        starts = [part_match.start(), *(part_match.start() + comma.end() for comma in re.finditer(",", part_match[0]))]
+        yield [_parse_term(text, start) for start in starts]
 
 
-def _term(text: str, start: int) -> _Term:
+def _parse_term(text: str, start: int) -> _Term:
     match = _TERM.match(text, start)
     assert match is not None  # every part of the pattern may be empty
     pattern_start, end = match.start("pattern"), match.end()
@@ -155,9 +156,9 @@ def _term(text: str, start: int) -> _Term:
         start=pattern_start,
         method=match["method"],
         pattern=match["pattern"],
-        needs=_step_count(match["needs"]),
-        needed_by=_step_count(match["by"]),
-        around=match["around"] is not None,
+        need_steps=_step_count(match["needs"]),
+        user_steps=_step_count(match["by"]),
+        has_at_sign=match["around"] is not None,
     )
 
 
@@ -165,7 +166,7 @@ def _step_count(digits: str | None) -> int:
     """Return the number of steps: 0 without a `+`, and all steps for a `+` without a number."""
     if digits is None:
         return 0
-    return int(digits) if digits and len(digits) < len(str(_ALL_STEPS)) else _ALL_STEPS
+    return int(digits) if digits and len(digits) < len(str(_UNLIMITED_STEPS)) else _UNLIMITED_STEPS
 
 
 class _Search:
@@ -173,93 +174,105 @@ class _Search:
 
     def __init__(self, choices: Choices) -> None:
         self._choices = choices
-        self._needs: dict[str, list[str]] = {}
-        self._needed_by: dict[str, list[str]] = {}
+        self._needs_by_node: dict[str, list[str]] = {}
+        self._users_by_node: dict[str, list[str]] = {}
         for need, user in choices.edges:
-            self._needs.setdefault(user, []).append(need)
-            self._needed_by.setdefault(need, []).append(user)
+            self._needs_by_node.setdefault(user, []).append(need)
+            self._users_by_node.setdefault(need, []).append(user)
         self._methods: Mapping[str, Callable[[_Term], frozenset[str]]] = {
-            "kind": self._nodes_by_kind,
-            "file": self._nodes_by_file,
-            "use": self._nodes_by_use,
+            "kind": self._match_kind,
+            "file": self._match_file,
+            "use": self._match_use,
         }
 
-    def matches(self, text: str) -> frozenset[str]:
+    def find_matching_ids(self, text: str) -> frozenset[str]:
         """Return the ids of the nodes that a selector matches."""
-        parts = [[self._nodes_of_term(term) for term in terms] for terms in _terms(text)]
-        return frozenset().union(*(frozenset.intersection(*part) for part in parts))
+        id_sets_by_part = [[self._ids_of_term(term) for term in terms] for terms in _parse_terms(text)]
+        return frozenset().union(*(frozenset.intersection(*id_sets) for id_sets in id_sets_by_part))
 
-    def _nodes_of_term(self, term: _Term) -> frozenset[str]:
-        named_nodes = self._nodes_by_name(term) if term.method is None else self._method(term, term.method)(term)
-        if term.around:
-            return _reachable_nodes(self._needs, _reachable_nodes(self._needed_by, named_nodes, _ALL_STEPS), _ALL_STEPS)
-        return _reachable_nodes(self._needs, named_nodes, term.needs) | _reachable_nodes(
-            self._needed_by, named_nodes, term.needed_by
+    def _ids_of_term(self, term: _Term) -> frozenset[str]:
+        matched_ids = self._match_name(term) if term.method is None else self._find_method(term, term.method)(term)
+        if term.has_at_sign:
+            return _reachable_ids(
+                self._needs_by_node,
+                _reachable_ids(self._users_by_node, matched_ids, _UNLIMITED_STEPS),
+                _UNLIMITED_STEPS,
+            )
+        return _reachable_ids(self._needs_by_node, matched_ids, term.need_steps) | _reachable_ids(
+            self._users_by_node, matched_ids, term.user_steps
         )
 
-    def _nodes_by_name(self, term: _Term) -> frozenset[str]:
+    def _match_name(self, term: _Term) -> frozenset[str]:
         is_id = "/" in term.pattern
-        keys = ((node.id if is_id else node.name, node.id) for node in self._choices.nodes)
-        return self._matching_nodes(term, keys, self._help_for_name)
+        keys_and_ids = ((node.id if is_id else node.name, node.id) for node in self._choices.nodes)
+        return self._find_matching_ids(term, keys_and_ids, self._help_for_name)
 
-    def _nodes_by_kind(self, term: _Term) -> frozenset[str]:
+    def _match_kind(self, term: _Term) -> frozenset[str]:
         kinds = self._choices.kinds
         if not any(fnmatchcase(kind, term.pattern) for kind in kinds):
-            raise term.error(f"there is no kind {term.pattern!r}: {_choice_text(term.pattern, kinds)}")
+            raise term.error(f"there is no kind {term.pattern!r}: {_choice_hint(term.pattern, kinds)}")
         return frozenset(node.id for node in self._choices.nodes if fnmatchcase(node.kind, term.pattern))
 
-    def _nodes_by_file(self, term: _Term) -> frozenset[str]:
-        return self._matching_nodes(term, ((node.file, node.id) for node in self._choices.nodes), self._help_for_value)
+    def _match_file(self, term: _Term) -> frozenset[str]:
+        return self._find_matching_ids(
+            term, ((node.file, node.id) for node in self._choices.nodes), self._help_for_value
+        )
 
-    def _nodes_by_use(self, term: _Term) -> frozenset[str]:
-        keys = ((node.use, node.id) for node in self._choices.nodes if node.use)
-        return self._matching_nodes(term, keys, self._help_for_value)
+    def _match_use(self, term: _Term) -> frozenset[str]:
+        keys_and_ids = ((node.use, node.id) for node in self._choices.nodes if node.use)
+        return self._find_matching_ids(term, keys_and_ids, self._help_for_value)
 
-    def _matching_nodes(
-        self, term: _Term, keys: Iterable[tuple[str, str]], make_help: Callable[[_Term, Sequence[str]], str]
+    def _find_matching_ids(
+        self, term: _Term, keys_and_ids: Iterable[tuple[str, str]], make_help: Callable[[_Term, Sequence[str]], str]
     ) -> frozenset[str]:
         """Return the ids of the nodes whose key the pattern of a term matches. No match is an error."""
-        pairs = list(keys)
+        key_id_pairs = list(keys_and_ids)
         is_glob = _GLOB.search(term.pattern) is not None
-        matches = frozenset(
-            name for key, name in pairs if (fnmatchcase(key, term.pattern) if is_glob else key == term.pattern)
+        matching_ids = frozenset(
+            node_id
+            for key, node_id in key_id_pairs
+            if (fnmatchcase(key, term.pattern) if is_glob else key == term.pattern)
         )
-        if not matches and is_glob:
+        if not matching_ids and is_glob:
             raise term.error(f"no node matches {term.pattern!r}")
-        if not matches:
-            known = list(dict.fromkeys(key for key, _ in pairs))
-            raise term.error(f"no node matches {term.pattern!r}{make_help(term, known)}")
-        return matches
+        if not matching_ids:
+            known_keys = list(dict.fromkeys(key for key, _ in key_id_pairs))
+            raise term.error(f"no node matches {term.pattern!r}{make_help(term, known_keys)}")
+        return matching_ids
 
-    def _help_for_name(self, term: _Term, known: Sequence[str]) -> str:
-        labelled_names = [node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()]
-        if labelled_names:
-            return f": that is the label of '{labelled_names[0]}'"
-        if term.pattern in self._choices.absent_names:
+    def _help_for_name(self, term: _Term, known_keys: Sequence[str]) -> str:
+        names_with_label = [
+            node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()
+        ]
+        if names_with_label:
+            return f": that is the label of '{names_with_label[0]}'"
+        if term.pattern in self._choices.unneeded_names:
             return " in the graph: it is declared, but no decision needs it"
-        return self._help_for_value(term, known)
+        return self._help_for_value(term, known_keys)
 
-    def _help_for_value(self, term: _Term, known: Sequence[str]) -> str:
-        similar_name = suggest(term.pattern, known)
+    def _help_for_value(self, term: _Term, known_keys: Sequence[str]) -> str:
+        similar_name = suggest(term.pattern, known_keys)
         return f" (did you mean '{similar_name}'?)" if similar_name else ""
 
-    def _method(self, term: _Term, name: str) -> Callable[[_Term], frozenset[str]]:
+    def _find_method(self, term: _Term, name: str) -> Callable[[_Term], frozenset[str]]:
         if name not in self._methods:
-            message = f"there is no method {name!r}: {_choice_text(name, tuple(self._methods))}"
+            message = f"there is no method {name!r}: {_choice_hint(name, tuple(self._methods))}"
             raise SelectorError(message, term.text, term.start - len(name) - 1, len(name))
         return self._methods[name]
 
 
-def _choice_text(name: str, allowed: Sequence[str]) -> str:
+def _choice_hint(name: str, allowed: Sequence[str]) -> str:
     similar_name = suggest(name, allowed)
     return f"did you mean '{similar_name}'?" if similar_name else f"choose from {', '.join(allowed)}"
 
 
-def _reachable_nodes(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
+def _reachable_ids(neighbours: Mapping[str, Sequence[str]], start_ids: frozenset[str], steps: int) -> frozenset[str]:
     """Return the start and the nodes that can be reached from it in at most `steps` steps."""
-    reached_nodes, frontier = set(start), start
+    reached_ids, frontier = set(start_ids), start_ids
     while frontier and steps:
-        frontier = frozenset(other for name in frontier for other in neighbours.get(name, ())) - reached_nodes
-        reached_nodes |= frontier
+        frontier = (
+            frozenset(neighbour for node_id in frontier for neighbour in neighbours.get(node_id, ())) - reached_ids
+        )
+        reached_ids |= frontier
         steps -= 1
-    return frozenset(reached_nodes)
+    return frozenset(reached_ids)

@@ -15,7 +15,7 @@ def run_project(folder: Path, files: Mapping[str, str], *arguments: str) -> str:
     for name, text in {"pyproject.toml": "[tool.codra]\n", **files}.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text)
-    done = codra("compile", "specs", cwd=folder)
-    assert done.returncode == 0, done.stdout + done.stderr
+    process = codra("compile", "specs", cwd=folder)
+    assert process.returncode == 0, process.stdout + process.stderr
     command = [sys.executable, "program.py", *arguments]
     return subprocess.run(command, cwd=folder, check=True, text=True, stdout=subprocess.PIPE).stdout

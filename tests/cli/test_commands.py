@@ -49,7 +49,7 @@ def environment(**settings: str) -> dict[str, str]:
 
 
 def codra(*arguments: str, cwd: Path, stdin: str = "", **settings: str) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "codra_dsl", *arguments],
         cwd=cwd,
         env=environment(**settings),
@@ -58,8 +58,8 @@ def codra(*arguments: str, cwd: Path, stdin: str = "", **settings: str) -> subpr
         capture_output=True,
         check=False,
     )
-    assert "Traceback" not in done.stdout + done.stderr
-    return done
+    assert "Traceback" not in process.stdout + process.stderr
+    return process
 
 
 # Help and usage
@@ -74,20 +74,20 @@ def test_help_imports_none_of_the_heavy_libraries() -> None:
         "print(sorted(heavy & set(sys.modules)))"
     )
 
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, env=environment(), text=True, capture_output=True, check=True
     )
 
-    assert done.stdout.splitlines()[-1] == "[]"
-    assert "compile" in done.stdout
+    assert process.stdout.splitlines()[-1] == "[]"
+    assert "compile" in process.stdout
 
 
 @pytest.mark.parametrize("command", [[], ["compile"], ["lint"], ["graph"]])
 def test_every_command_explains_itself(command: list[str]) -> None:
-    done = codra(*command, "--help", cwd=ROOT)
+    process = codra(*command, "--help", cwd=ROOT)
 
-    assert done.returncode == 0
-    assert done.stdout.startswith(" ".join(["Usage: codra", *command]))
+    assert process.returncode == 0
+    assert process.stdout.startswith(" ".join(["Usage: codra", *command]))
 
 
 def test_the_version_is_printed() -> None:
@@ -110,10 +110,10 @@ def test_the_version_is_printed() -> None:
     ],
 )
 def test_a_usage_error_exits_with_2(project: Path, arguments: list[str]) -> None:
-    done = codra(*arguments, cwd=project)
+    process = codra(*arguments, cwd=project)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "Error" in done.stderr
+    assert (process.returncode, process.stdout) == (2, "")
+    assert "Error" in process.stderr
 
 
 def test_specs_of_several_projects_are_taken_one_at_a_time(
@@ -122,10 +122,10 @@ def test_specs_of_several_projects_are_taken_one_at_a_time(
     other = tmp_path_factory.mktemp("other")
     (other / "window.yaml").write_text(DOOR)
 
-    done = codra("compile", "specs", str(other), cwd=project)
+    process = codra("compile", "specs", str(other), cwd=project)
 
-    assert done.returncode == 2
-    assert "several projects" in done.stderr
+    assert process.returncode == 2
+    assert "several projects" in process.stderr
 
 
 # lint
@@ -134,15 +134,15 @@ def test_specs_of_several_projects_are_taken_one_at_a_time(
 def test_lint_prints_findings_to_standard_output_and_their_number_to_standard_error(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
-    done = codra("lint", "specs", cwd=project)
+    process = codra("lint", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout, done.stderr) == (1, MONITER, "1 error; --fix can fix 1\n")
+    assert (process.returncode, process.stdout, process.stderr) == (1, MONITER, "1 error; --fix can fix 1\n")
 
 
 def test_lint_of_good_specs_leaves_standard_output_empty(project: Path) -> None:
-    done = codra("lint", "specs", cwd=project)
+    process = codra("lint", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "no findings\n")
+    assert (process.returncode, process.stdout, process.stderr) == (0, "", "no findings\n")
 
 
 def test_paths_in_findings_are_relative_to_the_project_in_every_working_folder(project: Path) -> None:
@@ -172,9 +172,9 @@ def test_findings_have_forms_for_people(project: Path, form: str, expected: str)
 def test_findings_as_json_are_one_object_a_line(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT.replace("timeout", "").replace("gap: {", "gap: {uint: m, "))
 
-    done = codra("lint", "specs", "--format", "json", cwd=project)
+    process = codra("lint", "specs", "--format", "json", cwd=project)
 
-    findings = [json.loads(line) for line in done.stdout.splitlines()]
+    findings = [json.loads(line) for line in process.stdout.splitlines()]
     assert [(finding["code"], finding["line"], finding["column"]) for finding in findings] == [
         ("CDR2003", 9, 13),
         ("CDR2003", 14, 5),
@@ -184,36 +184,36 @@ def test_findings_as_json_are_one_object_a_line(project: Path) -> None:
 def test_findings_can_go_to_a_file(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
-    done = codra("lint", "specs", "--output", "findings.txt", cwd=project)
+    process = codra("lint", "specs", "--output", "findings.txt", cwd=project)
 
-    assert (done.returncode, done.stdout) == (1, "")
+    assert (process.returncode, process.stdout) == (1, "")
     assert (project / "findings.txt").read_text() == MONITER
 
 
 def test_a_spec_can_come_by_standard_input(project: Path) -> None:
-    done = codra("lint", "-", cwd=project, stdin=MISSPELT)
+    process = codra("lint", "-", cwd=project, stdin=MISSPELT)
 
-    assert (done.returncode, done.stdout) == (1, MONITER.replace("specs/door.yaml", "-"))
+    assert (process.returncode, process.stdout) == (1, MONITER.replace("specs/door.yaml", "-"))
 
 
 def test_bytes_that_are_not_text_are_a_finding(project: Path) -> None:
     command = [sys.executable, "-m", "codra_dsl", "lint", "-"]
 
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=project, env=environment(), input=b"codra: 1\nname: \xff\n", capture_output=True, check=False
     )
 
-    assert done.returncode == 1
-    assert b"CDR1002" in done.stdout
+    assert process.returncode == 1
+    assert b"CDR1002" in process.stdout
 
 
 @pytest.mark.parametrize(("options", "code"), [([], 0), (["--fail-on", "warning"], 1), (["--fail-on", "error"], 0)])
 def test_warnings_fail_only_when_asked(project: Path, options: list[str], code: int) -> None:
     (project / "specs/door.yaml").write_text(WITH_WARNING)
 
-    done = codra("lint", "specs", *options, cwd=project)
+    process = codra("lint", "specs", *options, cwd=project)
 
-    assert (done.returncode, done.stderr) == (code, "1 warning\n")
+    assert (process.returncode, process.stderr) == (code, "1 warning\n")
 
 
 # Colours
@@ -233,9 +233,9 @@ def test_a_pipe_gets_colours_only_when_asked(
 ) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
-    done = codra("lint", "specs", *options, cwd=project, **settings)
+    process = codra("lint", "specs", *options, cwd=project, **settings)
 
-    assert ("\x1b[" in done.stdout) is is_coloured
+    assert ("\x1b[" in process.stdout) is is_coloured
 
 
 @pytest.mark.parametrize(
@@ -291,9 +291,9 @@ def test_without_a_project_packages_go_to_the_working_folder(tmp_path: Path) -> 
 def test_compile_writes_no_file_when_there_are_errors(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
-    done = codra("compile", "specs", cwd=project)
+    process = codra("compile", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout) == (1, MONITER)
+    assert (process.returncode, process.stdout) == (1, MONITER)
     assert not (project / "generated").exists()
 
 
@@ -306,19 +306,19 @@ def test_check_passes_on_written_packages_even_after_they_were_imported(project:
         check=True,
     )
 
-    done = codra("compile", "specs", "--check", cwd=project)
+    process = codra("compile", "specs", "--check", cwd=project)
 
     assert (project / "generated/door/__pycache__").exists()
-    assert (done.returncode, done.stdout) == (0, "")
+    assert (process.returncode, process.stdout) == (0, "")
 
 
 def test_check_shows_missing_files_and_does_not_write_them(project: Path) -> None:
-    done = codra("compile", "specs", "--check", cwd=project)
+    process = codra("compile", "specs", "--check", cwd=project)
 
-    assert done.returncode == 1
-    assert "+++ generated/door/door.py (as specified)\n" in done.stdout
-    assert "'generated/door/door.py' does not match the specs: missing\n" in done.stdout
-    assert done.stderr == "6 errors\n"
+    assert process.returncode == 1
+    assert "+++ generated/door/door.py (as specified)\n" in process.stdout
+    assert "'generated/door/door.py' does not match the specs: missing\n" in process.stdout
+    assert process.stderr == "6 errors\n"
     assert not (project / "generated").exists()
 
 
@@ -336,10 +336,10 @@ def test_check_fails_with_a_diff_when_output_was_touched(project: Path, spoil: o
     assert callable(spoil)
     spoil(project / "generated")
 
-    done = codra("compile", "specs", "--check", cwd=project)
+    process = codra("compile", "specs", "--check", cwd=project)
 
-    assert done.returncode == 1
-    assert shown in done.stdout
+    assert process.returncode == 1
+    assert shown in process.stdout
     assert codra("compile", "specs", cwd=project).returncode == 0
     assert codra("compile", "specs", "--check", cwd=project).returncode == 0
 
@@ -348,9 +348,9 @@ def test_drift_as_json_is_a_finding_for_every_file(project: Path) -> None:
     codra("compile", "specs", cwd=project)
     (project / "generated/door/door.py").write_text("x = 1\n")
 
-    done = codra("compile", "specs", "--check", "--format", "json", cwd=project)
+    process = codra("compile", "specs", "--check", "--format", "json", cwd=project)
 
-    (finding,) = map(json.loads, done.stdout.splitlines())
+    (finding,) = map(json.loads, process.stdout.splitlines())
     assert (finding["code"], finding["file"]) == ("CDR6003", "generated/door/door.py")
 
 
@@ -358,10 +358,10 @@ def test_a_folder_that_is_not_ours_is_refused_with_a_finding(project: Path) -> N
     (project / "src").mkdir()
     (project / "src/robot.py").write_text("x = 1\n")
 
-    done = codra("compile", "specs", "--out", "src", cwd=project)
+    process = codra("compile", "specs", "--out", "src", cwd=project)
 
-    assert done.returncode == 1
-    assert done.stdout.startswith("src:1:1: error[CDR6002]: 'src' holds files that codra did not make")
+    assert process.returncode == 1
+    assert process.stdout.startswith("src:1:1: error[CDR6002]: 'src' holds files that codra did not make")
     assert [path.name for path in (project / "src").iterdir()] == ["robot.py"]
 
 
@@ -377,18 +377,18 @@ def test_graph_prints_the_same_graph_in_every_format() -> None:
 
 
 def test_graph_draws_into_a_file(project: Path) -> None:
-    done = codra("graph", "specs", "--format", "svg", "--output", "door.svg", cwd=project)
+    process = codra("graph", "specs", "--format", "svg", "--output", "door.svg", cwd=project)
 
-    assert (done.returncode, done.stdout) == (0, "")
+    assert (process.returncode, process.stdout) == (0, "")
     assert "door_open" in (project / "door.svg").read_text()
 
 
 def test_graph_reports_findings_on_standard_error(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT)
 
-    done = codra("graph", "specs", cwd=project)
+    process = codra("graph", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{MONITER}1 error\n")
+    assert (process.returncode, process.stdout, process.stderr) == (1, "", f"{MONITER}1 error\n")
 
 
 # Places
@@ -400,9 +400,9 @@ def test_the_project_of_a_path_is_that_of_its_last_folder(project: Path) -> None
     (project / "inner/pyproject.toml").write_text("[tool.codra]\n")
     (project / "specs/door.yaml").write_text(MISSPELT)
 
-    done = codra("lint", "inner/../specs", "specs/door.yaml", cwd=project)
+    process = codra("lint", "inner/../specs", "specs/door.yaml", cwd=project)
 
-    assert (done.returncode, done.stdout) == (1, MONITER)
+    assert (process.returncode, process.stdout) == (1, MONITER)
     assert codra("lint", "../specs", cwd=project / "inner").stdout == MONITER
 
 
@@ -424,9 +424,9 @@ def test_a_pipe_instead_of_settings_does_not_block(project: Path) -> None:
 
 @pytest.mark.parametrize("output", [".", "nowhere/findings.txt"])
 def test_if_the_result_cannot_be_written_the_command_does_not_run(project: Path, output: str) -> None:
-    done = codra("compile", "specs", "--output", output, cwd=project)
+    process = codra("compile", "specs", "--output", output, cwd=project)
 
-    assert (done.returncode, done.stdout) == (2, "")
+    assert (process.returncode, process.stdout) == (2, "")
     assert not (project / "generated").exists()
 
 
@@ -506,7 +506,7 @@ main()
 @pytest.mark.parametrize("arguments", [["--help"], ["lint", "--help"], ["explain"]])
 def test_a_full_disk_is_not_reported_as_a_bug(arguments: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "codra_dsl", *arguments],
             env=environment(),
             stdout=full,
@@ -515,13 +515,13 @@ def test_a_full_disk_is_not_reported_as_a_bug(arguments: list[str]) -> None:
             check=False,
         )
 
-    assert done.returncode == 1
-    assert done.stderr.startswith("codra: cannot write")
-    assert done.stderr.endswith(": No space left on device\n")
+    assert process.returncode == 1
+    assert process.stderr.startswith("codra: cannot write")
+    assert process.stderr.endswith(": No space left on device\n")
 
 
 def test_an_internal_error_is_reported_as_a_bug_and_exits_with_70(project: Path) -> None:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", BROKEN_INSIDE],
         cwd=project,
         env=environment(),
@@ -530,25 +530,25 @@ def test_an_internal_error_is_reported_as_a_bug_and_exits_with_70(project: Path)
         check=False,
     )
 
-    assert (done.returncode, done.stdout) == (70, "")
-    assert done.stderr.startswith("codra: internal error: KeyError: 'door_open' (codra_dsl/compiler.py:")
-    assert "Traceback" not in done.stderr
+    assert (process.returncode, process.stdout) == (70, "")
+    assert process.stderr.startswith("codra: internal error: KeyError: 'door_open' (codra_dsl/compiler.py:")
+    assert "Traceback" not in process.stderr
 
 
 def test_a_terminal_without_unicode_still_gets_its_findings(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT.replace("moniter", "möniter"), "utf-8")
 
-    done = codra("lint", "specs", cwd=project, PYTHONIOENCODING="ascii")
+    process = codra("lint", "specs", cwd=project, PYTHONIOENCODING="ascii")
 
-    assert done.returncode == 1
-    assert "m\\xf6niter" in done.stdout
+    assert process.returncode == 1
+    assert "m\\xf6niter" in process.stdout
 
 
 def test_a_full_device_or_a_closed_standard_output_ends_without_a_traceback(project: Path) -> None:
     for redirection, code in ((">/dev/full", 1), (">&-", 0)):
         command = f"{shlex.quote(sys.executable)} -m codra_dsl graph specs {redirection}"
-        done = subprocess.run(
+        process = subprocess.run(
             ["/bin/sh", "-c", command], cwd=project, env=environment(), text=True, capture_output=True, check=False
         )
 
-        assert (done.returncode, "Traceback" in done.stderr, "internal" in done.stderr) == (code, False, False)
+        assert (process.returncode, "Traceback" in process.stderr, "internal" in process.stderr) == (code, False, False)

@@ -52,7 +52,7 @@ def environment(**settings: str) -> dict[str, str]:
 
 
 def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "codra_dsl", "diff", *arguments],
         cwd=cwd,
         env=environment(**settings),
@@ -60,18 +60,18 @@ def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedPr
         capture_output=True,
         check=False,
     )
-    assert "Traceback" not in done.stdout + done.stderr
-    assert "internal error" not in done.stderr
-    return done
+    assert "Traceback" not in process.stdout + process.stderr
+    assert "internal error" not in process.stderr
+    return process
 
 
 def git(*arguments: str, cwd: Path, stdin: bytes = b"") -> str:
     who = ("-c", "user.name=me", "-c", "user.email=me@example.org")
-    done = subprocess.run(
+    process = subprocess.run(
         ["git", *who, *arguments], cwd=cwd, env=environment(), input=stdin, capture_output=True, check=False
     )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.decode().strip()
+    assert process.returncode == 0, process.stderr
+    return process.stdout.decode().strip()
 
 
 def commit(folder: Path, message: str) -> None:
@@ -92,32 +92,32 @@ def project(tmp_path: Path) -> Path:
     return folder
 
 
-def parse_review(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
-    review = json.loads(done.stdout)
+def parse_review(process: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    review = json.loads(process.stdout)
     assert isinstance(review, dict)
     return review
 
 
-def change_texts(done: subprocess.CompletedProcess[str]) -> list[str]:
-    return [f"{change['category']} {change['element']}" for change in parse_review(done)["changes"]]
+def change_texts(process: subprocess.CompletedProcess[str]) -> list[str]:
+    return [f"{change['category']} {change['element']}" for change in parse_review(process)["changes"]]
 
 
 # The compared versions
 
 
 def test_a_revision_and_the_disk_are_the_same_without_changes(project: Path) -> None:
-    done = codra("HEAD", "specs", cwd=project)
+    process = codra("HEAD", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout, done.stderr) == (0, "verdict: same\n", "")
+    assert (process.returncode, process.stdout, process.stderr) == (0, "verdict: same\n", "")
 
 
 def test_a_change_on_the_disk_has_its_places_in_both_versions(project: Path) -> None:
     (project / "specs/door.yaml").write_text("# the front door\n" + WEAKER)
 
-    done = codra("HEAD", ".", cwd=project)
+    process = codra("HEAD", ".", cwd=project)
 
-    assert done.returncode == 1
-    assert done.stdout == (
+    assert process.returncode == 1
+    assert process.stdout == (
         "breaking[weaker]: door/perception/measure_door\n"
         "  'accept_when' holds more often\n"
         "    was 'gap < 3 m'  HEAD:specs/door.yaml:15:9\n"
@@ -133,11 +133,11 @@ def test_two_revisions_are_compared_in_the_projects_specs_from_any_folder_of_it(
     commit(project, "slower")
 
     for folder in (project, project / "specs"):
-        done = codra("v1", "HEAD", "--format", "json", cwd=folder)
-        assert change_texts(done) == ["slower door/perception/measure_door"]
-        assert parse_review(done)["changes"][0]["before"]["file"] == "v1:specs/door.yaml"
-        assert parse_review(done)["changes"][0]["after"]["file"] == "HEAD:specs/door.yaml"
-        assert parse_review(done)["latencies"] == [
+        process = codra("v1", "HEAD", "--format", "json", cwd=folder)
+        assert change_texts(process) == ["slower door/perception/measure_door"]
+        assert parse_review(process)["changes"][0]["before"]["file"] == "v1:specs/door.yaml"
+        assert parse_review(process)["changes"][0]["after"]["file"] == "HEAD:specs/door.yaml"
+        assert parse_review(process)["latencies"] == [
             {"element": "door/context/door_open", "before_s": 2.0, "after_s": 3.0}
         ]
 
@@ -175,9 +175,13 @@ def test_a_spec_of_one_version_is_added_or_removed(project: Path) -> None:
 def test_an_empty_folder_is_a_version_without_specs(project: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
 
-    done = codra("../empty", "specs", "--format", "json", cwd=project)
+    process = codra("../empty", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, change_texts(done), parse_review(done)["verdict"]) == (0, ["added door"], "compatible")
+    assert (process.returncode, change_texts(process), parse_review(process)["verdict"]) == (
+        0,
+        ["added door"],
+        "compatible",
+    )
 
 
 def test_two_folders_need_no_git(tmp_path: Path) -> None:
@@ -185,10 +189,10 @@ def test_two_folders_need_no_git(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         (tmp_path / name / "door.yaml").write_text(text)
 
-    done = codra("old", "new", "--format", "concise", cwd=tmp_path, PATH="")
+    process = codra("old", "new", "--format", "concise", cwd=tmp_path, PATH="")
 
-    assert done.stdout.startswith("new/door.yaml:9:14: caution[slower]: door/perception/measure_door: ")
-    assert done.returncode == 0
+    assert process.stdout.startswith("new/door.yaml:9:14: caution[slower]: door/perception/measure_door: ")
+    assert process.returncode == 0
 
 
 def test_several_folders_without_a_project_are_compared_together(tmp_path: Path) -> None:
@@ -197,10 +201,10 @@ def test_several_folders_without_a_project_are_compared_together(tmp_path: Path)
             (tmp_path / version / folder).mkdir(parents=True)
             (tmp_path / version / folder / "door.yaml").write_text(text.replace("name: door", f"name: {name}"))
 
-    done = codra("v1", "v2", "front", "back", "--format", "json", cwd=tmp_path)
+    process = codra("v1", "v2", "front", "back", "--format", "json", cwd=tmp_path)
 
-    assert change_texts(done) == ["weaker back_door/perception/measure_door", "weaker door/perception/measure_door"]
-    assert {change["after"]["file"] for change in parse_review(done)["changes"]} == {
+    assert change_texts(process) == ["weaker back_door/perception/measure_door", "weaker door/perception/measure_door"]
+    assert {change["after"]["file"] for change in parse_review(process)["changes"]} == {
         "v2/front/door.yaml",
         "v2/back/door.yaml",
     }
@@ -220,9 +224,13 @@ def test_moving_elements_to_a_part_is_no_difference_to_a_robot(project: Path) ->
     (project / "specs/door.yaml").write_text(head.replace("name: door", "name: door\ninclude: [parts/eyes.yaml]"))
     (project / "specs/parts/eyes.yaml").write_text(f"codra: 1\nperception:{rest}")
 
-    done = codra("HEAD", "specs", "--format", "json", cwd=project)
+    process = codra("HEAD", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, parse_review(done)["verdict"], change_texts(done)) == (0, "compatible", ["layout door"])
+    assert (process.returncode, parse_review(process)["verdict"], change_texts(process)) == (
+        0,
+        "compatible",
+        ["layout door"],
+    )
 
 
 def test_parts_of_a_revision_are_read_with_any_suffix(project: Path) -> None:
@@ -261,29 +269,29 @@ def test_ci_can_gate_on_the_verdict(project: Path, text: str, options: list[str]
 def test_allowed_changes_are_shown_as_allowed(project: Path) -> None:
     (project / "specs/door.yaml").write_text(WEAKER)
 
-    done = codra("HEAD", "specs", "--allow", "weaker", "--format", "concise", cwd=project)
+    process = codra("HEAD", "specs", "--allow", "weaker", "--format", "concise", cwd=project)
 
-    assert "allowed[weaker]" in done.stdout
-    assert done.stdout.endswith("verdict: same (1 allowed)\n")
+    assert "allowed[weaker]" in process.stdout
+    assert process.stdout.endswith("verdict: same (1 allowed)\n")
 
 
 def test_an_option_that_allows_no_change_is_reported(project: Path) -> None:
-    done = codra("v1", "HEAD", "--allow", "weaker:door/perception/measure_dor", cwd=project)
+    process = codra("v1", "HEAD", "--allow", "weaker:door/perception/measure_dor", cwd=project)
 
-    assert (done.returncode, done.stdout) == (0, "verdict: same\n")
-    assert done.stderr == "codra: --allow weaker:door/perception/measure_dor accepts no change: remove it\n"
+    assert (process.returncode, process.stdout) == (0, "verdict: same\n")
+    assert process.stderr == "codra: --allow weaker:door/perception/measure_dor accepts no change: remove it\n"
 
 
 def test_errors_in_b_are_breaking_changes(project: Path) -> None:
     (project / "specs/door.yaml").write_text(WITH_ERROR)
 
-    done = codra("HEAD", "specs", "--format", "concise", cwd=project)
+    process = codra("HEAD", "specs", "--format", "concise", cwd=project)
 
-    assert done.returncode == 1
-    assert done.stdout.startswith(
+    assert process.returncode == 1
+    assert process.stdout.startswith(
         "specs/door.yaml:20:15: breaking[invalid]: door/skill/pass_door: unknown context-variable"
     )
-    assert "[CDR3101]" in done.stdout
+    assert "[CDR3101]" in process.stdout
 
 
 def test_a_repaired_spec_is_no_breaking_change_and_its_old_errors_go_to_standard_error(project: Path) -> None:
@@ -291,10 +299,10 @@ def test_a_repaired_spec_is_no_breaking_change_and_its_old_errors_go_to_standard
     commit(project, "mistake")
     (project / "specs/door.yaml").write_text(DOOR)
 
-    done = codra("HEAD", "specs", "--format", "json", cwd=project)
+    process = codra("HEAD", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, change_texts(done)) == (0, ["repaired door"])
-    assert "HEAD:specs/door.yaml:20:15: error[CDR3101]" in done.stderr
+    assert (process.returncode, change_texts(process)) == (0, ["repaired door"])
+    assert "HEAD:specs/door.yaml:20:15: error[CDR3101]" in process.stderr
 
 
 def test_a_file_that_is_no_yaml_pairs_with_the_spec_that_it_was(project: Path) -> None:
@@ -334,10 +342,10 @@ def test_markdown_escapes_text_from_specs(project: Path) -> None:
     label = "<img src=x> | [here](http://x) @all **now**"
     (project / "specs/door.yaml").write_text(DOOR.replace("valid_for: 5 s", f"valid_for: 5 s, label: '{label}'"))
 
-    done = codra("HEAD", "specs", "--format", "markdown", "--output", "comment.md", cwd=project)
+    process = codra("HEAD", "specs", "--format", "markdown", "--output", "comment.md", cwd=project)
 
     text = (project / "comment.md").read_text("utf-8")
-    assert (done.returncode, done.stdout) == (0, "")
+    assert (process.returncode, process.stdout) == (0, "")
     assert text.startswith("### codra diff: compatible\n")
     assert "\\<img src\\=x\\> \\| \\[here\\]\\(http\\://x\\) \\@all \\*\\*now\\*\\*" in text
 
@@ -346,9 +354,9 @@ def test_on_github_changes_are_annotations_and_the_summary_of_the_step(project: 
     (project / "specs/door.yaml").write_text(WEAKER.replace("timeout: 2 s", "timeout: 3 s"))
     summary = tmp_path / "summary.md"
 
-    done = codra("HEAD", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(summary))
+    process = codra("HEAD", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(summary))
 
-    lines = done.stdout.splitlines()
+    lines = process.stdout.splitlines()
     assert lines[0].startswith(
         "::error file=specs/door.yaml,line=15,endLine=15,col=9,endColumn=18,title=codra diff weaker::"
     )
@@ -379,10 +387,10 @@ def test_on_github_changes_are_annotations_and_the_summary_of_the_step(project: 
     ],
 )
 def test_a_usage_error_exits_with_2_and_a_hint(project: Path, arguments: list[str], hint: str) -> None:
-    done = codra(*arguments, cwd=project)
+    process = codra(*arguments, cwd=project)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert hint in " ".join(done.stderr.split())
+    assert (process.returncode, process.stdout) == (2, "")
+    assert hint in " ".join(process.stderr.split())
     assert sorted(path.name for path in project.iterdir()) == [".git", "pyproject.toml", "specs"]
 
 
@@ -424,9 +432,9 @@ def test_a_bare_repository_has_revisions_as_well(project: Path, tmp_path: Path) 
     commit(project, "weaker")
     git("clone", "--quiet", "--bare", str(project), "robot.git", cwd=tmp_path)
 
-    done = codra("v1", "main", "--format", "json", cwd=tmp_path / "robot.git")
+    process = codra("v1", "main", "--format", "json", cwd=tmp_path / "robot.git")
 
-    assert change_texts(done) == ["weaker door/perception/measure_door"]
+    assert change_texts(process) == ["weaker door/perception/measure_door"]
 
 
 def test_a_submodule_in_a_revision_is_reported_and_not_read(project: Path, tmp_path: Path) -> None:
@@ -435,27 +443,27 @@ def test_a_submodule_in_a_revision_is_reported_and_not_read(project: Path, tmp_p
     git("-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(project), "robot", cwd=outer)
     commit(outer, "robot")
 
-    done = codra("HEAD", "main^0", cwd=outer)
+    process = codra("HEAD", "main^0", cwd=outer)
 
-    assert (done.returncode, done.stdout) == (0, "verdict: same\n")
-    shown = [f"codra: {name}:robot is not read, because it is a submodule" for name in ("HEAD", "main^0")]
-    assert done.stderr.splitlines() == shown
+    assert (process.returncode, process.stdout) == (0, "verdict: same\n")
+    messages = [f"codra: {name}:robot is not read, because it is a submodule" for name in ("HEAD", "main^0")]
+    assert process.stderr.splitlines() == messages
 
 
 def test_a_revision_outside_of_every_repository_is_a_usage_error(tmp_path: Path) -> None:
     (tmp_path / "door.yaml").write_text(DOOR)
 
-    done = codra("HEAD", ".", cwd=tmp_path, GIT_CEILING_DIRECTORIES=str(tmp_path.parent))
+    process = codra("HEAD", ".", cwd=tmp_path, GIT_CEILING_DIRECTORIES=str(tmp_path.parent))
 
-    assert done.returncode == 2
-    assert "no git repository" in " ".join(done.stderr.split())
+    assert process.returncode == 2
+    assert "no git repository" in " ".join(process.stderr.split())
 
 
 def test_a_revision_without_git_is_a_usage_error(project: Path) -> None:
-    done = codra("HEAD", "specs", cwd=project, PATH="")
+    process = codra("HEAD", "specs", cwd=project, PATH="")
 
-    assert done.returncode == 2
-    assert "git is not installed" in " ".join(done.stderr.split())
+    assert process.returncode == 2
+    assert "git is not installed" in " ".join(process.stderr.split())
 
 
 # Hostile repositories
@@ -475,9 +483,9 @@ def test_nothing_that_a_repository_configures_is_run(project: Path, tmp_path: Pa
         git("config", key, str(program), cwd=project)
     git("config", "pager.log", "true", cwd=project)
 
-    done = codra("HEAD", "specs", cwd=project)
+    process = codra("HEAD", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout) == (0, "verdict: same\n")
+    assert (process.returncode, process.stdout) == (0, "verdict: same\n")
     assert not (tmp_path / "ran").exists()
 
 
@@ -486,9 +494,9 @@ def test_the_variables_of_git_that_a_hook_sets_do_not_lead_elsewhere(project: Pa
     other.mkdir()
     git("init", "--quiet", cwd=other)
 
-    done = codra("HEAD", "specs", cwd=project, GIT_DIR=str(other / ".git"), GIT_WORK_TREE=str(other))
+    process = codra("HEAD", "specs", cwd=project, GIT_DIR=str(other / ".git"), GIT_WORK_TREE=str(other))
 
-    assert done.stdout == "verdict: same\n"
+    assert process.stdout == "verdict: same\n"
 
 
 def test_links_in_a_revision_are_not_followed(project: Path, tmp_path: Path) -> None:
@@ -496,10 +504,10 @@ def test_links_in_a_revision_are_not_followed(project: Path, tmp_path: Path) -> 
     (project / "specs/secret.yaml").symlink_to(tmp_path / "secret.yaml")
     commit(project, "link")
 
-    done = codra("HEAD", "v1", "--format", "json", cwd=project)
+    process = codra("HEAD", "v1", "--format", "json", cwd=project)
 
-    assert parse_review(done)["verdict"] == "same"
-    assert "HEAD:specs/secret.yaml is not read, because it is a symbolic link" in done.stderr
+    assert parse_review(process)["verdict"] == "same"
+    assert "HEAD:specs/secret.yaml is not read, because it is a symbolic link" in process.stderr
 
 
 def test_paths_in_a_tree_never_lead_out_of_the_private_folder(project: Path, tmp_path: Path) -> None:

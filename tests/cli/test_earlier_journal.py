@@ -19,10 +19,10 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     """The example of README.md, beside the journal."""
-    files = re.findall(
+    names_and_texts = re.findall(
         r"^```\w+ file=(\S+)\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE | re.DOTALL
     )
-    for name, text in files:
+    for name, text in names_and_texts:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, "utf-8")
     shutil.copy(ROOT / "tests/data/earlier_version.mcap", tmp_path / "run.mcap")
@@ -30,15 +30,15 @@ def project(tmp_path: Path) -> Path:
 
 
 def test_a_journal_of_an_earlier_version_is_replayed_to_the_same_events(project: Path) -> None:
-    done = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=project)
+    process = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=project)
 
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.startswith("equal: 15 events\n")
+    assert process.returncode == 0, process.stdout + process.stderr
+    assert process.stdout.startswith("equal: 15 events\n")
 
 
 def test_a_journal_of_an_earlier_version_explains_a_value(project: Path) -> None:
-    done = codra("why", "door_open", "--journal", "run.mcap", "--at", "2", cwd=project)
+    process = codra("why", "door_open", "--journal", "run.mcap", "--at", "2", cwd=project)
 
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("door_open is true at 2 s")
-    assert "perception measure_door saw gap = 0.9 m (job 2)" in done.stdout
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.startswith("door_open is true at 2 s")
+    assert "perception measure_door saw gap = 0.9 m (job 2)" in process.stdout

@@ -42,7 +42,7 @@ def project(tmp_path: Path) -> Path:
 
 def codra(*arguments: str, cwd: Path, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     kept = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "GITHUB_ACTIONS")}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "codra_dsl", *arguments],
         cwd=cwd,
         env={**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120"},
@@ -50,8 +50,8 @@ def codra(*arguments: str, cwd: Path, stdin: bytes = b"") -> subprocess.Complete
         capture_output=True,
         check=False,
     )
-    assert b"Traceback" not in done.stdout + done.stderr
-    return done
+    assert b"Traceback" not in process.stdout + process.stderr
+    return process
 
 
 def spec_of(project: Path) -> bytes:
@@ -62,28 +62,28 @@ def spec_of(project: Path) -> bytes:
 
 
 def test_lint_reports_the_number_of_fixes_and_applies_none(project: Path) -> None:
-    done = codra("lint", "specs", cwd=project)
+    process = codra("lint", "specs", cwd=project)
 
-    assert done.returncode == 1
-    assert done.stderr == b"1 error; --fix can fix 1\n"
+    assert process.returncode == 1
+    assert process.stderr == b"1 error; --fix can fix 1\n"
     assert spec_of(project) == SPEC
 
 
 def test_fix_changes_no_byte_outside_of_the_errors(project: Path) -> None:
-    done = codra("lint", "--fix", "specs", cwd=project)
+    process = codra("lint", "--fix", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"fixed 1; no findings left\n")
+    assert (process.returncode, process.stdout, process.stderr) == (0, b"", b"fixed 1; no findings left\n")
     assert spec_of(project) == RIGHT
 
 
 def test_findings_without_a_fix_are_shown_and_fail(project: Path) -> None:
     (project / "specs/door.yaml").write_bytes(BROKEN.replace(b"preview", b"perview"))
 
-    done = codra("lint", "--fix", "specs", "--format", "concise", cwd=project)
+    process = codra("lint", "--fix", "specs", "--format", "concise", cwd=project)
 
-    assert done.returncode == 1
-    assert done.stdout.startswith(b"specs/door.yaml:7:26: error[CDR3101]")
-    assert done.stderr == b"fixed 1; 1 error left\n"
+    assert process.returncode == 1
+    assert process.stdout.startswith(b"specs/door.yaml:7:26: error[CDR3101]")
+    assert process.stderr == b"fixed 1; 1 error left\n"
     assert spec_of(project) == BROKEN
 
 
@@ -92,9 +92,9 @@ def test_fixing_specs_without_findings_writes_no_file(project: Path) -> None:
     path.write_bytes(RIGHT)
     before = path.stat()
 
-    done = codra("lint", "--fix", "specs", cwd=project)
+    process = codra("lint", "--fix", "specs", cwd=project)
 
-    assert done.stderr == b"fixed 0; no findings left\n"
+    assert process.stderr == b"fixed 0; no findings left\n"
     assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
 
 
@@ -150,9 +150,9 @@ def test_a_link_that_leads_out_of_the_project_is_not_followed(project: Path) -> 
     (project / "specs/door.yaml").unlink()
     (project / "specs/door.yaml").symlink_to(outside)
 
-    done = codra("lint", "--fix", "specs", cwd=project)
+    process = codra("lint", "--fix", "specs", cwd=project)
 
-    assert done.returncode == 1
+    assert process.returncode == 1
     assert outside.read_bytes() == SPEC
 
 
@@ -161,9 +161,9 @@ def test_a_link_within_the_project_is_kept_and_its_target_is_fixed(project: Path
     (project / "specs/door.yaml").unlink()
     (project / "specs/door.yaml").symlink_to("../real.yaml")
 
-    done = codra("lint", "--fix", "specs", cwd=project)
+    process = codra("lint", "--fix", "specs", cwd=project)
 
-    assert done.returncode == 0
+    assert process.returncode == 0
     assert (project / "specs/door.yaml").is_symlink()
     assert (project / "real.yaml").read_bytes() == RIGHT
 
@@ -202,10 +202,10 @@ DIFF = b"""\
 
 @pytest.mark.parametrize("options", [["--diff"], ["--fix", "--diff"]])
 def test_diff_shows_the_fixes_and_writes_no_file(project: Path, options: list[str]) -> None:
-    done = codra("lint", *options, "specs", cwd=project)
+    process = codra("lint", *options, "specs", cwd=project)
 
-    assert (done.returncode, done.stdout) == (1, DIFF)
-    assert done.stderr == b"would fix 1; no findings left\n"
+    assert (process.returncode, process.stdout) == (1, DIFF)
+    assert process.stderr == b"would fix 1; no findings left\n"
     assert spec_of(project) == SPEC
 
 
@@ -231,41 +231,41 @@ def test_a_diff_can_be_applied_to_files_of_any_name(project: Path, name: str) ->
 def test_without_anything_to_fix_the_diff_is_empty_and_succeeds(project: Path) -> None:
     (project / "specs/door.yaml").write_bytes(BROKEN)
 
-    done = codra("lint", "--diff", "specs", cwd=project)
+    process = codra("lint", "--diff", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout) == (0, b"")
-    assert done.stderr == b"would fix 0; 1 error left\n"
+    assert (process.returncode, process.stdout) == (0, b"")
+    assert process.stderr == b"would fix 0; 1 error left\n"
 
 
 # Standard input
 
 
 def test_standard_input_is_fixed_on_standard_output(project: Path) -> None:
-    done = codra("lint", "--fix", "-", cwd=project, stdin=SPEC)
+    process = codra("lint", "--fix", "-", cwd=project, stdin=SPEC)
 
-    assert (done.returncode, done.stdout) == (0, RIGHT)
-    assert done.stderr == b"fixed 1; no findings left\n"
+    assert (process.returncode, process.stdout) == (0, RIGHT)
+    assert process.stderr == b"fixed 1; no findings left\n"
 
 
 def test_findings_left_in_standard_input_go_to_standard_error(project: Path) -> None:
-    done = codra("lint", "--fix", "-", "--format", "concise", cwd=project, stdin=BROKEN)
+    process = codra("lint", "--fix", "-", "--format", "concise", cwd=project, stdin=BROKEN)
 
-    assert (done.returncode, done.stdout) == (1, BROKEN)
-    assert done.stderr.startswith(b"-:7:26: error[CDR3101]")
-    assert done.stderr.endswith(b"fixed 0; 1 error left\n")
+    assert (process.returncode, process.stdout) == (1, BROKEN)
+    assert process.stderr.startswith(b"-:7:26: error[CDR3101]")
+    assert process.stderr.endswith(b"fixed 0; 1 error left\n")
 
 
 def test_a_text_that_is_too_large_is_not_truncated(project: Path) -> None:
-    done = codra("lint", "--fix", "-", cwd=project, stdin=SPEC + b"#" * MAX_BYTES)
+    process = codra("lint", "--fix", "-", cwd=project, stdin=SPEC + b"#" * MAX_BYTES)
 
-    assert (done.returncode, done.stdout) == (2, b"")
-    assert b"the text has more than 32 MiB" in done.stderr
+    assert (process.returncode, process.stdout) == (2, b"")
+    assert b"the text has more than 32 MiB" in process.stderr
 
 
 def test_bytes_that_are_not_text_are_returned_unchanged(project: Path) -> None:
-    done = codra("lint", "--fix", "-", cwd=project, stdin=b"codra: 1\nname: \xff\n")
+    process = codra("lint", "--fix", "-", cwd=project, stdin=b"codra: 1\nname: \xff\n")
 
-    assert (done.returncode, done.stdout) == (1, b"codra: 1\nname: \xff\n")
+    assert (process.returncode, process.stdout) == (1, b"codra: 1\nname: \xff\n")
 
 
 # All commands behave alike
@@ -309,7 +309,7 @@ def test_errors_in_settings_are_findings_with_their_place(project: Path, setting
     (project / "specs/door.yaml").write_bytes(RIGHT)
     (project / "pyproject.toml").write_text(settings)
 
-    done = codra("lint", "specs", "--format", "concise", cwd=project)
+    process = codra("lint", "specs", "--format", "concise", cwd=project)
 
-    assert done.returncode == 1
-    assert done.stdout.startswith(place)
+    assert process.returncode == 1
+    assert process.stdout.startswith(place)

@@ -37,7 +37,7 @@ def project(tmp_path: Path) -> Path:
 
 def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedProcess[str]:
     kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "codra_dsl", *arguments],
         cwd=cwd,
         env={**kept, "PYTHONPATH": str(ROOT), "NO_COLOR": "1", **settings},
@@ -45,19 +45,19 @@ def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedPr
         capture_output=True,
         check=False,
     )
-    assert "Traceback" not in done.stdout + done.stderr
-    return done
+    assert "Traceback" not in process.stdout + process.stderr
+    return process
 
 
 # GitHub Actions
 
 
 def test_in_github_actions_findings_are_annotations_by_default(project: Path) -> None:
-    done = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true")
+    process = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true")
 
-    assert done.returncode == 1
-    assert done.stdout == codra("lint", "specs", "--format", "github", cwd=project).stdout
-    assert done.stdout.startswith("::error file=specs/door.yaml,line=8,")
+    assert process.returncode == 1
+    assert process.stdout == codra("lint", "specs", "--format", "github", cwd=project).stdout
+    assert process.stdout.startswith("::error file=specs/door.yaml,line=8,")
 
 
 @pytest.mark.parametrize(
@@ -70,18 +70,18 @@ def test_in_github_actions_findings_are_annotations_by_default(project: Path) ->
     ],
 )
 def test_annotations_go_only_to_the_log_of_github(project: Path, options: list[str], settings: dict[str, str]) -> None:
-    done = codra("lint", "specs", *options, cwd=project, **settings)
+    process = codra("lint", "specs", *options, cwd=project, **settings)
 
     written = project / "findings.txt"
-    shown = written.read_text() if written.exists() else done.stdout
+    shown = written.read_text() if written.exists() else process.stdout
     assert "::error" not in shown
     assert shown.startswith("specs/door.yaml:8:5: error[CDR2003]")
 
 
 def test_annotations_have_the_paths_of_the_repository(project: Path) -> None:
-    done = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_WORKSPACE=str(project.parent))
+    process = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_WORKSPACE=str(project.parent))
 
-    assert done.stdout.startswith("::error file=robot/specs/door.yaml,line=8,")
+    assert process.stdout.startswith("::error file=robot/specs/door.yaml,line=8,")
 
 
 def test_the_summary_of_the_step_gets_the_findings_of_every_command(project: Path, tmp_path: Path) -> None:
@@ -98,22 +98,22 @@ def test_the_summary_of_the_step_gets_the_findings_of_every_command(project: Pat
 
 
 def test_a_summary_that_cannot_be_written_does_not_affect_the_command(project: Path, tmp_path: Path) -> None:
-    done = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(tmp_path))
+    process = codra("lint", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(tmp_path))
 
-    assert done.returncode == 1
-    assert done.stdout.startswith("::error ")
-    assert "codra: cannot write the summary of the step" in done.stderr
+    assert process.returncode == 1
+    assert process.stdout.startswith("::error ")
+    assert "codra: cannot write the summary of the step" in process.stderr
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_in_github_actions_no_form_holds_a_command_from_a_spec(project: Path, form: str) -> None:
     (project / "specs/door.yaml").write_text(DOOR.replace("[door_open]", '["##[add-mask]door"]'))
 
-    done = codra("lint", "specs", "--format", form, cwd=project, GITHUB_ACTIONS="true")
+    process = codra("lint", "specs", "--format", form, cwd=project, GITHUB_ACTIONS="true")
 
-    shown = [line for line in done.stdout.splitlines() if not line.startswith("::error ")]
-    assert done.returncode == 1
-    assert "add-mask" in done.stdout
+    shown = [line for line in process.stdout.splitlines() if not line.startswith("::error ")]
+    assert process.returncode == 1
+    assert "add-mask" in process.stdout
     assert [line for line in shown if "##[" in line] == []
 
 
@@ -137,10 +137,10 @@ def test_clean_specs_give_a_report_too(project: Path) -> None:
 def test_a_report_of_tests_fails_when_the_command_does(project: Path, options: list[str], failures: str) -> None:
     (project / "specs/door.yaml").write_text(WITH_WARNING)
 
-    done = codra("lint", "specs", "--format", "junit", *options, cwd=project)
+    process = codra("lint", "specs", "--format", "junit", *options, cwd=project)
 
-    root = ElementTree.fromstring(done.stdout)
-    assert root.attrib["failures"] == failures == str(done.returncode)
+    root = ElementTree.fromstring(process.stdout)
+    assert root.attrib["failures"] == failures == str(process.returncode)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -159,14 +159,14 @@ def test_every_form_can_go_to_a_file(project: Path, command: str, form: str) -> 
 def test_an_ascii_locale_breaks_no_format(project: Path, form: str) -> None:
     (project / "specs/door.yaml").write_text(DOOR.replace("[door_open]", "[mönitér_戸]"), "utf-8")
 
-    done = codra("lint", "specs", "--format", form, cwd=project, PYTHONIOENCODING="ascii:strict", LC_ALL="C")
+    process = codra("lint", "specs", "--format", form, cwd=project, PYTHONIOENCODING="ascii:strict", LC_ALL="C")
 
-    assert done.returncode == 1
-    assert done.stdout.isascii()
+    assert process.returncode == 1
+    assert process.stdout.isascii()
     if form == "junit":
-        assert "mönitér_戸" in "".join(ElementTree.fromstring(done.stdout).itertext())
+        assert "mönitér_戸" in "".join(ElementTree.fromstring(process.stdout).itertext())
     if form in ("json", "sarif"):
-        last = done.stdout.splitlines()[-1] if form == "json" else done.stdout
+        last = process.stdout.splitlines()[-1] if form == "json" else process.stdout
         assert "mönitér_戸" in json.dumps(json.loads(last), ensure_ascii=False)
 
 
@@ -179,12 +179,12 @@ def test_stale_output_is_a_finding_in_every_format(project: Path, form: str) -> 
     codra("compile", "specs", cwd=project)
     (project / "generated/door/__init__.py").write_text("x = 1\n")
 
-    done = codra("compile", "specs", "--check", "--format", form, cwd=project)
+    process = codra("compile", "specs", "--check", "--format", form, cwd=project)
 
-    assert (done.returncode, done.stderr) == (1, "1 error\n")
-    assert "CDR6003" in done.stdout
-    assert "generated/door/__init__.py" in done.stdout
-    assert ("-x = 1" in done.stdout) == (form == "full"), "the difference is for people"
+    assert (process.returncode, process.stderr) == (1, "1 error\n")
+    assert "CDR6003" in process.stdout
+    assert "generated/door/__init__.py" in process.stdout
+    assert ("-x = 1" in process.stdout) == (form == "full"), "the difference is for people"
 
 
 def test_findings_about_output_name_files_from_the_root(project: Path) -> None:
@@ -192,9 +192,9 @@ def test_findings_about_output_name_files_from_the_root(project: Path) -> None:
     (project / "build/made").mkdir(parents=True)
     (project / "build/made/robot.py").write_text("x = 1\n")
 
-    done = codra("compile", "specs", "--out", "build/made", "--format", "concise", cwd=project)
+    process = codra("compile", "specs", "--out", "build/made", "--format", "concise", cwd=project)
 
-    assert done.stdout.startswith("build/made:1:1: error[CDR6002]")
+    assert process.stdout.startswith("build/made:1:1: error[CDR6002]")
 
 
 def test_warnings_fail_a_compilation_only_when_asked(project: Path) -> None:
@@ -212,17 +212,17 @@ def test_warnings_fail_a_compilation_only_when_asked(project: Path) -> None:
     "command", [["lint", "specs"], ["compile", "specs"], ["graph", "specs"], ["diff", "specs", "."]]
 )
 def test_no_result_is_written_over_a_spec(project: Path, command: list[str]) -> None:
-    done = codra(*command, "--output", "specs/door.yaml", cwd=project)
+    process = codra(*command, "--output", "specs/door.yaml", cwd=project)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "may be a spec" in done.stderr
+    assert (process.returncode, process.stdout) == (2, "")
+    assert "may be a spec" in process.stderr
     assert (project / "specs/door.yaml").read_text() == MISSPELT
 
 
 @pytest.mark.parametrize("options", [["--diff", "specs"], ["--fix", "-"]])
 def test_a_full_disk_is_not_a_usage_error(project: Path, options: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "codra_dsl", "lint", *options],
             cwd=project,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -232,22 +232,25 @@ def test_a_full_disk_is_not_a_usage_error(project: Path, options: list[str]) -> 
             check=False,
         )
 
-    assert (done.returncode, done.stderr) == (1, b"codra: cannot write to standard output: No space left on device\n")
+    assert (process.returncode, process.stderr) == (
+        1,
+        b"codra: cannot write to standard output: No space left on device\n",
+    )
 
 
 def test_no_line_of_a_patch_is_a_command_of_github(project: Path) -> None:
     (project / "specs/door.yaml").write_text(MISSPELT + "# ##[error]no\n")
 
-    done = codra("lint", "specs", "--diff", cwd=project, GITHUB_ACTIONS="true")
+    process = codra("lint", "specs", "--diff", cwd=project, GITHUB_ACTIONS="true")
 
-    assert "## [error]no" in done.stdout
+    assert "## [error]no" in process.stdout
 
 
 def test_a_deleted_folder_is_not_reported_as_a_bug(project: Path) -> None:
     (project / "gone").mkdir()
     here = "import os, sys; os.rmdir(os.getcwd()); sys.argv[1:] = ['lint', '.']; from codra_dsl.cli import main; main()"
 
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", here],
         cwd=project / "gone",
         env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -256,7 +259,7 @@ def test_a_deleted_folder_is_not_reported_as_a_bug(project: Path) -> None:
         check=False,
     )
 
-    assert (done.returncode, done.stderr) == (
+    assert (process.returncode, process.stderr) == (
         2,
         "codra: the current folder does not exist any more: change to another folder\n",
     )
@@ -276,7 +279,7 @@ def test_pipes_among_specs_do_not_block(project: Path) -> None:
 
 
 def test_a_path_that_leads_through_a_file_is_a_usage_error(project: Path) -> None:
-    done = codra("lint", "specs/door.yaml/more.yaml", cwd=project)
+    process = codra("lint", "specs/door.yaml/more.yaml", cwd=project)
 
-    assert done.returncode == 2
-    assert "'specs/door.yaml/more.yaml' cannot be reached: Not a directory" in done.stderr
+    assert process.returncode == 2
+    assert "'specs/door.yaml/more.yaml' cannot be reached: Not a directory" in process.stderr

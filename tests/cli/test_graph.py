@@ -23,43 +23,43 @@ def project(tmp_path: Path) -> Path:
 
 
 def graph(*arguments: str) -> tuple[dict[str, Any], str]:
-    done = codra("graph", "specs/lab.yaml", "--format", "json", *arguments, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout), done.stderr
+    process = codra("graph", "specs/lab.yaml", "--format", "json", *arguments, cwd=ROOT)
+    assert process.returncode == 0, process.stderr
+    return json.loads(process.stdout), process.stderr
 
 
 def test_a_selector_leaves_a_part_of_the_graph() -> None:
-    graph_, message = graph("--select", "1+pcr_cycler_open")
+    graph_object, message = graph("--select", "1+pcr_cycler_open")
 
-    assert [node["id"] for node in graph_["nodes"]] == [
+    assert [node["id"] for node in graph_object["nodes"]] == [
         "lab/context/pcr_cycler_open",
         "lab/perception/localize_pcr_cycler_lid",
     ]
-    assert [edge["kind"] for edge in graph_["edges"]] == ["identifies"]
+    assert [edge["kind"] for edge in graph_object["edges"]] == ["identifies"]
     assert message == "2 of 42 nodes\n"
 
 
 def test_several_selectors_add_up_and_exclusions_are_removed() -> None:
-    graph_, _ = graph(
+    graph_object, _ = graph(
         "-s", "kind:observer", "--select", "+pcr_cycler_open", "--exclude", "kind:perception *centrifuge*"
     )
 
-    assert {node["kind"] for node in graph_["nodes"]} == {"observer", "context"}
-    assert not any("centrifuge" in node["id"] for node in graph_["nodes"])
+    assert {node["kind"] for node in graph_object["nodes"]} == {"observer", "context"}
+    assert not any("centrifuge" in node["id"] for node in graph_object["nodes"])
 
 
 def test_an_empty_part_is_an_empty_graph() -> None:
-    graph_, message = graph("--select", "kind:skill,kind:observer")
+    graph_object, message = graph("--select", "kind:skill,kind:observer")
 
-    assert (graph_, message) == ({"nodes": [], "edges": []}, "0 of 42 nodes\n")
+    assert (graph_object, message) == ({"nodes": [], "edges": []}, "0 of 42 nodes\n")
 
 
 @pytest.mark.parametrize("format_", FORMATS)
 def test_an_empty_part_can_be_shown_in_every_format(project: Path, format_: str) -> None:
-    done = codra("graph", "specs", "--select", "kind:skill,kind:observer", "--format", format_, cwd=project)
+    process = codra("graph", "specs", "--select", "kind:skill,kind:observer", "--format", format_, cwd=project)
 
-    assert done.returncode == 0
-    assert done.stdout
+    assert process.returncode == 0
+    assert process.stdout
 
 
 @pytest.mark.parametrize(
@@ -84,10 +84,10 @@ def test_an_empty_part_can_be_shown_in_every_format(project: Path, format_: str)
     ],
 )
 def test_a_wrong_selector_is_a_usage_error(project: Path, option: str, selector: str, message: str) -> None:
-    done = codra("graph", "specs", option, selector, cwd=project)
+    process = codra("graph", "specs", option, selector, cwd=project)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert f"Error: Invalid value for {option}: {message}" in done.stderr
+    assert (process.returncode, process.stdout) == (2, "")
+    assert f"Error: Invalid value for {option}: {message}" in process.stderr
 
 
 @pytest.mark.parametrize(
@@ -105,17 +105,17 @@ def test_a_wrong_selector_is_a_usage_error(project: Path, option: str, selector:
     ],
 )
 def test_the_ending_of_the_file_chooses_the_format(project: Path, name: str, begins: str) -> None:
-    done = codra("graph", "specs", "--output", name, cwd=project)
+    process = codra("graph", "specs", "--output", name, cwd=project)
 
-    assert (done.returncode, done.stdout) == (0, "")
+    assert (process.returncode, process.stdout) == (0, "")
     assert (project / name).read_text("utf-8").startswith(begins)
 
 
 def test_a_file_with_an_unknown_ending_is_not_written(project: Path) -> None:
-    done = codra("graph", "specs", "--output", "graph.png", cwd=project)
+    process = codra("graph", "specs", "--output", "graph.png", cwd=project)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "no graph format has the ending '.png'" in done.stderr
+    assert (process.returncode, process.stdout) == (2, "")
+    assert "no graph format has the ending '.png'" in process.stderr
     assert not (project / "graph.png").exists()
 
 
@@ -129,10 +129,10 @@ def test_a_variable_that_no_decision_needs_is_distinguished_from_an_unknown_name
     unused = "  unused: {type: bool, source: main_execution}\nperception:"
     (project / "specs/door.yaml").write_text(DOOR.replace("perception:", unused))
 
-    done = codra("graph", "specs", "--select", "unused", cwd=project)
+    process = codra("graph", "specs", "--select", "unused", cwd=project)
 
-    assert done.returncode == 2
-    assert "no node matches 'unused' in the graph: it is declared, but no decision needs it" in done.stderr
+    assert process.returncode == 2
+    assert "no node matches 'unused' in the graph: it is declared, but no decision needs it" in process.stderr
 
 
 def test_a_graph_too_large_for_mermaid_is_condensed_with_a_message(project: Path) -> None:
@@ -146,8 +146,8 @@ def test_a_graph_too_large_for_mermaid_is_condensed_with_a_message(project: Path
     spec = DOOR.replace("perception:\n", f"{context}perception:\n{looks}").split("skills:")[0]
     (project / "specs/door.yaml").write_text(spec)
 
-    done = codra("graph", "specs", "--format", "mermaid", cwd=project)
+    process = codra("graph", "specs", "--format", "mermaid", cwd=project)
 
-    assert done.returncode == 0
-    assert "was condensed: --select shows a part in full" in done.stderr
-    assert "see_door_7<br/>3 nodes" in done.stdout
+    assert process.returncode == 0
+    assert "was condensed: --select shows a part in full" in process.stderr
+    assert "see_door_7<br/>3 nodes" in process.stdout

@@ -69,11 +69,11 @@ def project(tmp_path: Path) -> Path:
     return tmp_path / "project"
 
 
-def run_watched(project: Path, *arguments: str) -> list[tuple[str, str]]:
+def run_audited(project: Path, *arguments: str) -> list[tuple[str, str]]:
     """Run a command and return its actions, as far as Python's audit hooks report them."""
     events = project.parent / "events.json"
     path = f"{ROOT}{os.pathsep}{project}"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", WATCH, *arguments],
         cwd=project,
         env={**os.environ, "PYTHONPATH": path, "EVENTS": str(events), "PYTHONDONTWRITEBYTECODE": "1"},
@@ -81,7 +81,7 @@ def run_watched(project: Path, *arguments: str) -> list[tuple[str, str]]:
         capture_output=True,
         check=False,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert process.returncode == 0, process.stdout + process.stderr
     return [(event, what) for event, what in json.loads(events.read_text())]
 
 
@@ -101,12 +101,12 @@ COMMANDS = [
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_a_command_only_reads_specs_and_writes_output(project: Path, command: list[str]) -> None:
-    run_watched(project, "compile", ".")
+    run_audited(project, "compile", ".")
     (project / "generated/door/door.py").unlink()
     if command == ["compile", ".", "--check"]:
-        run_watched(project, "compile", ".")
+        run_audited(project, "compile", ".")
 
-    seen = run_watched(project, *command, *(["--no-cache"] if command[0] in ("lint", "compile") else []))
+    seen = run_audited(project, *command, *(["--no-cache"] if command[0] in ("lint", "compile") else []))
 
     files = {path for event, path in seen if event in WRITES}
     code = {path for event, path in seen if event == "exec" and not Path(path).is_absolute() and path[:1] != "<"}
@@ -124,9 +124,9 @@ def test_a_command_only_reads_specs_and_writes_output(project: Path, command: li
 
 @pytest.mark.parametrize("command", [["lint", "."], ["compile", "."], ["compile", ".", "--check"]], ids=" ".join)
 def test_with_the_cache_a_command_also_writes_only_there(project: Path, command: list[str]) -> None:
-    run_watched(project, "compile", ".", "--no-cache")
+    run_audited(project, "compile", ".", "--no-cache")
 
-    first, second = run_watched(project, *command), run_watched(project, *command)
+    first, second = run_audited(project, *command), run_audited(project, *command)
 
     written = {path for event, path in first if event in WRITES}
     assert written
@@ -138,7 +138,7 @@ def test_with_the_cache_a_command_also_writes_only_there(project: Path, command:
 def test_the_audit_sees_forbidden_actions(project: Path) -> None:
     (project / "door.yaml").write_text(SPEC.replace("gap > 40 cm", "gap > 50 cm"))
 
-    seen = run_watched(project, "compile", ".", "--out", "elsewhere")
+    seen = run_audited(project, "compile", ".", "--out", "elsewhere")
 
     assert any(event == "write" and "/elsewhere/.codra-" in path for event, path in seen)
     assert ("import", "jinja2") in seen

@@ -47,15 +47,15 @@ def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def codra(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    done = run("codra_dsl", *arguments, cwd=cwd)
-    assert "Traceback" not in done.stdout + done.stderr
-    return done
+    process = run("codra_dsl", *arguments, cwd=cwd)
+    assert "Traceback" not in process.stdout + process.stderr
+    return process
 
 
 def run_successfully(*arguments: str, cwd: Path) -> str:
-    done = run(*arguments, cwd=cwd)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    process = run(*arguments, cwd=cwd)
+    assert process.returncode == 0, process.stdout + process.stderr
+    return process.stdout
 
 
 def file_paths(folder: Path) -> set[str]:
@@ -103,13 +103,13 @@ def test_it_explains_itself(tmp_path: Path) -> None:
 
 
 def test_it_prints_the_next_commands(tmp_path: Path) -> None:
-    done = codra("init", "some robots/my-arm", cwd=tmp_path)
+    process = codra("init", "some robots/my-arm", cwd=tmp_path)
 
-    first, *commands = done.stdout.splitlines()
+    first, *commands = process.stdout.splitlines()
     assert first == "Next:"
     assert commands[0] == "  cd 'some robots/my-arm'"
     assert commands[-1] == "  python my_arm_program.py"
-    assert done.stderr == "my_arm: 14 files written\n"
+    assert process.stderr == "my_arm: 14 files written\n"
 
 
 def test_a_folder_that_holds_other_files_keeps_them(tmp_path: Path) -> None:
@@ -117,10 +117,10 @@ def test_a_folder_that_holds_other_files_keeps_them(tmp_path: Path) -> None:
     (tmp_path / "specs/door.yaml").write_text("mine")
     (tmp_path / "setup.cfg").write_text("mine")
 
-    done = codra("init", "--name", "arm", cwd=tmp_path)
+    process = codra("init", "--name", "arm", cwd=tmp_path)
 
-    assert done.returncode == 0
-    assert "cd " not in done.stdout
+    assert process.returncode == 0
+    assert "cd " not in process.stdout
     assert file_paths(tmp_path) == WRITTEN | {"specs/door.yaml", "setup.cfg"}
     assert (tmp_path / "specs/door.yaml").read_text() == (tmp_path / "setup.cfg").read_text() == "mine"
 
@@ -133,10 +133,10 @@ def test_all_conflicts_are_named_at_once_and_no_file_is_written(tmp_path: Path) 
     (tmp_path / ".gitignore").symlink_to("nowhere")
     before = file_paths(tmp_path)
 
-    done = codra("init", "--name", "arm", cwd=tmp_path)
+    process = codra("init", "--name", "arm", cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.splitlines() == [
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr.splitlines() == [
         "codra: nothing was written, because these files exist already:",
         "  .github",
         "  .gitignore",
@@ -155,19 +155,19 @@ def test_the_suggested_folder_is_free(arguments: list[str], other: str, tmp_path
         place.mkdir()
         (place / "README.md").write_text("mine\n")
 
-    done = codra("init", *arguments, cwd=folder)
+    process = codra("init", *arguments, cwd=folder)
 
-    assert done.stderr.splitlines()[-1].endswith(f"e.g.: codra init {other}")
+    assert process.stderr.splitlines()[-1].endswith(f"e.g.: codra init {other}")
     assert codra("init", other, cwd=folder).returncode == 0
 
 
 def test_a_second_run_changes_no_file(project: Path) -> None:
     before = {path: (project / path).read_bytes() for path in WRITTEN}
 
-    done = codra("init", cwd=project)
+    process = codra("init", cwd=project)
 
-    assert done.returncode == 1
-    assert [line.strip() for line in done.stderr.splitlines()[1:-1]] == sorted(WRITTEN)
+    assert process.returncode == 1
+    assert [line.strip() for line in process.stderr.splitlines()[1:-1]] == sorted(WRITTEN)
     assert {path: (project / path).read_bytes() for path in WRITTEN} == before
 
 
@@ -191,10 +191,10 @@ def test_a_second_run_changes_no_file(project: Path) -> None:
 def test_a_wrong_name_or_place_is_reported_with_help(arguments: list[str], message: str, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("mine")
 
-    done = codra("init", *arguments, cwd=tmp_path)
+    process = codra("init", *arguments, cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (1 if "below" in arguments[0] else 2, "")
-    assert message in " ".join(done.stderr.split())
+    assert (process.returncode, process.stdout) == (1 if "below" in arguments[0] else 2, "")
+    assert message in " ".join(process.stderr.split())
     assert file_paths(tmp_path) == {"taken"}
 
 
@@ -223,10 +223,10 @@ def test_a_stale_copy_of_the_schema_is_reported_and_renewed(tmp_path: Path) -> N
     run_successfully("codra_dsl", "compile", "specs", cwd=tmp_path)
     (tmp_path / SCHEMA_COPY).write_text("{}")
 
-    checked = codra("compile", "specs", "--check", "--format", "concise", cwd=tmp_path)
-    assert checked.returncode == 1
-    assert ".codra/schema.json:1:1: error[CDR6003]" in checked.stdout
-    assert "renew it with 'codra compile'" in checked.stdout
+    check_process = codra("compile", "specs", "--check", "--format", "concise", cwd=tmp_path)
+    assert check_process.returncode == 1
+    assert ".codra/schema.json:1:1: error[CDR6003]" in check_process.stdout
+    assert "renew it with 'codra compile'" in check_process.stdout
     assert (tmp_path / SCHEMA_COPY).read_text() == "{}"
 
     run_successfully("codra_dsl", "compile", "specs", cwd=tmp_path)

@@ -88,10 +88,10 @@ def copied(project: Path, to: Path) -> Path:
 
 
 def test_why_leads_from_unknown_to_the_condition_that_was_missing_with_its_line(project: Path) -> None:
-    done = codra("why", "door_open", "--journal", "run.mcap", "--at", "1.5 s", cwd=project)
+    process = codra("why", "door_open", "--journal", "run.mcap", "--at", "1.5 s", cwd=project)
 
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == [
+    assert (process.returncode, process.stderr) == (0, "")
+    assert process.stdout.splitlines() == [
         "door_open is unknown (never_observed) at 1.5 s  [specs/door.yaml:8]",
         "  not identified yet",
         "  observer look_at_door has been running since 0 s",
@@ -104,13 +104,13 @@ def test_why_leads_from_unknown_to_the_condition_that_was_missing_with_its_line(
 
 
 def test_why_leads_from_a_value_to_its_evidence_with_the_lines_of_the_rules(project: Path) -> None:
-    done = codra("why", "door_open", "--journal", "run.mcap", "--at", "+3.9", cwd=project)
+    process = codra("why", "door_open", "--journal", "run.mcap", "--at", "+3.9", cwd=project)
 
-    assert done.returncode == 0
-    assert "  perception look_at_door saw angle = 1 rad, edges = 4 (job 1)\n" in done.stdout
-    assert "    by the rule: angle > 0.5235987755982988  [specs/door.yaml:21]\n" in done.stdout
-    assert "    light_level > 20 lux holds  [specs/door.yaml:16]\n" in done.stdout
-    assert "        written by agent house at 1 s\n" in done.stdout
+    assert process.returncode == 0
+    assert "  perception look_at_door saw angle = 1 rad, edges = 4 (job 1)\n" in process.stdout
+    assert "    by the rule: angle > 0.5235987755982988  [specs/door.yaml:21]\n" in process.stdout
+    assert "    light_level > 20 lux holds  [specs/door.yaml:16]\n" in process.stdout
+    assert "        written by agent house at 1 s\n" in process.stdout
 
 
 def test_why_needs_neither_spec_nor_package(project: Path, tmp_path: Path) -> None:
@@ -123,9 +123,9 @@ def test_why_needs_neither_spec_nor_package(project: Path, tmp_path: Path) -> No
 
 
 def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: Path) -> None:
-    done = codra("why", "door_open", "--journal", "run.mcap", "--format", "json", cwd=project)
+    process = codra("why", "door_open", "--journal", "run.mcap", "--format", "json", cwd=project)
 
-    explanation = json.loads(done.stdout)
+    explanation = json.loads(process.stdout)
     assert (explanation["at_s"], explanation["reading"]["content"], explanation["missing"]) == (7.5, True, [])
     assert explanation["look"]["place"] == {"file": "specs/door.yaml", "line": 21, "use": None}
 
@@ -148,10 +148,10 @@ def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: P
     ],
 )
 def test_a_question_without_an_answer_is_a_usage_error(project: Path, arguments: list[str], message: str) -> None:
-    done = codra("why", *arguments, cwd=project)
+    process = codra("why", *arguments, cwd=project)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert message in " ".join(done.stderr.split())
+    assert (process.returncode, process.stdout) == (2, "")
+    assert message in " ".join(process.stderr.split())
 
 
 def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
@@ -200,10 +200,10 @@ def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> Non
 
 
 def test_a_replay_with_the_compiled_package_is_equal(project: Path, tmp_path: Path) -> None:
-    done = codra("replay", "run.mcap", "--journal", f"{tmp_path}/again.mcap", cwd=project)
+    process = codra("replay", "run.mcap", "--journal", f"{tmp_path}/again.mcap", cwd=project)
 
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("equal: ")
+    assert (process.returncode, process.stderr) == (0, "")
+    assert process.stdout.startswith("equal: ")
     assert (tmp_path / "again.mcap").read_bytes() == (project / "run.mcap").read_bytes()
 
 
@@ -217,11 +217,11 @@ def test_a_replay_calls_no_perception_function(project: Path, tmp_path: Path) ->
 def test_another_threshold_is_reported_at_its_first_consequence_with_its_line(project: Path, tmp_path: Path) -> None:
     elsewhere = copied(project, tmp_path)
     (elsewhere / "specs/door.yaml").write_text(SPEC.replace("angle > 30 deg", "angle > 80 deg"))
-    done = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
+    process = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
 
-    assert done.returncode == 1
-    assert "the package differs from the one that ran" in done.stderr
-    first, recorded, derived = done.stdout.splitlines()[:3]
+    assert process.returncode == 1
+    assert "the package differs from the one that ran" in process.stderr
+    first, recorded, derived = process.stdout.splitlines()[:3]
     assert first.endswith("variable door_open  [specs/door.yaml:21]")
     assert '"value":true' in recorded
     assert '"value":false' in derived
@@ -231,24 +231,24 @@ def test_another_precondition_is_reported_at_the_first_look_that_it_prevents(pro
     elsewhere = copied(project, tmp_path)
     (elsewhere / "specs/door.yaml").write_text(SPEC.replace("light_level > 20 lux", "light_level > 500 lux"))
     assert codra("compile", "specs", cwd=elsewhere).returncode == 0
-    done = codra("replay", "run.mcap", cwd=elsewhere)
+    process = codra("replay", "run.mcap", cwd=elsewhere)
 
-    assert done.returncode == 1
-    lines = done.stdout.splitlines()
+    assert process.returncode == 1
+    lines = process.stdout.splitlines()
     assert lines[0].endswith(" 2 s: job look_at_door for door_open  [specs/door.yaml:10]")
     assert lines[3] == (
         "  the spec differs: look_at_door, observable_when: light_level > 500 lux [specs/door.yaml:16]; "
         "the run had light_level > 20 lux [specs/door.yaml:16]"
     )
-    assert "no event in its place" in done.stdout
+    assert "no event in its place" in process.stdout
 
 
 def test_a_comment_in_the_spec_makes_no_difference(project: Path, tmp_path: Path) -> None:
     elsewhere = copied(project, tmp_path)
     (elsewhere / "specs/door.yaml").write_text(f"# One more line.\n{SPEC}")
-    done = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
+    process = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
 
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(
@@ -259,18 +259,18 @@ def test_a_comment_in_the_spec_makes_no_difference(project: Path, tmp_path: Path
     ],
 )
 def test_a_package_that_cannot_be_loaded_is_named(project: Path, arguments: list[str], message: str) -> None:
-    done = codra("replay", "run.mcap", *arguments, cwd=project)
+    process = codra("replay", "run.mcap", *arguments, cwd=project)
 
-    assert (done.returncode, done.stdout, "Traceback" in done.stderr) == (1, "", False)
-    assert message in done.stderr
+    assert (process.returncode, process.stdout, "Traceback" in process.stderr) == (1, "", False)
+    assert message in process.stderr
 
 
 def test_without_a_package_the_options_are_named(project: Path, tmp_path: Path) -> None:
     shutil.copy(project / "run.mcap", tmp_path)
-    done = codra("replay", "run.mcap", cwd=tmp_path)
+    process = codra("replay", "run.mcap", cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "use --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
+    assert (process.returncode, process.stdout) == (2, "")
+    assert "use --package or --spec" in " ".join(process.stderr.replace("│", " ").split())
 
 
 # Recover
@@ -278,41 +278,41 @@ def test_without_a_package_the_options_are_named(project: Path, tmp_path: Path) 
 
 def test_a_damaged_journal_is_reported_read_and_repaired(project: Path, tmp_path: Path) -> None:
     elsewhere = copied(project, tmp_path)
-    complete = (elsewhere / "run.mcap").read_bytes()
-    (elsewhere / "torn.mcap").write_bytes(complete[:-9])
+    journal_bytes = (elsewhere / "run.mcap").read_bytes()
+    (elsewhere / "torn.mcap").write_bytes(journal_bytes[:-9])
 
     why = codra("why", "door_open", "--journal", "torn.mcap", cwd=elsewhere)
     assert why.returncode == 0
     assert why.stderr == "codra: 'torn.mcap' lacks its end: it holds what happened up to 7.5 s\n"
-    done = codra("journal", "recover", "torn.mcap", cwd=elsewhere)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("torn.recovered.mcap: ")
-    assert "lost at the end: at most the message that was being written" in done.stdout
-    assert (elsewhere / "torn.recovered.mcap").read_bytes() == complete
+    process = codra("journal", "recover", "torn.mcap", cwd=elsewhere)
+    assert (process.returncode, process.stderr) == (0, "")
+    assert process.stdout.startswith("torn.recovered.mcap: ")
+    assert "lost at the end: at most the message that was being written" in process.stdout
+    assert (elsewhere / "torn.recovered.mcap").read_bytes() == journal_bytes
     assert codra("replay", "torn.mcap", cwd=elsewhere).returncode == 0
 
 
 def test_a_complete_journal_is_reported_as_complete(project: Path, tmp_path: Path) -> None:
-    done = codra("journal", "recover", "run.mcap", "--output", f"{tmp_path}/same.mcap", cwd=project)
+    process = codra("journal", "recover", "run.mcap", "--output", f"{tmp_path}/same.mcap", cwd=project)
 
-    assert (done.returncode, "the journal was complete: nothing was lost" in done.stdout) == (0, True)
+    assert (process.returncode, "the journal was complete: nothing was lost" in process.stdout) == (0, True)
     assert (tmp_path / "same.mcap").read_bytes() == (project / "run.mcap").read_bytes()
 
 
 @pytest.mark.parametrize("command", [["journal", "recover"], ["replay"], ["why", "door_open", "--journal"]])
 def test_a_file_of_another_kind_is_refused_without_a_traceback(project: Path, command: list[str]) -> None:
-    done = codra(*command, "specs/door.yaml", cwd=project)
+    process = codra(*command, "specs/door.yaml", cwd=project)
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "codra: specs/door.yaml is not an MCAP file\n"
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr == "codra: specs/door.yaml is not an MCAP file\n"
 
 
 def test_the_journal_itself_is_never_the_target(project: Path) -> None:
     for arguments in (["journal", "recover", "run.mcap", "--output"], ["replay", "run.mcap", "--journal"]):
-        done = codra(*arguments, "./run.mcap", cwd=project)
+        process = codra(*arguments, "./run.mcap", cwd=project)
 
-        assert done.returncode == 2
-        assert "is the journal itself" in " ".join(done.stderr.split())
+        assert process.returncode == 2
+        assert "is the journal itself" in " ".join(process.stderr.split())
 
 
 # The laboratory
@@ -323,9 +323,9 @@ def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Pat
     for name in ("a.mcap", "b.mcap"):
         arguments = ("--seed", "2", "--for", "40 s", "--journal", f"{tmp_path}/{name}", "--out", f"{tmp_path}/out")
         assert codra("run", "specs/lab.yaml", *arguments, cwd=ROOT).returncode == 0
-    done = codra("replay", f"{tmp_path}/a.mcap", "--journal", f"{tmp_path}/c.mcap", cwd=ROOT)
+    process = codra("replay", f"{tmp_path}/a.mcap", "--journal", f"{tmp_path}/c.mcap", cwd=ROOT)
 
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")
     contents = [(tmp_path / name).read_bytes() for name in ("a.mcap", "b.mcap", "c.mcap")]
     assert contents[0] == contents[1] == contents[2]
 
@@ -343,7 +343,7 @@ def test_the_naive_arm_writes_a_journal_of_its_own(tmp_path: Path) -> None:
 
 
 def test_a_journal_that_cannot_be_made_is_refused_before_the_run(tmp_path: Path) -> None:
-    done = codra("run", str(ROOT / "specs/lab.yaml"), "--journal", "missing/run.mcap", cwd=tmp_path)
+    process = codra("run", str(ROOT / "specs/lab.yaml"), "--journal", "missing/run.mcap", cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "cannot write 'missing/run.mcap': No such file or directory" in " ".join(done.stderr.split())
+    assert (process.returncode, process.stdout) == (2, "")
+    assert "cannot write 'missing/run.mcap': No such file or directory" in " ".join(process.stderr.split())

@@ -73,10 +73,10 @@ def test_the_journal_of_a_running_program_explains_the_knowledge_so_far(robot: R
 
 def test_a_running_program_keeps_its_journal_while_a_copy_is_repaired(robot: Robot, tmp_path: Path) -> None:
     robot.ask("localized")
-    done = codra("journal", "recover", "run.mcap", cwd=tmp_path)
+    process = codra("journal", "recover", "run.mcap", cwd=tmp_path)
 
-    assert done.returncode == 0
-    assert "the program is still writing this journal: this is its content so far" in done.stdout
+    assert process.returncode == 0
+    assert "the program is still writing this journal: this is its content so far" in process.stdout
     assert codra("replay", "run.recovered.mcap", "--package", f"{ROOT}/generated/kitchen", cwd=tmp_path).returncode == 0
     robot.ask("wait")
     robot.process.kill()
@@ -89,7 +89,7 @@ def test_a_running_program_keeps_its_journal_while_a_copy_is_repaired(robot: Rob
 def test_a_journal_without_a_run_is_reported_as_empty(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").touch()
     for command in (("why", "a", "--journal", "run.mcap"), ("replay", "run.mcap"), ("journal", "recover", "run.mcap")):
-        done = codra(*command, cwd=tmp_path)
+        process = codra(*command, cwd=tmp_path)
 
-        assert (done.returncode, done.stdout) == (1, "")
-        assert done.stderr == "codra: run.mcap is empty: its run had not begun\n"
+        assert (process.returncode, process.stdout) == (1, "")
+        assert process.stderr == "codra: run.mcap is empty: its run had not begun\n"

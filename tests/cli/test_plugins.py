@@ -11,13 +11,13 @@ import pytest
 
 from tests.cli.test_commands import environment
 
-DOOR = """\
+DOOR_SPEC = """\
 codra: 1
 name: door
 context:
   door_open: {type: bool, source: main_execution}
 """
-ARENA = '''\
+ARENA_MODULE = '''\
 """A third party's world."""
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def greet(name: Annotated[str, typer.Argument(help="Whom.")], loud: bool = False
 def jealous(request: RunRequest, *, seed: int = 2) -> None:
     """A world with an option that all worlds already have."""
 '''
-BROKEN = 'raise ImportError("no such simulator\\nhere")\n'
+BROKEN_MODULE = 'raise ImportError("no such simulator\\nhere")\n'
 ENTRY_POINTS = """\
 [codra.worlds]
 arena = arena_world:arena
@@ -74,19 +74,19 @@ lint = arena_world:greet
 def site(tmp_path: Path) -> Path:
     """A folder with a distribution that has a world and a command, as pip would install it."""
     folder = tmp_path / "site"
-    info = folder / "arena-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: arena\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(ENTRY_POINTS)
-    (folder / "arena_world.py").write_text(ARENA)
-    (folder / "arena_broken.py").write_text(BROKEN)
-    (tmp_path / "door.yaml").write_text(DOOR)
+    dist_info = folder / "arena-1.0.dist-info"
+    dist_info.mkdir(parents=True)
+    (dist_info / "METADATA").write_text("Metadata-Version: 2.1\nName: arena\nVersion: 1.0\n")
+    (dist_info / "entry_points.txt").write_text(ENTRY_POINTS)
+    (folder / "arena_world.py").write_text(ARENA_MODULE)
+    (folder / "arena_broken.py").write_text(BROKEN_MODULE)
+    (tmp_path / "door.yaml").write_text(DOOR_SPEC)
     return folder
 
 
 def codra(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     search_path = os.pathsep.join((str(site), environment()["PYTHONPATH"]))
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "codra_dsl", *arguments],
         cwd=site.parent,
         env=environment(PYTHONPATH=search_path),
@@ -94,69 +94,69 @@ def codra(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         check=False,
     )
-    assert "Traceback" not in done.stdout + done.stderr
-    return done
+    assert "Traceback" not in process.stdout + process.stderr
+    return process
 
 
 # Worlds
 
 
 def test_a_world_of_another_distribution_runs_a_spec(site: Path) -> None:
-    done = codra(site, "run", "door.yaml", "--world", "arena", "--seed", "7", "--for", "2 s", "--wind", "3.5")
+    process = codra(site, "run", "door.yaml", "--world", "arena", "--seed", "7", "--for", "2 s", "--wind", "3.5")
 
-    assert (done.returncode, done.stdout) == (0, "door: seed 7, wind 3.5, 2 s\n"), done.stderr
+    assert (process.returncode, process.stdout) == (0, "door: seed 7, wind 3.5, 2 s\n"), process.stderr
 
 
 def test_help_shows_the_options_of_the_world_and_those_of_all_worlds(site: Path) -> None:
-    done = codra(site, "run", "--world=arena", "--help")
+    process = codra(site, "run", "--world=arena", "--help")
 
-    assert done.returncode == 0
-    assert "The world 'arena': An arena with wind." in done.stdout
-    assert {"--wind", "--seed", "--pace", "--journal"} <= set(done.stdout.replace("=", " ").split())
-    assert "--naive" not in done.stdout
+    assert process.returncode == 0
+    assert "The world 'arena': An arena with wind." in process.stdout
+    assert {"--wind", "--seed", "--pace", "--journal"} <= set(process.stdout.replace("=", " ").split())
+    assert "--naive" not in process.stdout
 
 
 def test_an_option_that_the_world_does_not_have_is_refused(site: Path) -> None:
-    done = codra(site, "run", "door.yaml", "--world", "arena", "--winds", "2")
+    process = codra(site, "run", "door.yaml", "--world", "arena", "--winds", "2")
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "--winds: the world 'arena' has no such option: did you mean --wind?" in done.stderr
+    assert (process.returncode, process.stdout) == (2, "")
+    assert "--winds: the world 'arena' has no such option: did you mean --wind?" in process.stderr
 
 
 def test_a_world_that_is_not_installed_is_refused_with_the_nearest_one(site: Path) -> None:
-    done = codra(site, "run", "door.yaml", "--world", "arenas")
+    process = codra(site, "run", "door.yaml", "--world", "arenas")
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "the world 'arenas' is not installed: did you mean 'arena'?" in done.stderr
+    assert (process.returncode, process.stdout) == (2, "")
+    assert "the world 'arenas' is not installed: did you mean 'arena'?" in process.stderr
 
 
 def test_a_broken_world_gives_one_line_and_leaves_the_others_alone(site: Path) -> None:
-    done = codra(site, "run", "door.yaml", "--world", "broken")
+    process = codra(site, "run", "door.yaml", "--world", "broken")
 
-    assert (done.returncode, done.stdout) == (1, "")
+    assert (process.returncode, process.stdout) == (1, "")
     message = "codra: the world 'broken' from arena cannot be loaded: ImportError: no such simulator here\n"
-    assert done.stderr == message
+    assert process.stderr == message
     assert codra(site, "run", "door.yaml", "--world", "arena").returncode == 0
 
 
 def test_a_world_cannot_redefine_an_option_of_all_worlds(site: Path) -> None:
-    done = codra(site, "run", "door.yaml", "--world", "jealous")
+    process = codra(site, "run", "door.yaml", "--world", "jealous")
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "codra: the world 'jealous' declares options that all worlds already have: seed\n"
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr == "codra: the world 'jealous' declares options that all worlds already have: seed\n"
 
 
 def test_a_spec_with_errors_does_not_reach_the_world(site: Path) -> None:
-    (site.parent / "door.yaml").write_text(DOOR.replace("type: bool", "type: boool"))
+    (site.parent / "door.yaml").write_text(DOOR_SPEC.replace("type: bool", "type: boool"))
 
-    done = codra(site, "run", "door.yaml", "--world", "arena")
+    process = codra(site, "run", "door.yaml", "--world", "arena")
 
-    assert done.returncode == 1
-    assert "boool" in done.stdout
-    assert "seed" not in done.stdout
+    assert process.returncode == 1
+    assert "boool" in process.stdout
+    assert "seed" not in process.stdout
 
 
-WITHOUT_PLUGINS = """
+PROGRAM_WITHOUT_PLUGINS = """
 import importlib.metadata, sys
 importlib.metadata.entry_points = lambda **_: importlib.metadata.EntryPoints()
 import codra_dsl.cli
@@ -165,12 +165,12 @@ codra_dsl.cli.main()
 
 
 def test_without_any_world_the_command_names_the_distribution_that_has_some(tmp_path: Path) -> None:
-    (tmp_path / "door.yaml").write_text(DOOR)
-    command = [sys.executable, "-c", WITHOUT_PLUGINS, "run", "door.yaml", "--world", "lab"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), text=True, capture_output=True, check=False)
+    (tmp_path / "door.yaml").write_text(DOOR_SPEC)
+    command = [sys.executable, "-c", PROGRAM_WITHOUT_PLUGINS, "run", "door.yaml", "--world", "lab"]
+    process = subprocess.run(command, cwd=tmp_path, env=environment(), text=True, capture_output=True, check=False)
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == (
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr == (
         "codra: 'run' needs a world, but no world is installed: pip install 'codra-papers[lab,store]' adds two\n"
     )
 
@@ -179,40 +179,40 @@ def test_without_any_world_the_command_names_the_distribution_that_has_some(tmp_
 
 
 def test_a_command_of_another_distribution_runs(site: Path) -> None:
-    done = codra(site, "greet", "Ada", "--loud")
+    process = codra(site, "greet", "Ada", "--loud")
 
-    assert (done.returncode, done.stdout) == (0, "hello ADA\n")
+    assert (process.returncode, process.stdout) == (0, "hello ADA\n")
 
 
 def test_commands_are_listed_without_being_imported(site: Path) -> None:
-    done = codra(site, "--help")
+    process = codra(site, "--help")
 
-    assert done.returncode == 0
-    listed = [line.strip() for line in done.stdout.partition("Commands:")[2].splitlines()]
-    assert [line.split(maxsplit=1) for line in listed if line.startswith(("greet", "shatter"))] == [
+    assert process.returncode == 0
+    help_lines = [line.strip() for line in process.stdout.partition("Commands:")[2].splitlines()]
+    assert [line.split(maxsplit=1) for line in help_lines if line.startswith(("greet", "shatter"))] == [
         ["greet", "A command from arena."],
         ["shatter", "A command from arena."],
     ]
 
 
 def test_the_help_of_a_command_is_that_of_its_function(site: Path) -> None:
-    done = codra(site, "greet", "--help")
+    process = codra(site, "greet", "--help")
 
-    assert done.stdout.startswith("Usage: codra greet [OPTIONS] {name}\n\n  Greet somebody.\n")
+    assert process.stdout.startswith("Usage: codra greet [OPTIONS] {name}\n\n  Greet somebody.\n")
 
 
 def test_a_broken_command_gives_one_line_and_leaves_the_others_alone(site: Path) -> None:
-    done = codra(site, "shatter", "--any", "thing")
+    process = codra(site, "shatter", "--any", "thing")
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == (
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr == (
         "codra: the command 'shatter' from arena cannot be loaded: ImportError: no such simulator here\n"
     )
     assert codra(site, "greet", "Ada").returncode == 0
 
 
 def test_no_distribution_replaces_a_command_of_codra(site: Path) -> None:
-    done = codra(site, "lint", "door.yaml")
+    process = codra(site, "lint", "door.yaml")
 
-    assert "hello" not in done.stdout
-    assert done.returncode == 0
+    assert "hello" not in process.stdout
+    assert process.returncode == 0

@@ -94,9 +94,9 @@ def test_replay_is_equal_and_why_names_who_placed_a_node(project: Path) -> None:
     replayed = codra("replay", "run.mcap", cwd=project)
     assert (replayed.returncode, replayed.stderr) == (0, "")
     assert replayed.stdout.startswith("equal: ")
-    done = codra("why", "right_open", "--journal", "run.mcap", "--at", "7 s", cwd=project)
-    assert done.returncode == 0
-    assert done.stdout.splitlines()[6:14] == [
+    process = codra("why", "right_open", "--journal", "run.mcap", "--at", "7 s", cwd=project)
+    assert process.returncode == 0
+    assert process.stdout.splitlines()[6:14] == [
         "    distance(robot, right) < 50 cm is true at 7 s  [specs/bay.yaml:26 (used at specs/bay.yaml:31)]",
         "      determined by poses since 6 s",
         "      world -robot_pose-> robot is true at 7 s  [specs/bay.yaml:12]",
@@ -110,9 +110,9 @@ def test_replay_is_equal_and_why_names_who_placed_a_node(project: Path) -> None:
 
 def test_the_graph_shows_the_edges_that_a_comparison_reads(project: Path) -> None:
     graph = json.loads((project / "generated/bay/graph.json").read_text())
-    read = {(edge["source"], edge["target"]) for edge in graph["edges"] if edge["kind"] == "reads"}
+    read_ends = {(edge["source"], edge["target"]) for edge in graph["edges"] if edge["kind"] == "reads"}
     near = "bay/context/distance(robot, right) < 50 cm"
-    assert {target for source, target in read if source == near} == {"bay/edge/robot_pose", "bay/edge/right_pose"}
-    requires = {(edge["source"], edge["target"]) for edge in graph["edges"] if edge["kind"] == "requires"}
-    assert ("bay/perception/look_at_right", near) in requires
-    assert ("bay/adaptation/limit", "bay/context/distance(robot, left) < 1 m") in read
+    assert {target for source, target in read_ends if source == near} == {"bay/edge/robot_pose", "bay/edge/right_pose"}
+    required_ends = {(edge["source"], edge["target"]) for edge in graph["edges"] if edge["kind"] == "requires"}
+    assert ("bay/perception/look_at_right", near) in required_ends
+    assert ("bay/adaptation/limit", "bay/context/distance(robot, left) < 1 m") in read_ends

@@ -22,7 +22,7 @@ with shop.Shop(model, clock=SimClock(), resources={}, record=Journal("run.mcap")
     codra.set("near", True)
 """
 
-PACKAGE = "import pathlib\npathlib.Path({mark!r}).write_text('ran')\nMODEL = None\n"
+PACKAGE_TEXT = "import pathlib\npathlib.Path({mark!r}).write_text('ran')\nMODEL = None\n"
 
 
 def make_forged_project(folder: Path, spec: str) -> Path:
@@ -31,35 +31,35 @@ def make_forged_project(folder: Path, spec: str) -> Path:
     return folder / "project"
 
 
-def plant_package(folder: Path, mark: Path) -> Path:
-    """Write a package that creates the file `mark` when it is imported, and return its folder."""
+def plant_package(folder: Path, mark_file: Path) -> Path:
+    """Write a package that creates the file `mark_file` when it is imported, and return its folder."""
     folder.mkdir(parents=True)
     (folder / "manifest.json").write_text("{}")
-    (folder / "__init__.py").write_text(PACKAGE.format(mark=str(mark)))
+    (folder / "__init__.py").write_text(PACKAGE_TEXT.format(mark=str(mark_file)))
     return folder
 
 
-@pytest.mark.parametrize("form", ["absolute", "../../outside", "shop/../../../outside", "."])
-def test_a_journal_that_names_a_path_runs_no_package(form: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("path_form", ["absolute", "../../outside", "shop/../../../outside", "."])
+def test_a_journal_that_names_a_path_runs_no_package(path_form: str, tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
-    outside = plant_package(tmp_path / "outside", tmp_path / "mark")
-    project = make_forged_project(tmp_path, str(outside) if form == "absolute" else form)
+    outside_folder = plant_package(tmp_path / "outside", tmp_path / "mark")
+    project = make_forged_project(tmp_path, str(outside_folder) if path_form == "absolute" else path_form)
 
-    done = codra("replay", "run.mcap", cwd=project)
+    process = codra("replay", "run.mcap", cwd=project)
 
-    assert done.returncode == 2
-    assert "which is not a name: use --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
+    assert process.returncode == 2
+    assert "which is not a name: use --package or --spec" in " ".join(process.stderr.replace("│", " ").split())
     assert not (tmp_path / "mark").exists()
 
 
 def test_a_package_that_is_a_link_out_of_the_project_does_not_run(tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
-    outside = plant_package(tmp_path / "outside", tmp_path / "mark")
+    outside_folder = plant_package(tmp_path / "outside", tmp_path / "mark")
     project = make_forged_project(tmp_path, "linked")
-    (project / "generated/linked").symlink_to(outside)
+    (project / "generated/linked").symlink_to(outside_folder)
 
-    done = codra("replay", "run.mcap", cwd=project)
+    process = codra("replay", "run.mcap", cwd=project)
 
-    assert done.returncode == 2
-    assert "is a link that leads out of the project" in " ".join(done.stderr.replace("│", " ").split())
+    assert process.returncode == 2
+    assert "is a link that leads out of the project" in " ".join(process.stderr.replace("│", " ").split())
     assert not (tmp_path / "mark").exists()

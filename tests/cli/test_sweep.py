@@ -74,16 +74,16 @@ def truck(tmp_path: Path) -> Path:
 
 def swept(spec: Path, *options: str) -> str:
     """Return the output of a sweep."""
-    done = CliRunner().invoke(app, ["sweep", str(spec), *options])
-    assert (done.exit_code, done.stderr) == (0, ""), done.stderr
-    return done.stdout
+    result = CliRunner().invoke(app, ["sweep", str(spec), *options])
+    assert (result.exit_code, result.stderr) == (0, ""), result.stderr
+    return result.stdout
 
 
 def refused(spec: Path, *options: str) -> str:
     """Return the error message of a sweep."""
-    done = CliRunner().invoke(app, ["sweep", str(spec), *options])
-    assert (done.exit_code, done.stdout) == (2, "")
-    return done.stderr.splitlines()[-1].removeprefix("Error: Invalid value for ")
+    result = CliRunner().invoke(app, ["sweep", str(spec), *options])
+    assert (result.exit_code, result.stdout) == (2, "")
+    return result.stderr.splitlines()[-1].removeprefix("Error: Invalid value for ")
 
 
 # The store (P2)
@@ -112,10 +112,10 @@ def of_store(store: Subject, vary: str, steps: int, **known: str) -> Sweep:
     return sweep(store.model, store.course, given, variable.name, values, unit=variable.type.unit or "")
 
 
-def assert_explained(result: Sweep) -> None:
+def assert_explained(sweep_result: Sweep) -> None:
     """Assert that each switch has a rule of the spec, printed with its place."""
-    printed = str(result)
-    for switch in result.switches:
+    printed = str(sweep_result)
+    for switch in sweep_result.switches:
         assert switch.rules
         for rule in switch.rules:
             assert rule.place.startswith("specs/store.yaml:")
@@ -275,9 +275,9 @@ def test_lists_and_integers_are_swept_as_they_are(truck: Path) -> None:
 
 
 def test_the_inputs_are_listed_as_json_too(truck: Path) -> None:
-    listed = json.loads(swept(truck, "--format", "json"))
+    inputs_object = json.loads(swept(truck, "--format", "json"))
 
-    assert listed["inputs"][0] == {
+    assert inputs_object["inputs"][0] == {
         "variable": "distance",
         "type": "float",
         "unit": "m",
@@ -334,8 +334,8 @@ def test_the_trend_of_numbers(numbers: list[float | None], way: Trend) -> None:
 
 def words(svg: str) -> Iterator[str]:
     """Yield the texts of a picture."""
-    for element in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text"):
-        yield "".join(element.itertext())
+    for text_element in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text"):
+        yield "".join(text_element.itertext())
 
 
 @pytest.mark.parametrize(

@@ -35,13 +35,13 @@ def choices(*edges: Edge) -> Choices:
         spec, kind, name = node_id.split("/")
         file, use = f"specs/{spec}.yaml", "rear" if name == "deep" else ""
         nodes.append(Choice(id=node_id, name=name, kind=kind, label=LABELS.get(node_id, name), file=file, use=use))
-    return Choices(nodes=nodes, edges=edges, kinds=(*KINDS, "agent"), absent_names=frozenset({"unused"}))
+    return Choices(nodes=nodes, edges=edges, kinds=(*KINDS, "agent"), unneeded_names=frozenset({"unused"}))
 
 
 def chosen(*wanted: str, without: tuple[str, ...] = ()) -> str:
     """Return the selected nodes; those of the lab without the name of their spec."""
-    selected = select(choices(*EDGES), wanted, without)
-    return " ".join(sorted(node_id.removeprefix("lab/") for node_id in selected))
+    selected_ids = select(choices(*EDGES), wanted, without)
+    return " ".join(sorted(node_id.removeprefix("lab/") for node_id in selected_ids))
 
 
 ALL = (
@@ -199,35 +199,35 @@ def oracle(edges: list[Edge], parts: list[list[str]]) -> set[str]:
     ids = {end for edge in edges for end in edge}
 
     def reachable_ids(start: set[str], steps: str, forward: bool) -> set[str]:
-        reached = set(start)
+        reached_ids = set(start)
         for _ in range(int(steps) if steps else len(ids)):
-            reached |= (
-                {user for need, user in edges if need in reached}
+            reached_ids |= (
+                {user for need, user in edges if need in reached_ids}
                 if forward
-                else {need for need, user in edges if user in reached}
+                else {need for need, user in edges if user in reached_ids}
             )
-        return reached
+        return reached_ids
 
-    def ids_by_pattern(pattern: str) -> set[str]:
+    def match_pattern(pattern: str) -> set[str]:
         if pattern in ("kind:context", "lab/context/*"):
             return {node_id for node_id in ids if "/context/" in node_id}
         allowed = {"[a-c]": "abc", "*": NAMES}.get(pattern, (pattern,))
         return {node_id for node_id in ids if node_id[-1] in allowed}
 
-    def ids_by_term(term: str) -> set[str]:
+    def match_term(term: str) -> set[str]:
         if term.startswith("@"):
-            return reachable_ids(reachable_ids(ids_by_pattern(term[1:]), "", True), "", False)
+            return reachable_ids(reachable_ids(match_pattern(term[1:]), "", True), "", False)
         before, after, pattern = None, None, term
         if "+" in pattern and pattern.split("+")[0] in ("", "0", "1", "2", "3"):
             before, pattern = pattern.split("+", 1)
         if "+" in pattern:
             pattern, after = pattern.split("+")
-        start = ids_by_pattern(pattern)
+        start = match_pattern(pattern)
         selected = set(start)
         selected |= reachable_ids(start, before, False) if before is not None else set()
         return selected | (reachable_ids(start, after, True) if after is not None else set())
 
-    return {node_id for part in parts for node_id in set.intersection(*map(ids_by_term, part))}
+    return {node_id for part in parts for node_id in set.intersection(*map(match_term, part))}
 
 
 def answer(edges: Sequence[Edge], text: str) -> frozenset[str] | SelectorError:

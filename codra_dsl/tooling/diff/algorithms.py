@@ -33,7 +33,7 @@ from codra_dsl.tooling.diff.version import Pair, Side, duration_text
 from codra_dsl.tooling.diff.walk import Scope, Wording, entry_comparer, equality_comparer, text_of
 
 _LENGTH_TYPE = ValueType(kind=Kind.FLOAT, unit="m", range=(0.0, math.inf))
-_LITERALS_COMPARER = equality_comparer(Category.PERCEIVED_OTHERWISE, "gets another value", compared_part=frozenset)
+_LITERALS_COMPARER = equality_comparer(Category.PERCEIVED_OTHERWISE, "gets another value", select_part=frozenset)
 _OPTIONAL_COMPARER = order_comparer(
     (Category.EASED, "is optional now"), (Category.CONTRACT, "is no longer optional"), show_nothing
 )
@@ -45,17 +45,17 @@ def compare_algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
 
     For an algorithm that took the place of another one, yield only the changes of its observability preconditions.
     """
-    for name, new_name in scope.pair.algorithms.items():
-        nested_scope = _algorithm_scope(scope, name, new_name)
-        old, new = nested_scope.values
-        yield from nested_scope.changes(skip=_FUNCTION_FIELDS if old.call != new.call else frozenset())
-        yield from _compare_waiting(nested_scope, name, new_name)
-    for name, new_name in _replacements(scope.pair):
-        yield from compare_observability(_algorithm_scope(scope, name, new_name), "observable_when")
+    for old_name, new_name in scope.pair.algorithms.items():
+        algorithm_scope = _algorithm_scope(scope, old_name, new_name)
+        old, new = algorithm_scope.values
+        yield from algorithm_scope.changes(skipped_fields=_FUNCTION_FIELDS if old.call != new.call else frozenset())
+        yield from _compare_waiting_times(algorithm_scope, old_name, new_name)
+    for old_name, new_name in _replacements(scope.pair):
+        yield from compare_observability(_algorithm_scope(scope, old_name, new_name), "observable_when")
 
 
-def _algorithm_scope(scope: Scope, name: str, new_name: str) -> Scope:
-    old, new = scope.pair.old.algorithms[name], scope.pair.new.algorithms[new_name]
+def _algorithm_scope(scope: Scope, old_name: str, new_name: str) -> Scope:
+    old, new = scope.pair.old.algorithms[old_name], scope.pair.new.algorithms[new_name]
     return scope.element_scope("perception", new_name, old.algorithm, new.algorithm)
 
 
@@ -64,7 +64,7 @@ def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
     replacements: dict[tuple[str, str], None] = {}
     for variable, old_names in pair.old.producers.items():
         new_names = pair.new.producers.get(variable, ())
-        if new_names and not {pair.algorithms.get(name) for name in old_names} & {*new_names}:
+        if new_names and not {pair.algorithms.get(old_name) for old_name in old_names} & {*new_names}:
             replacements[old_names[0], new_names[0]] = None
     return replacements
 
@@ -74,20 +74,22 @@ def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
 
 def compare_literals(scope: Scope, key: str, old: Sequence[tuple[str, Literal]], new: Any) -> Iterator[Change]:
     """Yield a change if the function gets other literals."""
-    before, after = ([f"{name} {type(value).__name__}" for name, value in side] for side in (old, new))
+    before, after = ([f"{name} {type(value).__name__}" for name, value in literals] for literals in (old, new))
     yield from _compare_arguments(scope, key, before, after)
     if {*before} == {*after}:
         yield from _LITERALS_COMPARER(scope, key, old, new)
 
 
-def compare_given(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
+def compare_given_variables(
+    scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]
+) -> Iterator[Change]:
     """Yield a change if the function gets the values of other variables."""
     yield from _compare_arguments(scope, key, [*map(text_of, old)], [*map(text_of, new)])
 
 
 def compare_usages(scope: Scope, key: str, old: Sequence[Usage], new: Sequence[Usage]) -> Iterator[Change]:
     """Yield a change if the function gets other handles, and the changes of how it uses resources."""
-    before, after = ([use.resource.name for use in side if use.access is Access.READ] for side in (old, new))
+    before, after = ([usage.resource.name for usage in usages if usage.access is Access.READ] for usages in (old, new))
     yield from _compare_arguments(scope, key, before, after)
     yield from entry_comparer("")(scope, key, old, new)
 
@@ -107,7 +109,7 @@ def result_wording(new: Returned | None) -> Wording:
     return (Category.EASED, "may now return '{}'") if new.optional else (Category.CONTRACT, "must now return '{}'")
 
 
-def compare_optional(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
+def compare_optionality(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
     """Yield a change if a result may now be absent, or may no longer be absent. It is reported at the result itself."""
     yield from _OPTIONAL_COMPARER(scope, "", old, new)
 
@@ -118,14 +120,14 @@ def compare_optional(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Cha
 def compare_observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
     """Yield a change if the guard that `observable_when` and `given` form together has changed."""
     guards = (
-        [*_with_pose_comparisons(algorithm.observable_when), *_known_conditions(algorithm)]
+        [*_conditions_with_pose_comparisons(algorithm.observable_when), *_given_conditions(algorithm)]
         for algorithm in scope.values
     )
     yield from guard_comparer(_context_types)(scope, key, *guards)
 
 
 def _context_types(scope: Scope, _: object) -> Types:
-    return joined_types(*(dict(_names_with_types(side)) for side in scope.pair.sides))
+    return joined_types(*(dict(_names_and_types(side)) for side in scope.pair.sides))
 
 
 def returned_types(scope: Scope, _: object) -> Types:
@@ -133,18 +135,18 @@ def returned_types(scope: Scope, _: object) -> Types:
     return joined_types(*map(_result_types, scope.elements))
 
 
-def _with_pose_comparisons(conditions: Iterable[Condition]) -> Iterator[Condition]:
+def _conditions_with_pose_comparisons(conditions: Iterable[Condition]) -> Iterator[Condition]:
     """Yield conditions with the comparisons of poses in place of the names of their variables."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 
 
-def _known_conditions(algorithm: Algorithm) -> Iterator[Condition]:
+def _given_conditions(algorithm: Algorithm) -> Iterator[Condition]:
     for reference in algorithm.given:
         yield Condition(text=f"known({reference.name})", tree=known(reference.name), place=reference.place)
 
 
-def _names_with_types(side: Side) -> Iterator[tuple[str, ValueType]]:
+def _names_and_types(side: Side) -> Iterator[tuple[str, ValueType]]:
     """Yield the name and type of each variable, and of each function of poses that occurs in a pose condition."""
     for variable in side.variables.values():
         yield variable.name, variable.type
@@ -159,10 +161,10 @@ def _result_types(algorithm: Algorithm) -> dict[str, ValueType]:
 # Identified variables
 
 
-def compare_identification(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
+def compare_identification(scope: Scope, _: str, *rules: Any) -> Iterator[Change]:
     """Yield a change if the value of a variable is computed in another way, and one if it is confirmed otherwise."""
     old, new = scope.values
-    if old.variable.name in scope.pair.one_sided:
+    if old.variable.name in scope.pair.one_sided_names:
         return
     if not _is_same_identification(scope, old, new):
         yield scope.make_change(
@@ -172,11 +174,11 @@ def compare_identification(scope: Scope, _: str, *by: Any) -> Iterator[Change]:
             _identification_text(old),
             _identification_text(new),
         )
-    before, after = map(_confirm_counts, by)
+    before, after = map(_confirm_counts, rules)
     if before != after:
         category, message = _confirmation_wording(before, after)
         yield scope.make_change(category, "", message, *(f"{count} of {total}" for count, total in (before, after)))
-    yield from compare_inline(scope, "", *by)
+    yield from compare_inline(scope, "", *rules)
 
 
 def _is_same_identification(scope: Scope, old: Identification, new: Identification) -> bool:
@@ -187,24 +189,26 @@ def _is_same_identification(scope: Scope, old: Identification, new: Identificati
     types = joined_types(before, after)
     if any(types[name] is None for name in before.keys() & after.keys()):
         return _identification_text(old) == _identification_text(new)
-    return _is_same_value(old.by, new.by, types, kinds[0])
+    return _is_same_rule(old.by, new.by, types, kinds[0])
 
 
-def _is_same_value(
+def _is_same_rule(
     old: Condition | Members | Hysteresis, new: Condition | Members | Hysteresis, types: Types, kind: Kind
 ) -> bool:
     if isinstance(old, Members) and isinstance(new, Members):
-        old_cases, new_cases = ([(member.name, _tree_of(case)) for member, case in by.cases] for by in (old, new))
+        old_cases, new_cases = (
+            [(member.name, _tree_of(condition)) for member, condition in rule.cases] for rule in (old, new)
+        )
         return is_same_choice(old_cases, new_cases, types)
     before, after = _trees_of(old), _trees_of(new)
-    is_same = partial(is_equal if kind is Kind.BOOL else is_same_value, types=types)
-    return len(before) == len(after) > 0 and all(starmap(is_same, zip(before, after, strict=True)))
+    is_same_tree = partial(is_equal if kind is Kind.BOOL else is_same_value, types=types)
+    return len(before) == len(after) > 0 and all(starmap(is_same_tree, zip(before, after, strict=True)))
 
 
-def _trees_of(by: Condition | Members | Hysteresis) -> tuple[Node, ...]:
-    if isinstance(by, Members):
+def _trees_of(rule: Condition | Members | Hysteresis) -> tuple[Node, ...]:
+    if isinstance(rule, Members):
         return ()
-    conditions = (by,) if isinstance(by, Condition) else (by.enter, by.leave)
+    conditions = (rule,) if isinstance(rule, Condition) else (rule.enter, rule.leave)
     return tuple(_tree_of(condition) for condition in conditions if condition is not None)
 
 
@@ -213,18 +217,18 @@ def _tree_of(condition: Condition) -> Node:
     return spelt_out(condition.tree)
 
 
-def _identification_text(entry: Identification) -> str:
-    by = entry.by
-    if isinstance(by, Members):
-        return "; ".join(f"{member.name}: {condition.text}" for member, condition in by.cases)
-    if isinstance(by, Hysteresis):
-        leave = "" if by.leave is None else f"; leave: {by.leave.text}"
-        return f"enter: {by.enter.text}{leave}"
-    return f"'{by.text}'"
+def _identification_text(identification: Identification) -> str:
+    rule = identification.by
+    if isinstance(rule, Members):
+        return "; ".join(f"{member.name}: {condition.text}" for member, condition in rule.cases)
+    if isinstance(rule, Hysteresis):
+        leave_text = "" if rule.leave is None else f"; leave: {rule.leave.text}"
+        return f"enter: {rule.enter.text}{leave_text}"
+    return f"'{rule.text}'"
 
 
-def _confirm_counts(by: object) -> tuple[int, int]:
-    return (by.confirm if isinstance(by, Hysteresis) else None) or (1, 1)
+def _confirm_counts(rule: object) -> tuple[int, int]:
+    return (rule.confirm if isinstance(rule, Hysteresis) else None) or (1, 1)
 
 
 def _confirmation_wording(before: tuple[int, int], after: tuple[int, int]) -> Wording:
@@ -239,28 +243,32 @@ def _confirmation_wording(before: tuple[int, int], after: tuple[int, int]) -> Wo
 # Time
 
 
-def _compare_waiting(scope: Scope, name: str, new_name: str) -> Iterator[Change]:
+def _compare_waiting_times(scope: Scope, old_name: str, new_name: str) -> Iterator[Change]:
     """Yield a change if an algorithm waits for variables that take longer, or less long, than those before.
 
     To leave out changes of the variables' own times, both times are taken from one version: from B if the wait becomes
     longer, from A if it becomes shorter.
     """
     old, new = scope.pair.sides
-    before, after = {*old.algorithms[name].waits_for}, {*new.algorithms[new_name].waits_for}
-    was_s, now_s = _longest_time_s(before, new, old), _longest_time_s(after, new)
-    if now_s > was_s:
+    before, after = {*old.algorithms[old_name].waits_for}, {*new.algorithms[new_name].waits_for}
+    old_time_s, new_time_s = _longest_time_s(before, new, old), _longest_time_s(after, new)
+    if new_time_s > old_time_s:
         message = f"waits for {quote_names(after - before) or 'none'}, which takes longer"
-        yield scope.make_change(Category.SLOWER, "observable_when", message, duration_text(was_s), duration_text(now_s))
-    was_s, now_s = _longest_time_s(before, old), _longest_time_s(after, old, new)
-    if now_s < was_s:
+        yield scope.make_change(
+            Category.SLOWER, "observable_when", message, duration_text(old_time_s), duration_text(new_time_s)
+        )
+    old_time_s, new_time_s = _longest_time_s(before, old), _longest_time_s(after, old, new)
+    if new_time_s < old_time_s:
         message = f"no longer waits for {quote_names(before - after) or 'none'}"
-        yield scope.make_change(Category.FASTER, "observable_when", message, duration_text(was_s), duration_text(now_s))
+        yield scope.make_change(
+            Category.FASTER, "observable_when", message, duration_text(old_time_s), duration_text(new_time_s)
+        )
 
 
-def _longest_time_s(names: Iterable[str], side: Side, other: Side | None = None) -> float:
+def _longest_time_s(names: Iterable[str], side: Side, other_side: Side | None = None) -> float:
     """Return the longest worst-case time of some variables in one version.
 
     For a variable that this version does not have, the time of the other version counts.
     """
-    other_times_s = {} if other is None else other.worst_s
-    return max((side.worst_s.get(name, other_times_s.get(name, 0.0)) for name in names), default=0.0)
+    other_times_s = {} if other_side is None else other_side.worst_latencies_s
+    return max((side.worst_latencies_s.get(name, other_times_s.get(name, 0.0)) for name in names), default=0.0)

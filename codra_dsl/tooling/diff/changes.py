@@ -111,8 +111,8 @@ class Change:
     @property
     def text(self) -> str:
         """Return the message with the values in A and B."""
-        values = [f"{word} {value}" for word, value in (("was", self.was), ("is", self.now)) if value is not None]
-        return f"{self.message}: {', '.join(values)}" if values else self.message
+        value_texts = [f"{word} {value}" for word, value in (("was", self.was), ("is", self.now)) if value is not None]
+        return f"{self.message}: {', '.join(value_texts)}" if value_texts else self.message
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from codra_dsl.language.expression import Node
 from codra_dsl.language.model import Condition, Kind, NodeType, Reference, ValueType, Writer
 from codra_dsl.language.units import ONE, Unit, parse_unit
 from codra_dsl.tooling.diff.changes import Category, Change
-from codra_dsl.tooling.diff.guards import Relation, is_equal, relation
+from codra_dsl.tooling.diff.guards import Relation, find_relation, is_equal
 from codra_dsl.tooling.diff.version import duration_text
 from codra_dsl.tooling.diff.walk import Comparer, Scope, Wording, compare_by_default, is_nested, plain_value, text_of
 
@@ -24,7 +24,7 @@ GUARD_WORDINGS: Mapping[Relation, Wording] = {
 }
 
 
-def compare_elsewhere(*_: Any) -> Iterator[Change]:
+def compare_nothing(*_: Any) -> Iterator[Change]:
     """Yield no change: the field makes no difference by itself, or another comparer takes it into account."""
     yield from ()
 
@@ -44,37 +44,43 @@ def show_nothing(_: object) -> str:
 
 
 def order_comparer(
-    more: Wording,
-    less: Wording,
+    increase_wording: Wording,
+    decrease_wording: Wording,
     show: Callable[[Any], str] = text_of,
-    rank: Callable[[Any], Any] = lambda value: value,
+    rank_of: Callable[[Any], Any] = lambda value: value,
 ) -> Comparer:
-    """Return the comparer of values with an order: `more` is reported for a larger value, `less` for a smaller one."""
+    """Return the comparer of values with an order.
+
+    A larger value is reported with `increase_wording`, a smaller one with `decrease_wording`.
+    """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        if rank(old) != rank(new):
-            category, message = more if rank(new) > rank(old) else less
+        if rank_of(old) != rank_of(new):
+            category, message = increase_wording if rank_of(new) > rank_of(old) else decrease_wording
             yield scope.make_change(category, key, message, show(old), show(new))
 
     return compare
 
 
-def growth_comparer(more: Category, less: Category) -> Comparer:
+def growth_comparer(increase_category: Category, decrease_category: Category) -> Comparer:
     """Return the comparer of durations and numbers. If one value is None, they are only compared for equality."""
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if old is None or new is None:
             yield from compare_by_default(scope, key, old, new)
             return
-        is_time = isinstance(new, float)
-        longer, shorter = ("longer", "shorter") if is_time else ("larger", "smaller")
-        wordings = (more, f"'{key}' is {longer}"), (less, f"'{key}' is {shorter}")
-        yield from order_comparer(*wordings, duration_text if is_time else str)(scope, key, old, new)
+        is_duration = isinstance(new, float)
+        increase_word, decrease_word = ("longer", "shorter") if is_duration else ("larger", "smaller")
+        wordings = (
+            (increase_category, f"'{key}' is {increase_word}"),
+            (decrease_category, f"'{key}' is {decrease_word}"),
+        )
+        yield from order_comparer(*wordings, duration_text if is_duration else str)(scope, key, old, new)
 
     return compare
 
 
-def name_comparer(lost: Wording, gained: Wording) -> Comparer:
+def name_comparer(loss_wording: Wording, gain_wording: Wording) -> Comparer:
     """Return the comparer of unordered lists of names or of conditions. The entries are compared one by one.
 
     If the messages contain `{}`, the entries are variables, and `{}` stands for the variables that were lost or gained.
@@ -82,14 +88,14 @@ def name_comparer(lost: Wording, gained: Wording) -> Comparer:
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        before, after = ({plain_value(entry): text_of(entry) for entry in side} for side in (old, new))
-        for (category, message), side, other in ((lost, before, after), (gained, after, before)):
-            changed_texts = {text for entry, text in side.items() if entry not in other}
+        before, after = ({plain_value(entry): text_of(entry) for entry in entries} for entries in (old, new))
+        for (category, message), texts, other_texts in ((loss_wording, before, after), (gain_wording, after, before)):
+            changed_texts = {text for entry, text in texts.items() if entry not in other_texts}
             if "{}" not in message and changed_texts:
                 yield scope.make_change(category, key, message, text_of(old), text_of(new))
-            elif changed_texts - scope.pair.one_sided:
+            elif changed_texts - scope.pair.one_sided_names:
                 yield scope.make_change(
-                    category, key, message.format(quote_names(changed_texts - scope.pair.one_sided))
+                    category, key, message.format(quote_names(changed_texts - scope.pair.one_sided_names))
                 )
 
     return compare
@@ -104,33 +110,37 @@ def quote_names(names: Iterable[str]) -> str:
 
 
 def type_comparer(
-    retyped: Category = Category.RETYPED, narrowed: Category = Category.NARROWED, widened: Category = Category.WIDENED
+    retyped_category: Category = Category.RETYPED,
+    narrowed_category: Category = Category.NARROWED,
+    widened_category: Category = Category.WIDENED,
 ) -> Comparer:
     """Return the comparer of types, whose units and ranges are compared by meaning."""
 
     def compare(scope: Scope, key: str, old: ValueType, new: ValueType) -> Iterator[Change]:
         units = _unit_of(old), _unit_of(new)
-        part, noun = ("values", "members") if old.kind is Kind.ENUM else ("range", "values")
-        lost, gained = _lost_and_gained(old, new)
+        values_key, value_noun = ("values", "members") if old.kind is Kind.ENUM else ("range", "values")
+        has_lost_values, has_gained_values = _value_loss_and_gain(old, new)
         is_comparable = old.kind is new.kind and units[0].dimension == units[1].dimension
-        for category, changed, message, applies in (
-            (retyped, "type", "has another type", old.kind is not new.kind),
-            (retyped, "unit", "has another unit", old.kind is new.kind and units[0] != units[1]),
-            (narrowed, part, f"has lost {noun}", is_comparable and lost),
-            (widened, part, f"has new {noun}", is_comparable and gained),
+        for category, changed_key, message, has_changed in (
+            (retyped_category, "type", "has another type", old.kind is not new.kind),
+            (retyped_category, "unit", "has another unit", old.kind is new.kind and units[0] != units[1]),
+            (narrowed_category, values_key, f"has lost {value_noun}", is_comparable and has_lost_values),
+            (widened_category, values_key, f"has new {value_noun}", is_comparable and has_gained_values),
         ):
-            if applies:  # a changed type of an entry, such as an attribute, is reported under the key of the entry
-                yield scope.make_change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
+            if has_changed:  # a changed type of an entry, such as an attribute, is reported under the key of the entry
+                yield scope.make_change(
+                    category, "" if scope.path else changed_key, message, text_of(old), text_of(new)
+                )
         yield from scope.inner_scope(key, old, new).changes()
 
     return compare
 
 
-def _unit_of(declared: ValueType) -> Unit:
-    return (None if declared.unit is None else parse_unit(declared.unit)) or ONE
+def _unit_of(value_type: ValueType) -> Unit:
+    return (None if value_type.unit is None else parse_unit(value_type.unit)) or ONE
 
 
-def _lost_and_gained(old: ValueType, new: ValueType) -> tuple[bool, bool]:
+def _value_loss_and_gain(old: ValueType, new: ValueType) -> tuple[bool, bool]:
     """Return whether a type has lost values, and whether it has gained values. Ranges are compared in one unit."""
     if old.kind is Kind.ENUM:
         return not {*old.values} <= {*new.values}, not {*new.values} <= {*old.values}
@@ -138,10 +148,10 @@ def _lost_and_gained(old: ValueType, new: ValueType) -> tuple[bool, bool]:
     return new_low > low or new_high < high, new_low < low or new_high > high
 
 
-def _range_of(declared: ValueType) -> tuple[Fraction | float, Fraction | float]:
-    if declared.range is None:
+def _range_of(value_type: ValueType) -> tuple[Fraction | float, Fraction | float]:
+    if value_type.range is None:
         return float("-inf"), float("inf")
-    low, high = (in_base(end, _unit_of(declared)) for end in declared.range)
+    low, high = (in_base(end, _unit_of(value_type)) for end in value_type.range)
     return low, high
 
 
@@ -169,19 +179,19 @@ def compare_variable_writers(
 
     The writers are named under `source` of the variable, or are agents that list the variable under `owns`.
     """
-    sources = ([source for source in side if source.name != "observer"] for side in (old, new))
-    yield from _compare_writer_lists(scope, key, *map(_make_writers, sources), no_writer="observers only")
+    sources = ([source for source in references if source.name != "observer"] for references in (old, new))
+    yield from _compare_writer_lists(scope, key, *map(_make_writers, sources), no_writer_text="observers only")
     name = scope.values[1].name
     if all(name in side.declared_graph.variables for side in scope.pair.sides):
-        owners_by_side = (
+        owner_lists = (
             [
                 writer
                 for writer in side.declared_graph.writers(KnowledgeElement("context", name))
-                if writer.name not in map(text_of, own_sources)
+                if writer.name not in map(text_of, references)
             ]
-            for side, own_sources in zip(scope.pair.sides, (old, new), strict=True)
+            for side, references in zip(scope.pair.sides, (old, new), strict=True)
         )
-        yield from _compare_writer_lists(scope, "owns", *owners_by_side)
+        yield from _compare_writer_lists(scope, "owns", *owner_lists)
 
 
 def compare_requesters(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
@@ -194,29 +204,31 @@ def _make_writers(references: Iterable[Reference]) -> list[Writer]:
 
 
 def _compare_writer_lists(
-    scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer], *, no_writer: str = "nobody"
+    scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer], *, no_writer_text: str = "nobody"
 ) -> Iterator[Change]:
-    before, after = ([writer.name for writer in side] for side in (old, new))
-    lost, gained = sorted({*before} - {*after}), sorted({*after} - {*before})
+    before, after = ([writer.name for writer in writers] for writers in (old, new))
+    lost_names, gained_names = sorted({*before} - {*after}), sorted({*after} - {*before})
     common_names = {*before} & {*after}
-    for category, message, applies in (
-        (Category.UNWRITABLE, f"{', '.join(lost)} may not write it any more", lost),
-        (Category.WIDENED, f"{', '.join(gained)} may write it as well", gained),
+    for category, message, has_changed in (
+        (Category.UNWRITABLE, f"{', '.join(lost_names)} may not write it any more", lost_names),
+        (Category.WIDENED, f"{', '.join(gained_names)} may write it as well", gained_names),
         (
             Category.REDEFINED,
             "its writers have another order",
-            _names_by_priority(old, common_names) != _names_by_priority(new, common_names),
+            _priority_groups(old, common_names) != _priority_groups(new, common_names),
         ),
     ):
-        if applies:
-            yield scope.make_change(category, key, message, *(", ".join(side) or no_writer for side in (before, after)))
+        if has_changed:
+            yield scope.make_change(
+                category, key, message, *(", ".join(names) or no_writer_text for names in (before, after))
+            )
 
 
-def _names_by_priority(writers: Sequence[Writer], common_names: set[str]) -> list[list[str]]:
+def _priority_groups(writers: Sequence[Writer], common_names: set[str]) -> list[list[str]]:
     """Return the common writers in groups of equal priority. The group with the highest priority is first."""
     priorities = {writer.name: writer.priority or 0 for writer in writers if writer.name in common_names}
     return [
-        sorted(name for name, other in priorities.items() if other == priority)
+        sorted(name for name, own_priority in priorities.items() if own_priority == priority)
         for priority in sorted({*priorities.values()}, reverse=True)
     ]
 
@@ -224,19 +236,27 @@ def _names_by_priority(writers: Sequence[Writer], common_names: set[str]) -> lis
 # Guards
 
 
-def guard_comparer(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> Comparer:
-    """Return the comparer of conditions that must all be true; `types_of` gives the types of the names in them."""
+def guard_comparer(find_types: Callable[[Scope, Sequence[Condition]], Types]) -> Comparer:
+    """Return the comparer of conditions that must all be true; `find_types` returns the types of the names in them."""
 
     def compare(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
-        types = types_of(scope, (*old, *new))
-        before, after = ([condition.tree for condition in side if condition.tree] for side in (old, new))
-        guard_relation = relation(before, after, types)
+        types = find_types(scope, (*old, *new))
+        before, after = ([condition.tree for condition in conditions if condition.tree] for conditions in (old, new))
+        guard_relation = find_relation(before, after, types)
         if guard_relation is not Relation.SAME:
             category, message = GUARD_WORDINGS[guard_relation]
-            lost, gained = _conditions_not_in(after, old, types), _conditions_not_in(before, new, types)
-            texts = (" and ".join(f"'{one.text}'" for one in side) or "no such condition" for side in (lost, gained))
-            first_conditions = next(iter(lost), None), next(iter(gained), None)
-            yield scope.make_change(category, key, f"'{key}' {message}", *texts, parts=first_conditions)
+            lost_conditions, gained_conditions = (
+                _conditions_not_in(after, old, types),
+                _conditions_not_in(before, new, types),
+            )
+            condition_texts = (
+                " and ".join(f"'{condition.text}'" for condition in conditions) or "no such condition"
+                for conditions in (lost_conditions, gained_conditions)
+            )
+            first_conditions = next(iter(lost_conditions), None), next(iter(gained_conditions), None)
+            yield scope.make_change(
+                category, key, f"'{key}' {message}", *condition_texts, changed_parts=first_conditions
+            )
 
     return compare
 

@@ -26,7 +26,7 @@ class Relation(StrEnum):
     OTHER = "other"
 
 
-def relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation:
+def find_relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation:
     """Return how a guard has changed.
 
     A condition that is a path, or that has a name without a type, is compared only by its text.
@@ -36,22 +36,23 @@ def relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation
         new: the conditions after.
         types: the types of names in both versions, as `joined_types` returns them.
     """
-    before, after = ({normal_text(tree): tree for tree in side} for side in (old, new))
-    lost, gained = before.keys() - after.keys(), after.keys() - before.keys()
-    if not lost and not gained:
+    before, after = ({normal_text(tree): tree for tree in trees} for trees in (old, new))
+    lost_texts, gained_texts = before.keys() - after.keys(), after.keys() - before.keys()
+    if not lost_texts and not gained_texts:
         return Relation.SAME
     untyped_texts = {text for text, tree in (before | after).items() if not _is_typed(tree, types)}
-    if untyped_texts & (lost | gained):
-        holds_after, held_before = not gained, not lost
+    if untyped_texts & (lost_texts | gained_texts):
+        is_new_implied, is_old_implied = not gained_texts, not lost_texts
     else:
-        known_before, known_after = (
-            [side[text] for text in side if text not in untyped_texts] for side in (before, after)
+        typed_before, typed_after = (
+            [tree_by_text[text] for text in tree_by_text if text not in untyped_texts]
+            for tree_by_text in (before, after)
         )
-        holds_after = implies(known_before, [after[text] for text in after if text in gained], types)
-        held_before = implies(known_after, [before[text] for text in before if text in lost], types)
-    if holds_after:
-        return Relation.SAME if held_before else Relation.WEAKER
-    return Relation.STRONGER if held_before else Relation.OTHER
+        is_new_implied = implies(typed_before, [after[text] for text in after if text in gained_texts], types)
+        is_old_implied = implies(typed_after, [before[text] for text in before if text in lost_texts], types)
+    if is_new_implied:
+        return Relation.SAME if is_old_implied else Relation.WEAKER
+    return Relation.STRONGER if is_old_implied else Relation.OTHER
 
 
 def _is_typed(tree: Node, types: Types) -> bool:
@@ -70,51 +71,55 @@ def normal_text(node: Node) -> str:
     return to_text(node)
 
 
-def is_equal(one: Node, other: Node, types: Types) -> bool:
+def is_equal(first: Node, second: Node, types: Types) -> bool:
     """Return whether two conditions always have the same value (true, false or unknown)."""
-    negations = Not(operand=one, start=0, end=0), Not(operand=other, start=0, end=0)
-    return all(relation([before], [after], types) is Relation.SAME for before, after in ((one, other), negations))
+    negations = Not(operand=first, start=0, end=0), Not(operand=second, start=0, end=0)
+    return all(
+        find_relation([before], [after], types) is Relation.SAME for before, after in ((first, second), negations)
+    )
 
 
-def is_same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, Node]], types: Types) -> bool:
+def is_same_choice(first: Sequence[tuple[str, Node]], second: Sequence[tuple[str, Node]], types: Types) -> bool:
     """Return whether two lists of cases always choose the same member.
 
     The chosen member is that of the first condition that holds.
     """
-    choices = _conditions_by_member(one), _conditions_by_member(other)
-    members = {**choices[0], **choices[1]}
+    member_conditions = _conditions_by_member(first), _conditions_by_member(second)
+    members = {**member_conditions[0], **member_conditions[1]}
     guards = (
         # a member is chosen if any of its conditions holds
-        [Or(operands=tuple(side.get(member, ())), start=0, end=0) for side in choices]
+        [Or(operands=tuple(conditions.get(member, ())), start=0, end=0) for conditions in member_conditions]
         for member in members
     )
-    return all(relation([before], [after], types) is Relation.SAME for before, after in guards)
+    return all(find_relation([before], [after], types) is Relation.SAME for before, after in guards)
 
 
 def _conditions_by_member(cases: Iterable[tuple[str, Node]]) -> Mapping[str, list[Node]]:
     """Return for each member the conditions under which it is chosen."""
-    choices: dict[str, list[Node]] = {}
-    before: tuple[Node, ...] = ()
+    conditions_by_member: dict[str, list[Node]] = {}
+    previous_negations: tuple[Node, ...] = ()
     for member, condition in cases:
-        choices.setdefault(member, []).append(And(operands=(*before, condition), start=0, end=0))
-        before = (*before, Not(operand=condition, start=0, end=0))
-    return choices
+        conditions_by_member.setdefault(member, []).append(
+            And(operands=(*previous_negations, condition), start=0, end=0)
+        )
+        previous_negations = (*previous_negations, Not(operand=condition, start=0, end=0))
+    return conditions_by_member
 
 
-def is_same_value(one: Node, other: Node, types: Types) -> bool:
+def is_same_value(first: Node, second: Node, types: Types) -> bool:
     """Return whether two numbers, texts or members are known in the same cases, and are then equal."""
-    if to_text(one) == to_text(other):
+    if to_text(first) == to_text(second):
         return True
-    if isinstance(one, Choice) and isinstance(other, Choice) and is_equal(one.condition, other.condition, types):
-        return is_same_value(one.then, other.then, types) and is_same_value(one.otherwise, other.otherwise, types)
-    if any(types.get(name) is None for name in names_of([one, other])):
+    if isinstance(first, Choice) and isinstance(second, Choice) and is_equal(first.condition, second.condition, types):
+        return is_same_value(first.then, second.then, types) and is_same_value(first.otherwise, second.otherwise, types)
+    if any(types.get(name) is None for name in names_of([first, second])):
         return False
-    equality = _equality(one, other)
-    return all(implies([_equality(node, node)], [equality], types) for node in (one, other))
+    equality = _equality(first, second)
+    return all(implies([_equality(node, node)], [equality], types) for node in (first, second))
 
 
-def _equality(one: Node, other: Node) -> Node:
-    return Compare(first=one, rest=((Comparison.EQUAL, other),), start=0, end=0)
+def _equality(first: Node, second: Node) -> Node:
+    return Compare(first=first, rest=((Comparison.EQUAL, second),), start=0, end=0)
 
 
 def joined_types(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> Types:
@@ -123,27 +128,31 @@ def joined_types(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> 
 
 
 def _joined_type(old: ValueType | None, new: ValueType | None) -> Type | None:
-    known_types = [known for side in (old, new) if side is not None and (known := declared_type(side)) is not None]
+    known_types = [
+        known_type
+        for value_type in (old, new)
+        if value_type is not None and (known_type := declared_type(value_type)) is not None
+    ]
     if len(known_types) < 2:
         return known_types[0] if known_types else None
-    one, other = known_types
-    if one.numeric and other.numeric:
-        is_int = one.kind is other.kind is Kind.INT and one.unit == other.unit
-        return replace(one, kind=Kind.INT if is_int else Kind.FLOAT, range=_joined_range(one, other))
-    if {one.kind, other.kind} == {Kind.STR, Kind.ENUM}:
+    first, second = known_types
+    if first.numeric and second.numeric:
+        is_int = first.kind is second.kind is Kind.INT and first.unit == second.unit
+        return replace(first, kind=Kind.INT if is_int else Kind.FLOAT, range=_joined_range(first, second))
+    if {first.kind, second.kind} == {Kind.STR, Kind.ENUM}:
         return Type(Kind.STR)
-    values = dict.fromkeys((*one.values, *other.values))
-    return replace(one, values=tuple(values)) if one.kind is other.kind else None
+    values = dict.fromkeys((*first.values, *second.values))
+    return replace(first, values=tuple(values)) if first.kind is second.kind else None
 
 
-def _joined_range(one: Type, other: Type) -> tuple[float, float] | None:
+def _joined_range(first: Type, second: Type) -> tuple[float, float] | None:
     """Return the smallest range that contains the ranges of both types, in the unit of the first type.
 
     Return None if one of the types has no range, or if their units have different dimensions.
     """
-    if one.range is None or other.range is None or one.unit.dimension != other.unit.dimension:
+    if first.range is None or second.range is None or first.unit.dimension != second.unit.dimension:
         return None
-    factor = in_base(1, one.unit)
-    is_same_unit = one.unit == other.unit
-    low, high = (end if is_same_unit else float(in_base(end, other.unit) / factor) for end in other.range)
-    return min(one.range[0], low), max(one.range[1], high)
+    factor = in_base(1, first.unit)
+    is_same_unit = first.unit == second.unit
+    low, high = (end if is_same_unit else float(in_base(end, second.unit) / factor) for end in second.range)
+    return min(first.range[0], low), max(first.range[1], high)

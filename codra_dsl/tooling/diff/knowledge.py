@@ -12,7 +12,7 @@ from codra_dsl.language.expression import names_in
 from codra_dsl.language.model import Agent, Condition, Expectation, Expected, Motion
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.comparers import GUARD_WORDINGS, growth_comparer, name_comparer, show_nothing
-from codra_dsl.tooling.diff.guards import Relation, joined_types, relation
+from codra_dsl.tooling.diff.guards import Relation, find_relation, joined_types
 from codra_dsl.tooling.diff.version import Pair, Side, duration_text
 from codra_dsl.tooling.diff.walk import Scope, element_comparer, equality_comparer, set_comparer
 
@@ -36,32 +36,45 @@ def compare_monitor(scope: Scope, key: str, old: Sequence[Expectation], new: Seq
 
     Expectations of the same variable and kind are paired in their order.
     """
-    yield from _MONITOR_COMPARER(scope, key, *([expectation.variable for expectation in side] for side in (old, new)))
+    yield from _MONITOR_COMPARER(
+        scope, key, *([expectation.variable for expectation in expectations] for expectations in (old, new))
+    )
     before, after = _expectations_by_subject(old), _expectations_by_subject(new)
     for subject in dict.fromkeys((*before, *after)):
-        if subject[0] not in scope.pair.one_sided:
-            for one, other in zip_longest(before.get(subject, ()), after.get(subject, ())):
-                yield from _compare_expectation(scope, key, one, other)
+        if subject[0] not in scope.pair.one_sided_names:
+            for old_expectation, new_expectation in zip_longest(before.get(subject, ()), after.get(subject, ())):
+                yield from _compare_expectation(scope, key, old_expectation, new_expectation)
 
 
-def _expectations_by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, Expected], list[Expectation]]:
-    subjects: dict[tuple[str, Expected], list[Expectation]] = {}
-    for expectation in monitor:
+def _expectations_by_subject(expectations: Iterable[Expectation]) -> dict[tuple[str, Expected], list[Expectation]]:
+    expectations_by_subject: dict[tuple[str, Expected], list[Expectation]] = {}
+    for expectation in expectations:
         if expectation.expected is not Expected.WATCHED:
-            subjects.setdefault((expectation.variable.name, expectation.expected), []).append(expectation)
-    return subjects
+            expectations_by_subject.setdefault((expectation.variable.name, expectation.expected), []).append(
+                expectation
+            )
+    return expectations_by_subject
 
 
 def _compare_expectation(scope: Scope, key: str, old: Expectation | None, new: Expectation | None) -> Iterator[Change]:
     if old is None or new is None:
-        category, verb = (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
-        yield scope.make_change(category, key, f"{_expectation_text(old or new)} {verb}", parts=(old, new))
+        category, verb_phrase = (
+            (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
+        )
+        yield scope.make_change(
+            category, key, f"{_expectation_text(old or new)} {verb_phrase}", changed_parts=(old, new)
+        )
         return
     guard_relation = _expectation_relation(scope.pair, old, new)
     if guard_relation is not Relation.SAME:
         category, message = GUARD_WORDINGS[guard_relation]
         yield scope.make_change(
-            category, key, f"an expectation {message}", _expectation_text(old), _expectation_text(new), parts=(old, new)
+            category,
+            key,
+            f"an expectation {message}",
+            _expectation_text(old),
+            _expectation_text(new),
+            changed_parts=(old, new),
         )
     yield from scope.inner_scope(key, old, new).changes()
 
@@ -73,7 +86,7 @@ def _expectation_relation(pair: Pair, old: Expectation, new: Expectation) -> Rel
     trees = [
         expectation.condition.tree for expectation in (old, new) if expectation.condition and expectation.condition.tree
     ]
-    condition_relation = relation(trees[:1], trees[1:], types) if len(trees) == 2 else Relation.SAME
+    condition_relation = find_relation(trees[:1], trees[1:], types) if len(trees) == 2 else Relation.SAME
     before_s, after_s = (
         float("inf") if expectation.within_s is None else expectation.within_s for expectation in (old, new)
     )
@@ -85,9 +98,9 @@ def _expectation_relation(pair: Pair, old: Expectation, new: Expectation) -> Rel
 
 def _expectation_text(expectation: Expectation | None) -> str:
     assert expectation is not None
-    within = "" if expectation.within_s is None else f" within {duration_text(expectation.within_s)}"
-    condition = "" if expectation.condition is None else f": {expectation.condition.text}"
-    return f"'{expectation.variable.name} {expectation.expected}{within}{condition}'"
+    within_text = "" if expectation.within_s is None else f" within {duration_text(expectation.within_s)}"
+    condition_text = "" if expectation.condition is None else f": {expectation.condition.text}"
+    return f"'{expectation.variable.name} {expectation.expected}{within_text}{condition_text}'"
 
 
 # Knowledge
@@ -158,11 +171,11 @@ def compare_effect(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]
 
 def compare_tree_file(scope: Scope, key: str, *_: str) -> Iterator[Change]:
     """Yield a change if the file of a behaviour tree has other contents."""
-    before, after = (_trees(side, scope.values[1].name) for side in scope.pair.sides)
+    before, after = (_trees_in_files(side, scope.values[1].name) for side in scope.pair.sides)
     if before != after:
         yield scope.make_change(Category.REDEFINED, key, "the file has other contents")
 
 
-def _trees(side: Side, name: str) -> object:
+def _trees_in_files(side: Side, name: str) -> object:
     trees = () if side.plan.checked.mape is None else side.plan.checked.mape.trees
     return next((tuple(file.trees for file in tree.forest.forest.files) for tree in trees if tree.name == name), None)

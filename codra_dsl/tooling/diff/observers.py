@@ -22,7 +22,7 @@ _SLOTS_COMPARER = order_comparer(
     (Category.SLOWER, "more algorithms share its slots"),
     (Category.FASTER, "fewer algorithms share its slots"),
     show=lambda share: f"{share[0]} for {share[1] or 'any number'}",
-    rank=lambda share: 1.0 if share[1] is None else max(1.0, share[0] / share[1]),
+    rank_of=lambda share: 1.0 if share[1] is None else max(1.0, share[0] / share[1]),
 )
 """Compares pairs of the number of algorithms and the number of slots by the algorithms for each slot, at least 1."""
 
@@ -34,19 +34,19 @@ def compare_observers(scope: Scope, key: str, *settings: Any) -> Iterator[Change
     yield from element_comparer("observer", "")(scope, key, *settings)
     pair = scope.pair
     for tree in pair.new.plan.forest:
-        before = _predecessors(pair, tree)
-        for old in before:
-            inner = scope.element_scope(
+        predecessors = _predecessors(pair, tree)
+        for old in predecessors:
+            observer_scope = scope.element_scope(
                 "observer", tree.name, _element_with_places(pair.old, old), _element_with_places(pair.new, tree)
             )
-            yield from _PERIOD_COMPARER(inner, "period", old.period_s, tree.period_s)
-            if old is before[0]:
-                yield from _compare_names(inner, before, tree)
-                yield from _compare_priority(inner, old, tree)
+            yield from _PERIOD_COMPARER(observer_scope, "period", old.period_s, tree.period_s)
+            if old is predecessors[0]:
+                yield from _compare_names(observer_scope, predecessors, tree)
+                yield from _compare_priority(observer_scope, old, tree)
 
 
 def _predecessors(pair: Pair, tree: Tree) -> tuple[Tree, ...]:
-    trees = (pair.old.observer_of[name] for name in tree.identifies if name in pair.old.observer_of)
+    trees = (pair.old.observer_by_variable[name] for name in tree.identifies if name in pair.old.observer_by_variable)
     return tuple({tree.name: tree for tree in trees}.values())
 
 
@@ -59,8 +59,8 @@ def _element_with_places(side: Side, tree: Tree) -> Any:
     return next(settings, tree.branches[0].algorithm.algorithm)
 
 
-def _compare_names(scope: Scope, before: tuple[Tree, ...], tree: Tree) -> Iterator[Change]:
-    names, first_algorithm = [old.name for old in before], before[0].branches[0].name
+def _compare_names(scope: Scope, predecessors: tuple[Tree, ...], tree: Tree) -> Iterator[Change]:
+    names, first_algorithm = [old.name for old in predecessors], predecessors[0].branches[0].name
     is_named_after_algorithm = (
         names == [first_algorithm] and scope.pair.algorithms.get(first_algorithm) == tree.branches[0].name == tree.name
     )
@@ -71,10 +71,10 @@ def _compare_names(scope: Scope, before: tuple[Tree, ...], tree: Tree) -> Iterat
 
 def _compare_priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
     """Yield a change if a new priority of an observer changes the order in which it and others get a slot."""
-    slots, reordered_names = _slots_of(tree) & _slots_of(old), []
+    slot_names, reordered_names = _slot_names(tree) & _slot_names(old), []
     for other in scope.pair.new.plan.forest if old.priority != tree.priority else ():
         predecessors = () if other is tree else _predecessors(scope.pair, other)
-        if predecessors and slots & _slots_of(other) & _slots_of(predecessors[0]):
+        if predecessors and slot_names & _slot_names(other) & _slot_names(predecessors[0]):
             is_reordered = _priority_order(old, predecessors[0]) != _priority_order(tree, other)
             reordered_names += [other.name] if is_reordered else []
     if reordered_names:
@@ -82,43 +82,45 @@ def _compare_priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
         yield scope.make_change(Category.SLOWER, "priority", message, str(old.priority), str(tree.priority))
 
 
-def _priority_order(one: Tree, other: Tree) -> int:
-    return (one.priority > other.priority) - (one.priority < other.priority)
+def _priority_order(first: Tree, second: Tree) -> int:
+    return (first.priority > second.priority) - (first.priority < second.priority)
 
 
-def _slots_of(tree: Tree) -> frozenset[str]:
-    uses = (use for branch in tree.branches for use in branch.algorithm.algorithm.uses)
-    return frozenset(use.resource.name for use in uses if use.access is Access.SLOT)
+def _slot_names(tree: Tree) -> frozenset[str]:
+    usages = (usage for branch in tree.branches for usage in branch.algorithm.algorithm.uses)
+    return frozenset(usage.resource.name for usage in usages if usage.access is Access.SLOT)
 
 
 def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
     """Yield the changes of handles and slots."""
     yield from element_comparer("resource", "")(scope, key, old, new)
     for name, before, after in pair_by_name(old, new):
-        inner = scope.element_scope("resource", name, before, after)
-        yield from _HANDLE_COMPARER(inner, "", *(bool(side.users(name, Access.READ)) for side in scope.pair.sides))
+        resource_scope = scope.element_scope("resource", name, before, after)
+        yield from _HANDLE_COMPARER(
+            resource_scope, "", *(bool(side.users(name, Access.READ)) for side in scope.pair.sides)
+        )
         if before and after:
-            users = (len(side.users(name, Access.SLOT)) for side in scope.pair.sides)
-            yield from _SLOTS_COMPARER(inner, "", *zip(users, (before.slots, after.slots), strict=True))
+            user_counts = (len(side.users(name, Access.SLOT)) for side in scope.pair.sides)
+            yield from _SLOTS_COMPARER(resource_scope, "", *zip(user_counts, (before.slots, after.slots), strict=True))
         elif before and before.slots:
-            yield inner.make_change(Category.REMOVED, "", "the resource is gone")
+            yield resource_scope.make_change(Category.REMOVED, "", "the resource is gone")
         elif after and after.slots:
-            yield inner.make_change(Category.ADDED, "", "new resource with slots")
+            yield resource_scope.make_change(Category.ADDED, "", "new resource with slots")
 
 
 def compare_layout(scope: Scope) -> Iterator[Change]:
     """Yield the moves of elements to other modules of the generated package: one change for each pair of modules."""
-    moves: dict[tuple[str, str], list[str]] = {}
-    old, new = map(_module_of_elements, scope.pair.sides)
+    names_by_move: dict[tuple[str, str], list[str]] = {}
+    old, new = map(_module_by_element, scope.pair.sides)
     for element, module in old.items():
         if element in new and new[element] != module:
-            moves.setdefault((module, new[element]), []).append(element[1])
-    for modules, names in sorted(moves.items()):
+            names_by_move.setdefault((module, new[element]), []).append(element[1])
+    for modules, names in sorted(names_by_move.items()):
         message = f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} in another module"
         yield scope.make_change(Category.LAYOUT, "", message, *modules)
 
 
-def _module_of_elements(side: Side) -> Mapping[tuple[str, str], str]:
+def _module_by_element(side: Side) -> Mapping[tuple[str, str], str]:
     """Return the module of each variable, observer and skill."""
     return {
         (section, name): module.name

@@ -1,7 +1,7 @@
 """The category and wording of a change, for each field of the model.
 
 Only fields with a category or wording of their own are listed. All other fields are compared by default, see `walk`.
-`compare_elsewhere` marks a field that the comparer of another field takes into account, or that makes no difference.
+`compare_nothing` marks a field that the comparer of another field takes into account, or that makes no difference.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from codra_dsl.language import model
 from codra_dsl.tooling.diff import algorithms, knowledge
 from codra_dsl.tooling.diff.changes import Category
 from codra_dsl.tooling.diff.comparers import (
-    compare_elsewhere,
     compare_inline,
+    compare_nothing,
     compare_requesters,
     compare_variable_writers,
     compare_writers,
@@ -28,14 +28,14 @@ from codra_dsl.tooling.diff.observers import compare_observers, compare_resource
 from codra_dsl.tooling.diff.variables import compare_variables
 from codra_dsl.tooling.diff.walk import (
     Comparer,
-    Table,
+    ComparerTable,
     element_comparer,
     entry_comparer,
     equality_comparer,
     set_comparer,
 )
 
-KINDS: Mapping[str, str] = {
+KIND_BY_SECTION: Mapping[str, str] = {
     **{section: section for section in ("context", "perception", "adaptation")},
     **{
         f"{kind}s": kind
@@ -47,8 +47,8 @@ KINDS: Mapping[str, str] = {
 }
 """The kinds of elements in identifiers, by section of a spec."""
 
-_NOUNS = {"type": "type of nodes", "edge": "type of edges"}
-_WHOLE_COMPARER = equality_comparer(show=show_nothing)
+_NOUN_BY_KIND = {"type": "type of nodes", "edge": "type of edges"}
+_HIDDEN_VALUE_COMPARER = equality_comparer(show=show_nothing)
 _DEADLINE_COMPARER = growth_comparer(Category.SLOWER, Category.STRONGER)
 _INTERVAL_COMPARER = growth_comparer(Category.SLOWER, Category.FASTER)
 _EXECUTOR_COMPARER = equality_comparer(Category.UNWRITABLE, "another agent executes it")
@@ -59,7 +59,7 @@ def _ends_comparer(key: str) -> Comparer:
     return name_comparer((Category.NARROWED, f"leads {key} fewer"), (Category.WIDENED, f"leads {key} more"))
 
 
-FIELDS: Table = {
+FIELD_COMPARERS: ComparerTable = {
     object: {  # fields of any class
         "label": equality_comparer(Category.WORDING, "has another label", show=repr),
         "description": equality_comparer(Category.WORDING, "has another description", show=show_nothing),
@@ -67,44 +67,44 @@ FIELDS: Table = {
         "history": growth_comparer(Category.EASED, Category.STRONGER),
     },
     model.Spec: {
-        **{section: element_comparer(kind, _NOUNS.get(kind, kind)) for section, kind in KINDS.items()},
+        **{section: element_comparer(kind, _NOUN_BY_KIND.get(kind, kind)) for section, kind in KIND_BY_SECTION.items()},
         "context": compare_variables,
         "perception": algorithms.compare_algorithms,
         "observers": compare_observers,
         "resources": compare_resources,
         "agents": knowledge.compare_agents,
         # Specs are compared with their parts included and their templates expanded.
-        **dict.fromkeys(("file", "files", "modules", "uses", "templates"), compare_elsewhere),
+        **dict.fromkeys(("file", "files", "modules", "uses", "templates"), compare_nothing),
     },
     model.Variable: {
         "type": type_comparer(),
         "sources": compare_variable_writers,
-        "states_validity": compare_elsewhere,
+        "states_validity": compare_nothing,
         "when_unobservable": order_comparer(
             (Category.WEAKER, "the last value is kept when it can no longer be observed"),
             (Category.STRONGER, "the last value is forgotten when it can no longer be observed"),
-            rank=lambda value: value is model.WhenUnobservable.KEEP,
+            rank_of=lambda value: value is model.WhenUnobservable.KEEP,
         ),
         "refresh": order_comparer(
             (Category.SLOWER, _REFRESH_MESSAGE),
             (Category.FASTER, _REFRESH_MESSAGE),
-            rank=lambda value: value is model.Refresh.ON_EVENT,
+            rank_of=lambda value: value is model.Refresh.ON_EVENT,
         ),
         "node": equality_comparer(
             lambda scope: Category.API if knowledge.has_knowledge(scope) else Category.LAYOUT, "belongs to another node"
         ),
         "terms": knowledge.compare_terms,
         "rate": equality_comparer(),
-        "is_derived": compare_elsewhere,
-        "pose_condition": compare_elsewhere,
+        "is_derived": compare_nothing,
+        "pose_condition": compare_nothing,
     },
-    model.ValueType: dict.fromkeys(("kind", "unit", "range", "values"), compare_elsewhere),
+    model.ValueType: dict.fromkeys(("kind", "unit", "range", "values"), compare_nothing),
     model.Algorithm: {
         "name": equality_comparer(Category.RENAMED, "has another name"),
         "call": equality_comparer(Category.PERCEIVED_OTHERWISE, "another function is called"),
         "parameters": algorithms.compare_literals,
         "uses": algorithms.compare_usages,
-        "given": algorithms.compare_given,
+        "given": algorithms.compare_given_variables,
         "returns": entry_comparer("result", algorithms.result_wording),
         "observable_when": algorithms.compare_observability,
         "accept_when": guard_comparer(algorithms.returned_types),
@@ -112,16 +112,16 @@ FIELDS: Table = {
         "timeout_s": _DEADLINE_COMPARER,
         "min_interval_s": _INTERVAL_COMPARER,
         "isolate": equality_comparer(Category.PERCEIVED_OTHERWISE),
-        "rank": compare_elsewhere,
+        "rank": compare_nothing,
     },
-    model.Usage: {"access": compare_elsewhere},
+    model.Usage: {"access": compare_nothing},
     model.Returned: {
         "type": type_comparer(Category.CONTRACT, Category.CONTRACT, Category.EASED),
-        "optional": algorithms.compare_optional,
+        "optional": algorithms.compare_optionality,
     },
     model.Identification: {"by": algorithms.compare_identification},
-    model.Hysteresis: dict.fromkeys(("enter", "leave", "confirm"), compare_elsewhere),
-    model.Members: {"cases": compare_elsewhere},
+    model.Hysteresis: dict.fromkeys(("enter", "leave", "confirm"), compare_nothing),
+    model.Members: {"cases": compare_nothing},
     model.Skill: {
         "preview": name_comparer(
             (Category.UNDECLARED, "no longer previews {}"), (Category.ADDED, "previews {} as well")
@@ -131,10 +131,14 @@ FIELDS: Table = {
             (Category.WEAKER, "acting no longer makes {} unknown"), (Category.STRONGER, "acting makes {} unknown")
         ),
     },
-    model.Expectation: dict.fromkeys(("condition", "within_s"), compare_elsewhere),
-    model.ObserverSetting: dict.fromkeys(("identifies", "period_s", "priority"), compare_elsewhere),
-    model.Resource: {"slots": compare_elsewhere},
-    model.NodeType: {"sources": compare_writers, "attributes": entry_comparer("attribute"), "view": _WHOLE_COMPARER},
+    model.Expectation: dict.fromkeys(("condition", "within_s"), compare_nothing),
+    model.ObserverSetting: dict.fromkeys(("identifies", "period_s", "priority"), compare_nothing),
+    model.Resource: {"slots": compare_nothing},
+    model.NodeType: {
+        "sources": compare_writers,
+        "attributes": entry_comparer("attribute"),
+        "view": _HIDDEN_VALUE_COMPARER,
+    },
     model.Attribute: {"type": type_comparer(), "sources": compare_writers},
     model.NodeElement: {
         "type": equality_comparer(Category.RETYPED, "has another type"),
@@ -153,7 +157,7 @@ FIELDS: Table = {
         "sources": compare_writers,
         "attributes": entry_comparer("attribute"),
         "motion": knowledge.compare_motion,
-        "pose": compare_elsewhere,
+        "pose": compare_nothing,
     },
     model.Task: {
         "origin": equality_comparer(Category.RETYPED, "another node does it"),
@@ -166,18 +170,18 @@ FIELDS: Table = {
     model.Agent: {"conduct": compare_inline},
     model.Conduct: {
         "wakes": knowledge.compare_wakes,
-        "owns": compare_elsewhere,
-        "reads": compare_elsewhere,
+        "owns": compare_nothing,
+        "reads": compare_nothing,
         "rules": entry_comparer("rule"),
     },
     model.AgentRule: {
         **dict.fromkeys(("before", "during", "after"), guard_comparer(knowledge.rule_types)),
-        "is_whole": compare_elsewhere,
+        "is_whole": compare_nothing,
     },
     model.Output: {
         "rules": set_comparer("the rules have changed"),
         "terms": knowledge.TERMS_COMPARER,
-        "method": _WHOLE_COMPARER,
+        "method": _HIDDEN_VALUE_COMPARER,
     },
     model.Course: {"always": equality_comparer()},
     model.Adaptation: {"does": knowledge.compare_effect},

@@ -15,18 +15,18 @@ from codra_dsl.tooling.diff.walk import Scope, Wording, element_comparer
 
 def compare_variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Variable]) -> Iterator[Change]:
     """Yield the changes of all variables."""
-    yield from element_comparer("context", "context-variable", _successor)(scope, key, old, new)
+    yield from element_comparer("context", "context-variable", _find_successor)(scope, key, old, new)
     yield from _compare_producers(scope)
     yield from _compare_aliases(scope)
 
 
-def _successor(pair: Pair, old: Variable) -> str | None:
+def _find_successor(pair: Pair, old: Variable) -> str | None:
     """Return the new variable that is probably a removed variable under a new name.
 
     It has the same type, and one of the same algorithms identifies it. If the removed variable has no algorithm that is
     also in B, it is a variable with a similar name that no algorithm identifies.
     """
-    same_type_names = [name for name in sorted(pair.gained) if pair.new.variables[name].type == old.type]
+    same_type_names = [name for name in sorted(pair.gained_names) if pair.new.variables[name].type == old.type]
     paired_names = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
     identified_names = [name for name in same_type_names if paired_names & {*pair.new.producers.get(name, ())}]
     if identified_names:
@@ -41,17 +41,21 @@ def _compare_producers(scope: Scope) -> Iterator[Change]:
     """
     pair, reported_orders = scope.pair, set[tuple[str, ...]]()
     for name in pair.old.variables:
-        before = [pair.algorithms.get(old, f"-{old}") for old in pair.old.producers.get(name, ())]
+        before = [pair.algorithms.get(old_name, f"-{old_name}") for old_name in pair.old.producers.get(name, ())]
         after = pair.new.producers.get(name, ())
         is_reordered = {*before} == {*after}
-        if name in pair.one_sided or before == [*after] or (is_reordered and after in reported_orders):
+        if name in pair.one_sided_names or before == [*after] or (is_reordered and after in reported_orders):
             continue
         if is_reordered:
             reported_orders.add(after)
         category, message = _producers_wording(before, [*after])
-        was, now = (", ".join(one.removeprefix("-") for one in side) or "no algorithm" for side in (before, after))
-        first = (_first_producer(side, name) for side in pair.sides)
-        yield scope.element_scope("context", name, *first).make_change(category, "", message, was, now)
+        old_text, new_text = (
+            ", ".join(name.removeprefix("-") for name in names) or "no algorithm" for names in (before, after)
+        )
+        first_producers = (_first_producer(side, name) for side in pair.sides)
+        yield scope.element_scope("context", name, *first_producers).make_change(
+            category, "", message, old_text, new_text
+        )
 
 
 def _producers_wording(before: list[str], after: list[str]) -> Wording:
@@ -86,26 +90,28 @@ def names_by_enum_type(side: Side) -> dict[str, tuple[str, ...]]:
         if variable.type.kind is Kind.ENUM:
             names_by_values.setdefault(variable.type.values, []).append(variable.name)
     taken_names = {side.plan.class_name, *entry_names(side.spec)}
-    names_of_types: dict[str, tuple[str, ...]] = {}
+    names_by_type: dict[str, tuple[str, ...]] = {}
     for names in names_by_values.values():
         alias = camel_case(names[0])
         while {alias, f"{alias}Name"} & taken_names:
             alias += "_"
         taken_names |= {alias, f"{alias}Name"}
-        names_of_types[alias] = tuple(names)
-    return names_of_types
+        names_by_type[alias] = tuple(names)
+    return names_by_type
 
 
 def _compare_aliases(scope: Scope) -> Iterator[Change]:
     """Yield a change for each enum type whose name the generated package no longer has."""
     old, new = scope.pair.sides
-    new_types = names_by_enum_type(new)
+    new_names_by_type = names_by_enum_type(new)
     for alias, names in names_by_enum_type(old).items():
         enum_names = [name for name in names if name in new.variables and new.variables[name].type.kind is Kind.ENUM]
-        if alias not in new_types and enum_names:
+        if alias not in new_names_by_type and enum_names:
             new_alias = next(
-                other_alias for other_alias, other_names in new_types.items() if enum_names[0] in other_names
+                other_alias for other_alias, other_names in new_names_by_type.items() if enum_names[0] in other_names
             )
-            inner = scope.element_scope("context", enum_names[0], old.variables[names[0]], new.variables[enum_names[0]])
+            variable_scope = scope.element_scope(
+                "context", enum_names[0], old.variables[names[0]], new.variables[enum_names[0]]
+            )
             message = "the generated package has another name for its values"
-            yield inner.make_change(Category.API, "values", message, alias, new_alias)
+            yield variable_scope.make_change(Category.API, "values", message, alias, new_alias)

@@ -34,11 +34,11 @@ class Version:
 
     Attributes:
         plans: the build plans of the specs that can be compared, even if they have errors.
-        broken: the specs with errors.
+        broken_specs: the specs with errors.
     """
 
     plans: tuple[BuildPlan, ...] = ()
-    broken: tuple[BrokenSpec, ...] = ()
+    broken_specs: tuple[BrokenSpec, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,31 +68,31 @@ class Side:
         return {branch.name: branch.algorithm for tree in self.plan.forest for branch in tree.branches}
 
     @cached_property
-    def observer_of(self) -> Mapping[str, Tree]:
+    def observer_by_variable(self) -> Mapping[str, Tree]:
         """Return the observer of each variable that has one."""
         return {variable: tree for tree in self.plan.forest for variable in tree.identifies}
 
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
         """Return for each variable the algorithms that identify it, by rank, without those that no observer runs."""
-        run_producers = {
+        executed_producers = {
             variable: tuple(name for name in names if name in self.algorithms)
             for variable, names in self.plan.checked.producers.items()
         }
-        return {variable: names for variable, names in run_producers.items() if names}
+        return {variable: names for variable, names in executed_producers.items() if names}
 
     @cached_property
-    def worst_s(self) -> Mapping[str, float]:
+    def worst_latencies_s(self) -> Mapping[str, float]:
         """Return the worst time from declared to known, for each variable that observers identify."""
-        times_s = worst_cases(self.plan.checked)
-        return {name: times_s[name] for name in self.producers if name in times_s}
+        latencies_s = worst_cases(self.plan.checked)
+        return {name: latencies_s[name] for name in self.producers if name in latencies_s}
 
     def users(self, resource: str, access: Access) -> tuple[str, ...]:
         """Return the algorithms that use a resource with some access: that read it, or that take its slots."""
         return tuple(
             name
-            for name, checked in self.algorithms.items()
-            if any(use.resource.name == resource and use.access is access for use in checked.algorithm.uses)
+            for name, checked_algorithm in self.algorithms.items()
+            if any(use.resource.name == resource and use.access is access for use in checked_algorithm.algorithm.uses)
         )
 
 
@@ -114,12 +114,12 @@ class Pair:
         return self.old, self.new
 
     @property
-    def gained(self) -> frozenset[str]:
+    def gained_names(self) -> frozenset[str]:
         """Return the variables that A does not have."""
         return frozenset(self.new.variables.keys() - self.old.variables.keys())
 
     @property
-    def one_sided(self) -> frozenset[str]:
+    def one_sided_names(self) -> frozenset[str]:
         """Return the variables that only one version has. They are reported only as removed or added."""
         return frozenset(self.new.variables.keys() ^ self.old.variables.keys())
 
@@ -136,17 +136,21 @@ def make_pair(old: BuildPlan, new: BuildPlan) -> Pair:
     sides = Side(plan=old), Side(plan=new)
     before, after = (side.algorithms for side in sides)
     pairs = {name: name for name in before if name in after}
-    unpaired_identities = {name: _identity(checked) for name, checked in after.items() if name not in before}
-    for name, checked in before.items():
-        matching_names = [other for other, identity in unpaired_identities.items() if identity == _identity(checked)]
+    unpaired_identities = {
+        name: _identity(checked_algorithm) for name, checked_algorithm in after.items() if name not in before
+    }
+    for name, checked_algorithm in before.items():
+        matching_names = [
+            other for other, identity in unpaired_identities.items() if identity == _identity(checked_algorithm)
+        ]
         if name not in pairs and len(matching_names) == 1:
             pairs[name] = matching_names[0]
             del unpaired_identities[matching_names[0]]
     return Pair(old=sides[0], new=sides[1], algorithms=pairs)
 
 
-def _identity(checked: CheckedAlgorithm) -> tuple[str, frozenset[str]]:
-    return checked.algorithm.call, frozenset(variable for variable, _ in checked.identifies)
+def _identity(checked_algorithm: CheckedAlgorithm) -> tuple[str, frozenset[str]]:
+    return checked_algorithm.algorithm.call, frozenset(variable for variable, _ in checked_algorithm.identifies)
 
 
 def duration_text(duration_s: float | None) -> str:

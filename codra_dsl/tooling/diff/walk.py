@@ -43,7 +43,7 @@ class Scope:
     """Two values of one class, from the versions A and B of a spec, and the element that contains the values.
 
     Attributes:
-        table: the comparers by class and field.
+        comparer_table: the comparers by class and field.
         id: the identifier of the element in a `Change`, e.g. `lab/context/centrifuge_open`. The identifier of the spec
             itself is its name.
         elements: the element in A and in B; None for a version without this element. They give the places of keys.
@@ -52,23 +52,23 @@ class Scope:
     """
 
     pair: Pair
-    table: Table
+    comparer_table: ComparerTable
     id: str
     elements: tuple[Any, Any]
     values: tuple[Any, Any]
     path: str = ""
 
-    def changes(self, skip: frozenset[str] = frozenset()) -> Iterator[Change]:
-        """Yield the changes of all fields except those in `skip`."""
+    def changes(self, skipped_fields: frozenset[str] = frozenset()) -> Iterator[Change]:
+        """Yield the changes of all fields except those in `skipped_fields`."""
         new = self.values[1]
-        classes = (cls for cls in reversed(type(new).__mro__) if cls in self.table)
-        comparers = {name: compare for cls in classes for name, compare in self.table[cls].items()}
+        classes = (cls for cls in reversed(type(new).__mro__) if cls in self.comparer_table)
+        comparers = {name: compare for cls in classes for name, compare in self.comparer_table[cls].items()}
         for field in fields(new):
-            if field.compare and field.name not in skip:
+            if field.compare and field.name not in skipped_fields:
                 before, after = (getattr(value, field.name) for value in self.values)
-                is_time = field.name.endswith("_s") and float in {type(before), type(after)}
+                is_duration = field.name.endswith("_s") and float in {type(before), type(after)}
                 compare = comparers.get(
-                    field.name, equality_comparer(show=duration_text) if is_time else compare_by_default
+                    field.name, equality_comparer(show=duration_text) if is_duration else compare_by_default
                 )
                 yield from compare(self, _key_of_field(field.name), before, after)
 
@@ -92,7 +92,7 @@ class Scope:
         was: str | None = None,
         now: str | None = None,
         *,
-        parts: tuple[Any, Any] = (None, None),
+        changed_parts: tuple[Any, Any] = (None, None),
     ) -> Change:
         """Return a change of a key.
 
@@ -102,10 +102,12 @@ class Scope:
             message: what the change means.
             was: the text or value in A.
             now: the text or value in B.
-            parts: the changed part in A and in B, which gives the place; if a part is None, the key gives the place.
+            changed_parts: the changed part in A and in B, which gives the place; if it is None, the key does.
         """
         key = self.path_of(key)
-        before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(parts))
+        before, after = (
+            self._place(index, key) if part is None else part.place for index, part in enumerate(changed_parts)
+        )
         return Change(
             category=category,
             element=self.id,
@@ -132,7 +134,7 @@ class Scope:
 Comparer = Callable[[Scope, str, Any, Any], Iterator[Change]]
 """Yields the changes of a field. The arguments are the scope, the key of the field, and its values in A and in B."""
 
-Table = Mapping[type, Mapping[str, Comparer]]
+ComparerTable = Mapping[type, Mapping[str, Comparer]]
 Wording = tuple[Category, str]
 """The category and the message of a change."""
 
@@ -141,7 +143,7 @@ def equality_comparer(
     category: Category | Callable[[Scope], Category] = Category.REDEFINED,
     message: str = "'{}' has changed",
     show: Callable[[Any], str] | None = None,
-    compared_part: Callable[[Any], object] | None = None,
+    select_part: Callable[[Any], object] | None = None,
 ) -> Comparer:
     """Return the comparer of values that are only compared for equality.
 
@@ -150,34 +152,34 @@ def equality_comparer(
         message: the message of the change; `{}` stands for the key.
         show: returns the text of a value; then both values are shown whole. Without it, of two lists only the entries
             that differ are shown, or all entries if only their order differs.
-        compared_part: returns the part of a value that is compared.
+        select_part: returns the part of a value that is compared.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
-        before, after = map(compared_part or plain_value, (old, new))
+        before, after = map(select_part or plain_value, (old, new))
         if before != after:
-            decided_category = category if isinstance(category, Category) else category(scope)
+            change_category = category if isinstance(category, Category) else category(scope)
             shown_values = (old, new) if show else (_entries_not_in(new, old), _entries_not_in(old, new))
-            yield scope.make_change(decided_category, key, message.format(key), *map(show or text_of, shown_values))
+            yield scope.make_change(change_category, key, message.format(key), *map(show or text_of, shown_values))
 
     return compare
 
 
 def set_comparer(message: str) -> Comparer:
     """Return the comparer of lists whose entries have no order and are compared all together."""
-    return equality_comparer(message=message, compared_part=lambda entries: frozenset(map(plain_value, entries)))
+    return equality_comparer(message=message, select_part=lambda entries: frozenset(map(plain_value, entries)))
 
 
-def _entries_not_in(one: Any, other: Any) -> Any:
-    """Return the entries of `other` that `one` does not have, or all entries if only the order differs.
+def _entries_not_in(base_value: Any, value: Any) -> Any:
+    """Return the entries of `value` that `base_value` does not have, or all entries if only the order differs.
 
     A value that is not a list is returned whole.
     """
-    if not isinstance(one, tuple) or not isinstance(other, tuple):
-        return other
-    known_entries = {*map(plain_value, one)}
-    return tuple(entry for entry in other if plain_value(entry) not in known_entries) or (
-        other if len(one) == len(other) else ()
+    if not isinstance(base_value, tuple) or not isinstance(value, tuple):
+        return value
+    known_entries = {*map(plain_value, base_value)}
+    return tuple(entry for entry in value if plain_value(entry) not in known_entries) or (
+        value if len(base_value) == len(value) else ()
     )
 
 
@@ -209,23 +211,26 @@ def element_comparer(
 
     def compare(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
         for name, before, after in pair_by_name(old, new):
-            inner = scope.element_scope(kind, name, before, after)
+            inner_scope = scope.element_scope(kind, name, before, after)
             if before and after:
-                yield from inner.changes()
+                yield from inner_scope.changes()
             elif not noun or getattr(before or after, "is_derived", False):
                 continue
             elif after:
-                yield inner.make_change(Category.ADDED, "", f"new {noun}")
+                yield inner_scope.make_change(Category.ADDED, "", f"new {noun}")
             else:
                 gained_names = sorted({element.name for element in new} - {element.name for element in old})
                 similar_name = find_successor(scope.pair, before) if find_successor else suggest(name, gained_names)
-                yield inner.make_change(Category.REMOVED, "", removal_message(noun, similar_name))
+                yield inner_scope.make_change(Category.REMOVED, "", removal_message(noun, similar_name))
 
     return compare
 
 
 def removal_message(noun: str, similar_name: str | None) -> str:
-    """Return the message for a removed element. `similar` names the new element that is probably the same element."""
+    """Return the message for a removed element.
+
+    `similar_name` is the name of the new element that is probably the same element.
+    """
     return f"the {noun} is gone" + ("" if similar_name is None else f"; '{similar_name}' looks like its new name")
 
 
@@ -240,20 +245,22 @@ def entry_comparer(noun: str, make_wording: Callable[[Any], Wording] | None = No
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         for name, before, after in pair_by_name(old, new):
-            default = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
+            default_wording = (
+                (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
+            )
             if before and after:
                 yield from scope.inner_scope(f"{key}.{name}", before, after).changes()
             elif noun:
-                category, message = make_wording(after) if make_wording else default
-                types = (text_of(getattr(entry, "type", None)) for entry in (before, after))
-                yield scope.make_change(category, f"{key}.{name}", message.format(name), *types)
+                category, message = make_wording(after) if make_wording else default_wording
+                type_texts = (text_of(getattr(entry, "type", None)) for entry in (before, after))
+                yield scope.make_change(category, f"{key}.{name}", message.format(name), *type_texts)
 
     return compare
 
 
 def pair_by_name(old: Iterable[Any], new: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
     """Yield each name, with the entries of this name in A and in B; None for a version without such an entry."""
-    before, after = ({_name_of(entry): entry for entry in side} for side in (old, new))
+    before, after = ({_name_of(entry): entry for entry in entries} for entries in (old, new))
     for name in dict.fromkeys((*before, *after)):
         yield name, before.get(name), after.get(name)
 
@@ -301,15 +308,15 @@ def text_of(value: Any) -> str:
                 ": ".join(map(text_of, entry)) if isinstance(entry, tuple) else text_of(entry) for entry in value
             )
         case _ if is_dataclass(value):
-            named_parts = ((field.name, getattr(value, field.name)) for field in fields(value))
-            texts = (
+            names_and_parts = ((field.name, getattr(value, field.name)) for field in fields(value))
+            keys_and_texts = (
                 (
                     _key_of_field(name),
                     duration_text(part) if name.endswith("_s") and isinstance(part, float) else text_of(part),
                 )
-                for name, part in named_parts
+                for name, part in names_and_parts
             )
-            return f"({', '.join(f'{key}: {text}' for key, text in texts if text)})"
+            return f"({', '.join(f'{key}: {text}' for key, text in keys_and_texts if text)})"
         case bool():
             return str(value).lower()
         case float():

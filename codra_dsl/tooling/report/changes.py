@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span
 from codra_dsl.tooling.diff import Change, Latency, Level, Review
-from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdown, range_of, shown_place, visible_text
+from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdown, range_of, span_text, visible_text
 from codra_dsl.tooling.report.github import render_github
 
-ShownFile = Callable[[str], str]
+ShowFile = Callable[[str], str]
 """Returns the name under which a file is shown. For a file in a revision, this name contains the revision."""
 
 _ALLOWED = "allowed"
@@ -28,14 +28,14 @@ class Versions:
     Attributes:
         before: the name of A on the command line.
         after: the name of B on the command line.
-        file_before: returns the name under which a file of A is shown.
-        file_after: returns the name under which a file of B is shown.
+        show_file_before: returns the name under which a file of A is shown.
+        show_file_after: returns the name under which a file of B is shown.
     """
 
     before: str
     after: str
-    file_before: ShownFile
-    file_after: ShownFile
+    show_file_before: ShowFile
+    show_file_after: ShowFile
 
 
 def render_full(review: Review, versions: Versions, palette: Palette = PLAIN) -> str:
@@ -53,8 +53,8 @@ def render_concise(review: Review, versions: Versions, palette: Palette = PLAIN)
 
 def render_markdown(review: Review, versions: Versions) -> str:
     """Return a review as Markdown, for a comment on a pull request."""
-    names_text = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
-    lines = [f"### codra diff: {review.verdict}", "", f"{names_text}: {_counts_text(review) or 'no difference'}", ""]
+    versions_text = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
+    lines = [f"### codra diff: {review.verdict}", "", f"{versions_text}: {_counts_text(review) or 'no difference'}", ""]
     for level in Level:
         rows = [change for change in review.changes if change.level is level]
         if rows:
@@ -80,16 +80,16 @@ def render_annotations(review: Review, folder: str = "") -> str:
     annotated_changes = (
         change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed
     )
-    commands = render_github([_finding_of(change) for change in annotated_changes], folder)
-    plain_versions = Versions(before="", after="", file_before=str, file_after=str)
-    other_changes = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
-    log = "".join(f"./{_change_line(change, plain_versions, PLAIN)}\n" for change in other_changes)
-    return f"{commands}{log}{_verdict_line(review)}\n"
+    commands_text = render_github([_finding_of(change) for change in annotated_changes], folder)
+    plain_versions = Versions(before="", after="", show_file_before=str, show_file_after=str)
+    logged_changes = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
+    log_text = "".join(f"./{_change_line(change, plain_versions, PLAIN)}\n" for change in logged_changes)
+    return f"{commands_text}{log_text}{_verdict_line(review)}\n"
 
 
 def render_json(review: Review, versions: Versions) -> str:
     """Return a review as one JSON object."""
-    result = {
+    review_object = {
         "verdict": review.verdict.value,
         "before": versions.before,
         "after": versions.after,
@@ -100,18 +100,18 @@ def render_json(review: Review, versions: Versions) -> str:
             for latency in review.latencies
         ],
     }
-    return as_json(result, indent=2) + "\n"
+    return as_json(review_object, indent=2) + "\n"
 
 
 def _paragraph_lines(change: Change, versions: Versions, palette: Palette) -> Iterator[str]:
     yield f"{_headline(change, palette)}: {palette.place}{visible_text(change.element)}{palette.end}"
     yield f"  {visible_text(change.message)}"
-    values = (
-        ("was", change.was, _place_text(change.before, versions.file_before)),
-        ("is", change.now, _place_text(change.after, versions.file_after)),
+    value_rows = (
+        ("was", change.was, _place_text(change.before, versions.show_file_before)),
+        ("is", change.now, _place_text(change.after, versions.show_file_after)),
     )
-    width = max(len(visible_text(value or "")) for _, value, _ in values)
-    for word, value, place in values:
+    width = max(len(visible_text(value or "")) for _, value, _ in value_rows)
+    for word, value, place in value_rows:
         if place or value is not None:
             text = f"{visible_text(value or ''):{width}}  " if width else ""
             yield f"    {word:3} {text}{palette.gutter}{place}{palette.end}".rstrip()
@@ -131,15 +131,15 @@ def _headline(change: Change, palette: Palette) -> str:
 
 
 def _place_of_change(change: Change, versions: Versions) -> str:
-    place_after = _place_text(change.after, versions.file_after)
-    return place_after or _place_text(change.before, versions.file_before)
+    place_after = _place_text(change.after, versions.show_file_after)
+    return place_after or _place_text(change.before, versions.show_file_before)
 
 
-def _place_text(place: Place | None, file: ShownFile) -> str:
+def _place_text(place: Place | None, show_file: ShowFile) -> str:
     if place is None:
         return ""
-    use_text = "" if place.use is None else f" (used in {visible_text(file(place.use.file))}:{place.use.line})"
-    return f"{shown_place(replace(place.span, file=file(place.span.file)))}{use_text}"
+    use_text = "" if place.use is None else f" (used in {visible_text(show_file(place.use.file))}:{place.use.line})"
+    return f"{span_text(replace(place.span, file=show_file(place.span.file)))}{use_text}"
 
 
 def _latency_lines(latencies: Sequence[Latency]) -> Iterator[str]:
@@ -149,17 +149,17 @@ def _latency_lines(latencies: Sequence[Latency]) -> Iterator[str]:
 
 
 def _verdict_line(review: Review) -> str:
-    counted = _counts_text(review)
-    return f"verdict: {review.verdict}{f' ({counted})' if counted else ''}"
+    counts_text = _counts_text(review)
+    return f"verdict: {review.verdict}{f' ({counts_text})' if counts_text else ''}"
 
 
 def _counts(review: Review) -> dict[str, int]:
-    numbers = Counter(_ALLOWED if change.allowed else change.level.value for change in review.changes)
-    return {name: numbers[name] for name in (*(level.value for level in Level), _ALLOWED)}
+    counts = Counter(_ALLOWED if change.allowed else change.level.value for change in review.changes)
+    return {name: counts[name] for name in (*(level.value for level in Level), _ALLOWED)}
 
 
 def _counts_text(review: Review) -> str:
-    return ", ".join(f"{number} {name}" for name, number in _counts(review).items() if number)
+    return ", ".join(f"{count} {name}" for name, count in _counts(review).items() if count)
 
 
 def _row(change: Change, versions: Versions) -> str:
@@ -187,10 +187,10 @@ def _change_object(change: Change, versions: Versions) -> dict[str, object]:
         "allowed": change.allowed,
         "was": change.was,
         "is": change.now,
-        "before": _range_object(change.before, versions.file_before),
-        "after": _range_object(change.after, versions.file_after),
+        "before": _range_object(change.before, versions.show_file_before),
+        "after": _range_object(change.after, versions.show_file_after),
     }
 
 
-def _range_object(place: Place | None, file: ShownFile) -> dict[str, object] | None:
-    return None if place is None else range_of(replace(place.span, file=file(place.span.file)))
+def _range_object(place: Place | None, show_file: ShowFile) -> dict[str, object] | None:
+    return None if place is None else range_of(replace(place.span, file=show_file(place.span.file)))

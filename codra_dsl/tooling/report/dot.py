@@ -13,16 +13,16 @@ from xml.sax.saxutils import escape
 from codra_dsl.generation.build_plan import EdgeKind, NodeKind
 from codra_dsl.tooling.report.graphs import Element, Graph, Link
 from codra_dsl.tooling.report.looks import (
-    EDGES,
-    FRAME,
-    NODES,
-    WORST_CASE,
+    EDGE_LOOKS,
+    FRAME_TEXT,
+    NODE_LOOKS,
+    WORST_CASE_TEXT,
     EdgeLook,
     NodeLook,
-    edges_of,
+    edge_kinds_of,
     label_of,
-    latency_of,
-    nodes_of,
+    latency_text,
+    node_kinds_of,
     shown_kind,
 )
 
@@ -31,7 +31,7 @@ _FONT = "DejaVu Sans,Verdana,Arial,sans-serif"
 _LABEL_PT = 12
 _LETTER_EM = 0.62
 _ENTITY = re.compile(r"&(?=#?[A-Za-z0-9]+;)")
-_PICTURE = re.compile(
+_SVG_ELEMENT = re.compile(
     r'<svg width="(?P<width>[0-9]+)pt" height="(?P<height>[0-9]+)pt"\s+viewBox="[^"]*"(?P<rest>[^>]*)>'
     r"(?P<inside>.*)</svg>",
     re.DOTALL,
@@ -56,8 +56,8 @@ _INSTALL_HINT = (
 
 def render_dot(graph: Graph) -> str:
     """Return the graph in Graphviz's language, with the same nodes and edges as in JSON, and with their `kind`."""
-    nodes = (_node(element, _label_text(label_of(element))) for element in graph.elements)
-    return _digraph([*nodes, *(_arrow(link, link.source, link.target) for link in graph.links)])
+    nodes = (_node_line(element, _label_text(label_of(element))) for element in graph.elements)
+    return _digraph([*nodes, *(_edge_line(link, link.source, link.target) for link in graph.links)])
 
 
 def render_svg(graph: Graph) -> str:
@@ -66,10 +66,10 @@ def render_svg(graph: Graph) -> str:
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    return _with_legend(_parse_picture(_draw(_picture_text(graph))), graph)
+    return _add_legend(_parse_picture(_draw(_dot_for_drawing(graph))), graph)
 
 
-def drawing(graph: Graph) -> str:
+def render_drawing(graph: Graph) -> str:
     """Return the picture for a page with its own style: only the `svg` element, without legend and title.
 
     Nodes and edges are numbered from 0. The drawing of node number 3 has the id `n3`, that of edge number 3 has `e3`.
@@ -77,21 +77,21 @@ def drawing(graph: Graph) -> str:
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
-    picture = _parse_picture(_draw(_picture_text(graph)))
+    picture = _parse_picture(_draw(_dot_for_drawing(graph)))
     size = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
     content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
     return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{content}</svg>'
 
 
-def _picture_text(graph: Graph) -> str:
+def _dot_for_drawing(graph: Graph) -> str:
     """Return the graph as drawn: arrows follow the flow of knowledge, and each observer has a frame."""
     lines: list[str] = []
-    numbers = {element.id: number for number, element in enumerate(graph.elements)}
+    number_by_id = {element.id: number for number, element in enumerate(graph.elements)}
     for spec in graph.specs:
         elements = [element for element in graph.elements if element.spec == spec]
-        inner_lines = list(_frames(elements, numbers))
-        lines += _frame_lines(spec, inner_lines) if len(graph.specs) > 1 else inner_lines
-    edges = (_arrow(link, *link.flow, id=f"e{number}") for number, link in enumerate(graph.links))
+        spec_lines = list(_element_lines(elements, number_by_id))
+        lines += _frame_lines(spec, spec_lines) if len(graph.specs) > 1 else spec_lines
+    edges = (_edge_line(link, *link.flow, id=f"e{number}") for number, link in enumerate(graph.links))
     return _digraph([*lines, *edges])
 
 
@@ -109,16 +109,18 @@ def _digraph(lines: Iterable[str]) -> str:
     return f"digraph codra {{\n{body}}}\n"
 
 
-def _node(element: Element, label: str, **more: object) -> str:
-    look = NODES[shown_kind(element)]
+def _node_line(element: Element, label: str, **extra_attributes: object) -> str:
+    look = NODE_LOOKS[shown_kind(element)]
     attributes = {"label": label, "shape": look.shape, "style": look.style, "fillcolor": look.fill}
     width = {"width": f"{_width_in(label, look):.2f}"}
-    return f"{_quote(element.id)} {_attributes({'kind': element.kind.value, **attributes, **width, **more})};"
+    return (
+        f"{_quote(element.id)} {_attributes({'kind': element.kind.value, **attributes, **width, **extra_attributes})};"
+    )
 
 
-def _numbered_node(element: Element, number: int) -> str:
-    lines = [_label_text(label_of(element)), latency_of(element)]
-    return _node(element, "\n".join(filter(None, lines)), id=f"n{number}", **{"class": shown_kind(element).value})
+def _numbered_node_line(element: Element, number: int) -> str:
+    lines = [_label_text(label_of(element)), latency_text(element)]
+    return _node_line(element, "\n".join(filter(None, lines)), id=f"n{number}", **{"class": shown_kind(element).value})
 
 
 def _label_text(label: str) -> str:
@@ -126,51 +128,61 @@ def _label_text(label: str) -> str:
     return _ENTITY.sub("&amp;", label)
 
 
-_WIDTH_FACTOR: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon": 1.2, "ellipse": 1.35}
+_WIDTH_FACTOR_BY_SHAPE: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon": 1.2, "ellipse": 1.35}
 """The ratio of a shape's width to that of its label."""
 
 
 def _width_in(label: str, look: NodeLook) -> float:
     """Return the minimum width of a node in inches, in which its label fits even if no font can be measured."""
-    longest = max(map(_letter_count, label.split("\n")))
-    width_in = 0.2 + longest * _LETTER_EM * _LABEL_PT / 72
-    return width_in * _WIDTH_FACTOR.get(look.shape, 1.0)
+    max_column_count = max(map(_column_count, label.split("\n")))
+    width_in = 0.2 + max_column_count * _LETTER_EM * _LABEL_PT / 72
+    return width_in * _WIDTH_FACTOR_BY_SHAPE.get(look.shape, 1.0)
 
 
-def _letter_count(text: str) -> int:
+def _column_count(text: str) -> int:
     return sum(2 if unicodedata.east_asian_width(letter) in ("W", "F") else 1 for letter in text)
 
 
-def _arrow(link: Link, source: str, target: str, **more: str) -> str:
-    look = EDGES[link.kind]
-    attributes = {"kind": link.kind.value, "color": look.colour, "style": look.style, "arrowhead": look.head, **more}
-    if more:
+def _edge_line(link: Link, source: str, target: str, **extra_attributes: str) -> str:
+    look = EDGE_LOOKS[link.kind]
+    attributes = {
+        "kind": link.kind.value,
+        "color": look.colour,
+        "style": look.style,
+        "arrowhead": look.head,
+        **extra_attributes,
+    }
+    if extra_attributes:
         attributes["class"] = link.kind.value
     if link.kind is EdgeKind.FEEDBACK:
         attributes["constraint"] = "false"  # the edge closes a cycle, in which no node is left of another
     return f"{_quote(source)} -> {_quote(target)} {_attributes(attributes)};"
 
 
-def _frames(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
+def _element_lines(elements: Iterable[Element], number_by_id: Mapping[str, int]) -> Iterator[str]:
     """Yield all nodes; each observer has a frame with its algorithms and the variables that they identify."""
     frames: dict[str, list[Element]] = {}
     for element in elements:
         frames.setdefault(element.observer, []).append(element)
     for observer, frame_elements in frames.items():
-        lines = [_numbered_node(element, numbers[element.id]) for element in frame_elements]
+        lines = [_numbered_node_line(element, number_by_id[element.id]) for element in frame_elements]
         if not observer or len(frame_elements) == 1:
             yield from lines
             continue
         yield f"subgraph {_quote(f'cluster {observer}')} {{"
         yield '  graph [label="", style="rounded,filled", fillcolor="#f7f7f7", color="#bbbbbb", class="frame"];'
         yield from (f"  {line}" for line in lines)
-        variables = [element for element in frame_elements if element.kind is NodeKind.CONTEXT]
-        producers = [element for element in frame_elements if element.kind is not NodeKind.CONTEXT]
-        yield from (_side_by_side(side) for side in (producers, variables) if side)
+        variable_elements = [element for element in frame_elements if element.kind is NodeKind.CONTEXT]
+        perception_elements = [element for element in frame_elements if element.kind is not NodeKind.CONTEXT]
+        yield from (
+            _same_rank_line(rank_elements)
+            for rank_elements in (perception_elements, variable_elements)
+            if rank_elements
+        )
         yield "}"
 
 
-def _side_by_side(elements: Iterable[Element]) -> str:
+def _same_rank_line(elements: Iterable[Element]) -> str:
     return f"  {{ rank=same; {' '.join(_quote(element.id) for element in elements)} }}"
 
 
@@ -203,7 +215,7 @@ def _draw(dot: str) -> str:
 
 
 def _parse_picture(picture: str) -> re.Match[str]:
-    match = _PICTURE.search(picture)
+    match = _SVG_ELEMENT.search(picture)
     if match is None:
         raise DrawingError("cannot draw: Graphviz returned no picture")
     return match
@@ -211,20 +223,20 @@ def _parse_picture(picture: str) -> re.Match[str]:
 
 # The legend, below the picture
 
-_ROW_PT = 24
-_SAMPLE_PT = 64
-_COLUMN_PT = 440
+_ROW_HEIGHT_PT = 24
+_SAMPLE_WIDTH_PT = 64
+_COLUMN_WIDTH_PT = 440
 
 
-def _with_legend(picture: re.Match[str], graph: Graph) -> str:
+def _add_legend(picture: re.Match[str], graph: Graph) -> str:
     """Return a picture with its legend below. The picture shrinks with its window, but not below a legible size."""
     rows = list(_rows(graph))
-    top = int(picture["height"]) + 20
-    height = top + _ROW_PT * max((row for _, row, _ in rows), default=0) + _ROW_PT
-    width = max(int(picture["width"]), 16 + _COLUMN_PT * (1 + max((column for column, _, _ in rows), default=0)))
+    legend_top = int(picture["height"]) + 20
+    height = legend_top + _ROW_HEIGHT_PT * max((row for _, row, _ in rows), default=0) + _ROW_HEIGHT_PT
+    width = max(int(picture["width"]), 16 + _COLUMN_WIDTH_PT * (1 + max((column for column, _, _ in rows), default=0)))
     size = f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
     legend = "".join(
-        f'<g transform="translate({16 + _COLUMN_PT * column} {top + _ROW_PT * row})">{text}</g>\n'
+        f'<g transform="translate({16 + _COLUMN_WIDTH_PT * column} {legend_top + _ROW_HEIGHT_PT * row})">{text}</g>\n'
         for column, row, text in rows
     )
     return (
@@ -237,37 +249,41 @@ def _with_legend(picture: re.Match[str], graph: Graph) -> str:
 
 def _rows(graph: Graph) -> Iterator[tuple[int, int, str]]:
     """Yield column, row and drawing of each entry of the legend. It has only the kinds that occur in the picture."""
-    boxes = [_sample(NODES[kind], NODES[kind].meaning) for kind in nodes_of(graph)]
-    observed = [element.observer for element in graph.elements if element.observer]
-    if len(observed) > len(set(observed)):
-        boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _legend_text(FRAME))
-    arrows = [_arrow_sample(EDGES[kind]) for kind in edges_of(graph)]
-    if any(latency_of(element) for element in graph.elements):
-        arrows.append(f'<text x="{_SAMPLE_PT / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_legend_text(WORST_CASE)}')
+    boxes = [_node_sample(NODE_LOOKS[kind], NODE_LOOKS[kind].meaning) for kind in node_kinds_of(graph)]
+    observers = [element.observer for element in graph.elements if element.observer]
+    if len(observers) > len(set(observers)):
+        boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _legend_text(FRAME_TEXT))
+    arrows = [_arrow_sample(EDGE_LOOKS[kind]) for kind in edge_kinds_of(graph)]
+    if any(latency_text(element) for element in graph.elements):
+        arrows.append(
+            f'<text x="{_SAMPLE_WIDTH_PT / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_legend_text(WORST_CASE_TEXT)}'
+        )
     for column, samples in enumerate((boxes, arrows)):
         yield from ((column, row, text) for row, text in enumerate(samples))
 
 
-def _sample(look: NodeLook, meaning: str) -> str:
+def _node_sample(look: NodeLook, meaning: str) -> str:
     rounding = 6 if "rounded" in look.style else 0
     dashes = ' stroke-dasharray="4 2"' if "dashed" in look.style else ""
     if look.shape == "hexagon":
-        drawing = f'<polygon points="0,0 9,-8 55,-8 64,0 55,8 9,8" fill="{look.fill}" stroke="black"/>'
+        shape_svg = f'<polygon points="0,0 9,-8 55,-8 64,0 55,8 9,8" fill="{look.fill}" stroke="black"/>'
     elif look.shape == "house":
-        drawing = f'<polygon points="0,8 0,-4 32,-10 64,-4 64,8" fill="{look.fill}" stroke="black"/>'
+        shape_svg = f'<polygon points="0,8 0,-4 32,-10 64,-4 64,8" fill="{look.fill}" stroke="black"/>'
     elif look.shape == "octagon":
-        drawing = f'<polygon points="8,-8 56,-8 64,-3 64,3 56,8 8,8 0,3 0,-3" fill="{look.fill}" stroke="black"/>'
+        shape_svg = f'<polygon points="8,-8 56,-8 64,-3 64,3 56,8 8,8 0,3 0,-3" fill="{look.fill}" stroke="black"/>'
     elif look.shape == "ellipse":
-        drawing = f'<ellipse cx="32" rx="32" ry="9" fill="{look.fill}" stroke="black"/>'
+        shape_svg = f'<ellipse cx="32" rx="32" ry="9" fill="{look.fill}" stroke="black"/>'
     elif look.shape == "cds":
-        drawing = f'<polygon points="0,-8 56,-8 64,0 56,8 0,8" fill="{look.fill}" stroke="black"/>'
+        shape_svg = f'<polygon points="0,-8 56,-8 64,0 56,8 0,8" fill="{look.fill}" stroke="black"/>'
     else:
-        drawing = _box(look.fill, "black", rounding, dashes)
-    return drawing + _legend_text(meaning)
+        shape_svg = _box(look.fill, "black", rounding, dashes)
+    return shape_svg + _legend_text(meaning)
 
 
 def _box(fill: str, stroke: str, rounding: int, dashes: str) -> str:
-    return f'<rect y="-8" width="{_SAMPLE_PT}" height="16" rx="{rounding}" fill="{fill}" stroke="{stroke}"{dashes}/>'
+    return (
+        f'<rect y="-8" width="{_SAMPLE_WIDTH_PT}" height="16" rx="{rounding}" fill="{fill}" stroke="{stroke}"{dashes}/>'
+    )
 
 
 _DASHES: Mapping[str, str] = {"dashed": ' stroke-dasharray="5 2"', "dotted": ' stroke-dasharray="1 4"'}
@@ -284,4 +300,4 @@ def _arrow_sample(look: EdgeLook) -> str:
 
 
 def _legend_text(text: str) -> str:
-    return f'<text x="{_SAMPLE_PT + 12}" y="4">{escape(text)}</text>'
+    return f'<text x="{_SAMPLE_WIDTH_PT + 12}" y="4">{escape(text)}</text>'

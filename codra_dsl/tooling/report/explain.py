@@ -103,7 +103,7 @@ def as_text(page: Page) -> str:
             lines += _head_of_block(line) if not in_block else []
             in_block = not in_block
         else:
-            lines.append(f"{_INDENT}{line}".rstrip() if in_block else _without_marks(line))
+            lines.append(f"{_INDENT}{line}".rstrip() if in_block else _strip_marks(line))
     return "\n".join(lines) + "\n"
 
 
@@ -115,7 +115,7 @@ def _head_of_block(fence: str) -> list[str]:
     return ["pyproject.toml:"] if fence == "```toml" else []
 
 
-def _without_marks(line: str) -> str:
+def _strip_marks(line: str) -> str:
     """Return a line of prose: headings without `#`, and backquotes as the quotes of findings."""
     return re.sub("^#+ ", "", line).replace("`", "'")
 
@@ -130,7 +130,7 @@ def list_as_text(pages: Iterable[Page]) -> str:
     """Return a list of pages for a terminal, with a heading for each family of codes."""
     families = (
         f"{family}\n"
-        + "".join(f"{_INDENT}{page.code}  {page.name}: {_without_marks(page.summary)}\n" for page in members)
+        + "".join(f"{_INDENT}{page.code}  {page.name}: {_strip_marks(page.summary)}\n" for page in members)
         for family, members in groupby(pages, lambda page: family_of(page.code))
     )
     return "\n".join(families)

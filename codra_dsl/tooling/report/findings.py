@@ -39,7 +39,7 @@ class Palette:
     help: str = ""
     end: str = ""
 
-    def of(self, severity: Severity) -> str:
+    def severity_colour(self, severity: Severity) -> str:
         """Return the colour of a severity."""
         return self.error if severity is Severity.ERROR else self.warning
 
@@ -53,13 +53,13 @@ COLOURED = Palette(
 def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Palette = PLAIN) -> str:
     """Return each finding with the line that it is about, carets below the error, and the help."""
     lines = _Lines(sources)
-    return "\n".join("\n".join(_full_lines(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
+    return "\n".join("\n".join(_finding_lines(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
 
 
 def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
     """Return one line per finding: place, severity, code, message, help, and places where templates are used."""
     return "".join(
-        f"{_headline(diagnostic, palette)}{_in_brackets(help_text(diagnostic))}\n" for diagnostic in diagnostics
+        f"{_headline(diagnostic, palette)}{_parenthesised_text(help_text(diagnostic))}\n" for diagnostic in diagnostics
     )
 
 
@@ -74,10 +74,10 @@ def render_json(diagnostics: Iterable[Diagnostic]) -> str:
 
 def number_findings(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
     """Yield each finding with its number, from 1 on, among the findings with the same fingerprint."""
-    seen: Counter[str] = Counter()
+    counts_by_fingerprint: Counter[str] = Counter()
     for diagnostic in diagnostics:
-        seen[diagnostic.fingerprint] += 1
-        yield diagnostic, seen[diagnostic.fingerprint]
+        counts_by_fingerprint[diagnostic.fingerprint] += 1
+        yield diagnostic, counts_by_fingerprint[diagnostic.fingerprint]
 
 
 def as_json(value: object, indent: int | None = None) -> str:
@@ -87,7 +87,7 @@ def as_json(value: object, indent: int | None = None) -> str:
     """
     text = _LONE_SURROGATE.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
     text = text.replace("##[", r"##\u005b")
-    return _NOT_ASCII.sub(lambda letters: json.dumps(letters[0])[1:-1], text)  # outside strings JSON is ASCII
+    return _NOT_ASCII.sub(lambda match: json.dumps(match[0])[1:-1], text)  # outside strings JSON is ASCII
 
 
 def help_text(diagnostic: Diagnostic) -> str:
@@ -97,7 +97,7 @@ def help_text(diagnostic: Diagnostic) -> str:
             finding.place.use for finding in (diagnostic, *diagnostic.use_findings) if finding.place.use is not None
         )
     )
-    use_texts = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
+    use_texts = [f"used at {span_text(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
     return "; ".join([*([diagnostic.help] if diagnostic.help else []), *use_texts])
 
 
@@ -106,47 +106,54 @@ def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
 
     These are the places that it names. For the main place and each of these, the use of its template is added, if any.
     """
-    named_places = [(diagnostic.place, ""), *((related.place, related.message) for related in diagnostic.related)]
+    places_and_messages = [
+        (diagnostic.place, ""),
+        *((related.place, related.message) for related in diagnostic.related),
+    ]
     places: list[Related] = []
-    for place, message in named_places:
+    for place, message in places_and_messages:
         places += [Related(message, Place(place.span))] if message else []
         places += [Related("used here", Place(place.use))] if place.use is not None else []
     return tuple(dict.fromkeys(places))
 
 
-def _full_lines(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
+def _finding_lines(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
     line = lines.at(diagnostic.place.span)
     text_lines = [_headline(diagnostic, palette)]
     help_ = f"{palette.help}help: {visible_text(diagnostic.help)}{palette.end}" if diagnostic.help else ""
     width = len(str(diagnostic.place.span.line))
     margin = f"{palette.gutter}{'':{width}} |{palette.end}"
     if line is not None:
-        text, columns_before, marked_columns = _mark_line(line, diagnostic.place.span)
+        text, column_count_before, marked_column_count = _mark_line(line, diagnostic.place.span)
         number = f"{palette.gutter}{diagnostic.place.span.line} |{palette.end}"
-        caret = f"{palette.of(diagnostic.severity)}{'^' * marked_columns}{palette.end}"
-        text_lines += [margin, f"{number} {text}".rstrip(), f"{margin} {' ' * columns_before}{caret} {help_}".rstrip()]
+        caret = f"{palette.severity_colour(diagnostic.severity)}{'^' * marked_column_count}{palette.end}"
+        text_lines += [
+            margin,
+            f"{number} {text}".rstrip(),
+            f"{margin} {' ' * column_count_before}{caret} {help_}".rstrip(),
+        ]
     elif help_:
         text_lines.append(f"{'':{width}} {help_}")
-    related_texts = (
-        (shown_place(related.place.span), visible_text(related.message)) for related in related_places(diagnostic)
+    place_message_pairs = (
+        (span_text(related.place.span), visible_text(related.message)) for related in related_places(diagnostic)
     )
     return text_lines + [
-        f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in related_texts
+        f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in place_message_pairs
     ]
 
 
 def _headline(diagnostic: Diagnostic, palette: Palette) -> str:
-    place = f"{palette.place}{shown_place(diagnostic.place.span)}{palette.end}"
-    kind = f"{palette.of(diagnostic.severity)}{diagnostic.severity}[{diagnostic.code}]{palette.end}"
+    place = f"{palette.place}{span_text(diagnostic.place.span)}{palette.end}"
+    kind = f"{palette.severity_colour(diagnostic.severity)}{diagnostic.severity}[{diagnostic.code}]{palette.end}"
     return f"{place}: {kind}: {visible_text(diagnostic.message)}"
 
 
-def shown_place(span: Span) -> str:
+def span_text(span: Span) -> str:
     """Return file, line and column as findings show them."""
     return f"{visible_text(span.file)}:{span.line}:{span.column}"
 
 
-def _in_brackets(text: str) -> str:
+def _parenthesised_text(text: str) -> str:
     return f" ({visible_text(text)})" if text else ""
 
 
@@ -191,28 +198,32 @@ class _Lines:
 
     def __init__(self, sources: Sources) -> None:
         self._sources = sources
-        self._lines_of_files: dict[str, list[str]] = {}
+        self._lines_by_file: dict[str, list[str]] = {}
 
     def at(self, span: Span) -> str | None:
         """Return the first line of a span."""
-        if span.file not in self._lines_of_files:
+        if span.file not in self._lines_by_file:
             text = self._sources(span.file)
-            self._lines_of_files[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
-        lines = self._lines_of_files[span.file]
+            self._lines_by_file[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
+        lines = self._lines_by_file[span.file]
         return lines[span.line - 1] if 0 < span.line <= len(lines) else None
 
 
 def _mark_line(line: str, span: Span) -> tuple[str, int, int]:
     """Return a line as shown, the number of columns before its marked part, and the number of marked columns (>= 1)."""
-    first = min(span.column - 1, len(line))
-    last = len(line) if span.end_line > span.line else min(span.end_column - 1, len(line))
-    start = max(0, first - _MARGIN) if len(line) > _MAX_WIDTH else 0
-    left_mark = _ELLIPSIS if start else ""
-    before, part, after = line[start:first], line[first:last], line[max(first, last) : start + _MAX_WIDTH]
-    right_mark = _ELLIPSIS if len(line) > start + _MAX_WIDTH else ""
-    part = part[: _MAX_WIDTH - _MARGIN]
-    text = left_mark + visible_text(before) + visible_text(part) + visible_text(after) + right_mark
-    return text, len(left_mark) + _column_count(before), max(1, _column_count(part))
+    mark_start = min(span.column - 1, len(line))
+    mark_end = len(line) if span.end_line > span.line else min(span.end_column - 1, len(line))
+    start = max(0, mark_start - _MARGIN) if len(line) > _MAX_WIDTH else 0
+    left_ellipsis = _ELLIPSIS if start else ""
+    before, marked_part, after = (
+        line[start:mark_start],
+        line[mark_start:mark_end],
+        line[max(mark_start, mark_end) : start + _MAX_WIDTH],
+    )
+    right_ellipsis = _ELLIPSIS if len(line) > start + _MAX_WIDTH else ""
+    marked_part = marked_part[: _MAX_WIDTH - _MARGIN]
+    text = left_ellipsis + visible_text(before) + visible_text(marked_part) + visible_text(after) + right_ellipsis
+    return text, len(left_ellipsis) + _column_count(before), max(1, _column_count(marked_part))
 
 
 def visible_text(text: str) -> str:

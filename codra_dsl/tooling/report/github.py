@@ -16,7 +16,7 @@ from codra_dsl.tooling.report.findings import (
     help_text,
     related_places,
     render_concise,
-    shown_place,
+    span_text,
     visible_text,
 )
 
@@ -25,11 +25,11 @@ MAX_ANNOTATIONS = 10
 MAX_SUMMARY_BYTES = 512 * 1024
 """The maximum size of findings in the summary of a step. GitHub rejects a summary of more than 1 MiB."""
 
-_COMMAND = "::"
+_COMMAND_DELIMITER = "::"
 _COMMAND_START = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
 _STANDARD_INPUT = "-"
-_DATA = {"%": "%25", "\r": "%0D", "\n": "%0A"}
-_PROPERTY = _DATA | {":": "%3A", ",": "%2C"}
+_DATA_ESCAPES = {"%": "%25", "\r": "%0D", "\n": "%0A"}
+_PROPERTY_ESCAPES = _DATA_ESCAPES | {":": "%3A", ",": "%2C"}
 
 
 def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
@@ -41,15 +41,17 @@ def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
     """
     findings = tuple(diagnostics)
     annotated_findings = [
-        diagnostic for severity in Severity for diagnostic in _with_severity(findings, severity)[:MAX_ANNOTATIONS]
+        diagnostic
+        for severity in Severity
+        for diagnostic in _findings_with_severity(findings, severity)[:MAX_ANNOTATIONS]
     ]
     commands = [_annotation(diagnostic, folder) for diagnostic in annotated_findings]
     if len(annotated_findings) < len(findings):
-        commands.append(_rest_notice(findings, annotated_findings))
-    return "".join(f"{command}\n" for command in commands) + without_commands(render_concise(findings))
+        commands.append(_hidden_findings_notice(findings, annotated_findings))
+    return "".join(f"{command}\n" for command in commands) + escape_commands(render_concise(findings))
 
 
-def without_commands(text: str) -> str:
+def escape_commands(text: str) -> str:
     """Return text in which the runner recognises no line as a command.
 
     A line is a command if it begins with `::`, also after blanks, or if it contains `##[`.
@@ -77,7 +79,7 @@ def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
 
 def _annotation(diagnostic: Diagnostic, folder: str) -> str:
     lines = [diagnostic.message, *([f"help: {diagnostic.help}"] if diagnostic.help else [])]
-    lines += [f"{shown_place(related.place.span)}: {related.message}" for related in related_places(diagnostic)]
+    lines += [f"{span_text(related.place.span)}: {related.message}" for related in related_places(diagnostic)]
     properties = _place_properties(diagnostic.place.span, folder) | {
         "title": f"{diagnostic.code} {diagnostic.rule.name}"
     }
@@ -89,30 +91,34 @@ def _place_properties(span: Span, folder: str) -> dict[str, str]:
     if span.file == _STANDARD_INPUT:
         return {}
     file = visible_text(f"{folder}/{span.file}" if folder else span.file)
-    place = {"file": file, "line": str(span.line), "endLine": str(span.end_line)}
+    properties = {"file": file, "line": str(span.line), "endLine": str(span.end_line)}
     if span.line == span.end_line:
-        place |= {"col": str(span.column), "endColumn": str(span.end_column)}
-    return place
+        properties |= {"col": str(span.column), "endColumn": str(span.end_column)}
+    return properties
 
 
-def _rest_notice(findings: Sequence[Diagnostic], annotated_findings: Sequence[Diagnostic]) -> str:
+def _hidden_findings_notice(findings: Sequence[Diagnostic], annotated_findings: Sequence[Diagnostic]) -> str:
     hidden_counts = [
-        (severity, len(_with_severity(findings, severity)) - len(_with_severity(annotated_findings, severity)))
+        (
+            severity,
+            len(_findings_with_severity(findings, severity))
+            - len(_findings_with_severity(annotated_findings, severity)),
+        )
         for severity in Severity
     ]
     counts_text = " and ".join(
-        f"{number} more {severity.value}{'s' * (number > 1)}" for severity, number in hidden_counts if number
+        f"{count} more {severity.value}{'s' * (count > 1)}" for severity, count in hidden_counts if count
     )
     return _command("notice", {"title": "codra"}, f"{counts_text}: see the log or the summary of this step")
 
 
-def _with_severity(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
+def _findings_with_severity(diagnostics: Iterable[Diagnostic], severity: Severity) -> list[Diagnostic]:
     return [diagnostic for diagnostic in diagnostics if diagnostic.severity is severity]
 
 
 def _command(name: str, properties: Mapping[str, str], message: str) -> str:
-    text = ",".join(f"{key}={_escape(value, _PROPERTY)}" for key, value in properties.items())
-    return f"{_COMMAND}{name} {text}{_COMMAND}{_escape(message, _DATA)}"
+    properties_text = ",".join(f"{key}={_escape(value, _PROPERTY_ESCAPES)}" for key, value in properties.items())
+    return f"{_COMMAND_DELIMITER}{name} {properties_text}{_COMMAND_DELIMITER}{_escape(message, _DATA_ESCAPES)}"
 
 
 def _escape(text: str, escapes: Mapping[str, str]) -> str:
@@ -122,6 +128,6 @@ def _escape(text: str, escapes: Mapping[str, str]) -> str:
 def _row(diagnostic: Diagnostic) -> str:
     span = diagnostic.place.span
     place = f"{as_markdown(span.file)}:{span.line}:{span.column}"
-    more = help_text(diagnostic)
-    help_ = f" *({as_markdown(more)})*" if more else ""
+    plain_help = help_text(diagnostic)
+    help_ = f" *({as_markdown(plain_help)})*" if plain_help else ""
     return f"| {place} | {diagnostic.severity.value} {diagnostic.code} | {as_markdown(diagnostic.message)}{help_} |\n"

@@ -88,13 +88,13 @@ class Graph:
 
     Attributes:
         specs: the names of the specs.
-        absent_names: names that are declared, but are not elements because no decision needs them.
+        unneeded_names: names that are declared, but are not elements because no decision needs them.
     """
 
     specs: tuple[str, ...]
     elements: tuple[Element, ...]
     links: tuple[Link, ...]
-    absent_names: frozenset[str] = frozenset()
+    unneeded_names: frozenset[str] = frozenset()
 
     def part(self, ids: Collection[str]) -> Graph:
         """Return the graph of the elements with some ids, with all links between these elements."""
@@ -119,7 +119,10 @@ class Graph:
         )
         kinds = tuple(kind.value for kind in NodeKind)
         return Choices(
-            nodes=tuple(nodes), edges=[link.flow for link in self.links], kinds=kinds, absent_names=self.absent_names
+            nodes=tuple(nodes),
+            edges=[link.flow for link in self.links],
+            kinds=kinds,
+            unneeded_names=self.unneeded_names,
         )
 
 
@@ -129,12 +132,12 @@ def graph_of(plans: Sequence[BuildPlan]) -> Graph:
     links = (
         Link(node_id(plan, edge.source), node_id(plan, edge.target), edge.kind) for plan in plans for edge in plan.edges
     )
-    declared = frozenset(name for plan in plans for name in (*plan.checked.variables, *plan.checked.algorithms))
+    declared_names = frozenset(name for plan in plans for name in (*plan.checked.variables, *plan.checked.algorithms))
     return Graph(
         specs=tuple(plan.name for plan in plans),
         elements=elements,
         links=tuple(links),
-        absent_names=declared - {element.name for element in elements},
+        unneeded_names=declared_names - {element.name for element in elements},
     )
 
 
@@ -151,15 +154,15 @@ def _node_object(element: Element) -> dict[str, object]:
 
 
 def _elements(plan: BuildPlan) -> Iterator[Element]:
-    place_of, worst_cases_s = dict(places(plan)), worst_cases(plan.checked)
+    place_by_id, worst_cases_s = dict(places(plan)), worst_cases(plan.checked)
     groups, uses = _groups(plan)
     observers = _observers(plan)
     for node, about in graph_nodes(plan):
-        name = node_id(plan, node)
-        span = place_of[name].span
+        element_id = node_id(plan, node)
+        span = place_by_id[element_id].span
         is_variable = node.kind is NodeKind.CONTEXT
         yield Element(
-            id=name,
+            id=element_id,
             kind=node.kind,
             name=node.name,
             label=str(about["label"]),
@@ -216,15 +219,17 @@ def _origin(plan: BuildPlan, node: Node) -> str:
     key = (_SECTIONS[node.kind], node.name)
     if key in spec.origins:
         return spec.origins[key]
-    return next(spec.origins["nodes", declared.name] for declared in spec.nodes if declared.type.name == node.name)
+    return next(
+        spec.origins["nodes", node_element.name] for node_element in spec.nodes if node_element.type.name == node.name
+    )
 
 
 def _observers(plan: BuildPlan) -> Mapping[Node, str]:
     """Return the id of the observer that each node belongs to."""
-    observer_of: dict[Node, str] = {}
+    observer_by_node: dict[Node, str] = {}
     for tree in plan.forest:
         observer = Node(NodeKind.OBSERVER, tree.name)
         nodes = [observer, *(Node(NodeKind.PERCEPTION, branch.name) for branch in tree.branches)]
         nodes += [Node(NodeKind.CONTEXT, name) for name in tree.identifies]
-        observer_of |= dict.fromkeys(nodes, node_id(plan, observer))
-    return observer_of
+        observer_by_node |= dict.fromkeys(nodes, node_id(plan, observer))
+    return observer_by_node

@@ -60,7 +60,7 @@ class EdgeLook:
     sentence: str
 
 
-NODES: Mapping[ShownKind, NodeLook] = {
+NODE_LOOKS: Mapping[ShownKind, NodeLook] = {
     ShownKind.CONTEXT: NodeLook(
         shape="box", fill="#d6e6f5", style="filled,rounded", meaning="context-variable that an observer identifies"
     ),
@@ -81,7 +81,7 @@ NODES: Mapping[ShownKind, NodeLook] = {
     ShownKind.LOOP: NodeLook(shape="doublecircle", fill="#ffffff", style="filled", meaning="loop"),
 }
 
-EDGES: Mapping[EdgeKind, EdgeLook] = {
+EDGE_LOOKS: Mapping[EdgeKind, EdgeLook] = {
     EdgeKind.REQUIRES: EdgeLook(
         colour="#1f5fa8", style="solid", head="normal", sentence="A must be known before B looks"
     ),
@@ -104,8 +104,8 @@ EDGES: Mapping[EdgeKind, EdgeLook] = {
     EdgeKind.ADAPTS: EdgeLook(colour="#777777", style="dashed", head="open", sentence="A carries out B"),
 }
 
-FRAME = "an observer with its algorithms and variables"
-WORST_CASE = "the longest time from declared to known"
+FRAME_TEXT = "an observer with its algorithms and variables"
+WORST_CASE_TEXT = "the longest time from declared to known"
 
 
 def shown_kind(element: Element) -> ShownKind:
@@ -118,7 +118,7 @@ def label_of(element: Element) -> str:
     return visible_text(element.label).strip() or element.name
 
 
-def latency_of(element: Element) -> str:
+def latency_text(element: Element) -> str:
     """Return the worst case of a variable as a short text, or an empty text."""
     return "" if element.worst_case_s is None else f"≤ {_seconds_text(element.worst_case_s)}"
 
@@ -127,13 +127,13 @@ def _seconds_text(duration_s: float) -> str:
     return f"{round(duration_s, 3):g} s" if duration_s < 1000 else f"{duration_s:.0f} s"
 
 
-def nodes_of(graph: Graph) -> tuple[ShownKind, ...]:
+def node_kinds_of(graph: Graph) -> tuple[ShownKind, ...]:
     """Return the kinds of nodes that a graph has, in the order of the legend."""
     present_kinds = {shown_kind(element) for element in graph.elements}
-    return tuple(kind for kind in NODES if kind in present_kinds)
+    return tuple(kind for kind in NODE_LOOKS if kind in present_kinds)
 
 
-def edges_of(graph: Graph) -> tuple[EdgeKind, ...]:
+def edge_kinds_of(graph: Graph) -> tuple[EdgeKind, ...]:
     """Return the kinds of edges that a graph has, in the order of the legend."""
     present_kinds = {link.kind for link in graph.links}
-    return tuple(kind for kind in EDGES if kind in present_kinds)
+    return tuple(kind for kind in EDGE_LOOKS if kind in present_kinds)

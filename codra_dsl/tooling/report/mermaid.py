@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from codra_dsl.generation.build_plan import EdgeKind
 from codra_dsl.tooling.report.graphs import Element, Graph
 from codra_dsl.tooling.report.looks import (
-    EDGES,
-    NODES,
-    WORST_CASE,
+    EDGE_LOOKS,
+    NODE_LOOKS,
+    WORST_CASE_TEXT,
     ShownKind,
-    edges_of,
+    edge_kinds_of,
     label_of,
-    latency_of,
-    nodes_of,
+    latency_text,
+    node_kinds_of,
     shown_kind,
 )
 from codra_dsl.tooling.report.overview import Overview, overview
@@ -80,43 +80,43 @@ class Flowchart:
     edges: int
 
     @property
-    def fits(self) -> bool:
+    def is_within_limits(self) -> bool:
         """Return whether Mermaid draws the flowchart with its default limits."""
         return self.edges <= MAX_EDGES and len(self.text) <= MAX_LETTERS
 
 
 def flowchart(graph: Graph) -> Flowchart:
     """Return the graph as a flowchart: complete if Mermaid draws the complete graph, otherwise condensed."""
-    complete_chart = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edges_of(graph)))
-    if complete_chart.fits:
+    complete_chart = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edge_kinds_of(graph)))
+    if complete_chart.is_within_limits:
         return complete_chart
-    boxes = overview(graph)
-    return Flowchart(text=_overview_chart(boxes), is_complete=False, edges=len(boxes.arrows))
+    condensed_graph = overview(graph)
+    return Flowchart(text=_overview_chart(condensed_graph), is_complete=False, edges=len(condensed_graph.arrows))
 
 
 def _chart(graph: Graph) -> str:
-    numbers = {element.id: number for number, element in enumerate(graph.elements)}
+    number_by_id = {element.id: number for number, element in enumerate(graph.elements)}
     lines = ["flowchart LR"]
     for spec in graph.specs:
-        inner_lines = [*_element_lines([element for element in graph.elements if element.spec == spec], numbers)]
-        lines += _subgraph(f"spec_{spec}", spec, inner_lines) if len(graph.specs) > 1 else inner_lines
+        spec_lines = [*_element_lines([element for element in graph.elements if element.spec == spec], number_by_id)]
+        lines += _subgraph(f"spec_{spec}", spec, spec_lines) if len(graph.specs) > 1 else spec_lines
     for link in graph.links:
         need, user = link.flow
-        lines.append(f"n{numbers[need]} {_ARROWS[link.kind]} n{numbers[user]}")
+        lines.append(f"n{number_by_id[need]} {_ARROWS[link.kind]} n{number_by_id[user]}")
     lines += _legend(graph)
-    lines += (_style(kind) for kind in nodes_of(graph))
-    kinds = [link.kind for link in graph.links] + list(edges_of(graph))
-    lines += (_link_style(kind, kinds) for kind in edges_of(graph))
+    lines += (_style(kind) for kind in node_kinds_of(graph))
+    kinds = [link.kind for link in graph.links] + list(edge_kinds_of(graph))
+    lines += (_link_style(kind, kinds) for kind in edge_kinds_of(graph))
     return "\n  ".join(lines) + "\n"
 
 
-def _element_lines(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
+def _element_lines(elements: Iterable[Element], number_by_id: Mapping[str, int]) -> Iterator[str]:
     """Yield all elements. The elements of a use of a template are in a subgraph."""
-    groups: dict[str, list[str]] = {}
+    lines_by_use: dict[str, list[str]] = {}
     for element in elements:
-        groups.setdefault(element.use, []).append(_node(element, numbers[element.id]))
+        lines_by_use.setdefault(element.use, []).append(_node(element, number_by_id[element.id]))
         spec = element.spec
-    for use, lines in groups.items():
+    for use, lines in lines_by_use.items():
         yield from _subgraph(f"use_{spec}_{use}", use, lines) if use else lines
 
 
@@ -126,7 +126,7 @@ def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
 
 def _node(element: Element, number: int) -> str:
     opening, closing = _SHAPES[shown_kind(element)]
-    label = "<br/>".join(filter(None, [_escape_label(label_of(element)), latency_of(element)]))
+    label = "<br/>".join(filter(None, [_escape_label(label_of(element)), latency_text(element)]))
     return f'n{number}{opening}"{label}"{closing}:::{shown_kind(element)}'
 
 
@@ -138,23 +138,23 @@ def _escape_label(label: str) -> str:
 def _legend(graph: Graph) -> list[str]:
     """Return the legend: for each kind of arrow, an arrow from A to B with its meaning."""
     lines = []
-    for number, kind in enumerate(edges_of(graph)):
-        sentence = _escape_label(EDGES[kind].sentence)
+    for number, kind in enumerate(edge_kinds_of(graph)):
+        sentence = _escape_label(EDGE_LOOKS[kind].sentence)
         lines.append(f'a{number}(("A")) {_ARROWS[kind]}|"{sentence}"| b{number}(("B"))')
-    lines += (f'k_{kind}["{_escape_label(NODES[kind].meaning)}"]:::{kind}' for kind in nodes_of(graph))
-    if any(latency_of(element) for element in graph.elements):
-        lines.append(f'worst_case["≤ 1 s{_escape_label(": " + WORST_CASE)}"]:::plain')
+    lines += (f'k_{kind}["{_escape_label(NODE_LOOKS[kind].meaning)}"]:::{kind}' for kind in node_kinds_of(graph))
+    if any(latency_text(element) for element in graph.elements):
+        lines.append(f'worst_case["≤ 1 s{_escape_label(": " + WORST_CASE_TEXT)}"]:::plain')
     return _subgraph("legend", "how to read it", lines)
 
 
 def _style(kind: ShownKind) -> str:
-    dashes = ",stroke-dasharray:4 2" if "dashed" in NODES[kind].style else ""
-    return f"classDef {kind} fill:{NODES[kind].fill},stroke:#333333,color:#000000{dashes}"
+    dashes = ",stroke-dasharray:4 2" if "dashed" in NODE_LOOKS[kind].style else ""
+    return f"classDef {kind} fill:{NODE_LOOKS[kind].fill},stroke:#333333,color:#000000{dashes}"
 
 
 def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
-    numbers = ",".join(str(number) for number, link_kind in enumerate(kinds) if link_kind is kind)
-    return f"linkStyle {numbers} stroke:{EDGES[kind].colour}"
+    numbers_text = ",".join(str(number) for number, link_kind in enumerate(kinds) if link_kind is kind)
+    return f"linkStyle {numbers_text} stroke:{EDGE_LOOKS[kind].colour}"
 
 
 def _overview_chart(overview_graph: Overview) -> str:
@@ -165,11 +165,11 @@ def _overview_chart(overview_graph: Overview) -> str:
         "%% Each arrow leads from a box to a box that needs it. `codra graph --select` shows a part in full.",
     ]
     for spec in overview_graph.specs:
-        inner_lines = [
+        box_lines = [
             f'b{number}["{_escape_label(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
             for number, box in enumerate(overview_graph.boxes)
             if box.spec == spec
         ]
-        lines += _subgraph(f"spec_{spec}", spec, inner_lines) if len(overview_graph.specs) > 1 else inner_lines
+        lines += _subgraph(f"spec_{spec}", spec, box_lines) if len(overview_graph.specs) > 1 else box_lines
     lines += (f"b{need} --> b{user}" for need, user in overview_graph.arrows)
     return "\n  ".join(lines) + "\n"

@@ -60,9 +60,9 @@ def _observer_key(element: Element) -> _Key:
 
 def _condense(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
     counts = Counter(map(key_of, graph.elements))
-    numbers = {key: number for number, key in enumerate(counts)}
-    box_of = {element.id: numbers[key_of(element)] for element in graph.elements}
-    arrows = Counter((box_of[need], box_of[user]) for need, user in (link.flow for link in graph.links))
+    number_by_key = {key: number for number, key in enumerate(counts)}
+    box_by_element = {element.id: number_by_key[key_of(element)] for element in graph.elements}
+    arrows = Counter((box_by_element[need], box_by_element[user]) for need, user in (link.flow for link in graph.links))
     return Overview(
         specs=graph.specs,
         boxes=tuple(Box(spec=spec, label=label, count=count) for (spec, label), count in counts.items()),

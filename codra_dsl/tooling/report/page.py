@@ -14,17 +14,17 @@ from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from codra_dsl.tooling.report.dot import MAX_QUICK_NODES, DrawingError, drawing
+from codra_dsl.tooling.report.dot import MAX_QUICK_NODES, DrawingError, render_drawing
 from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Element, Graph
 from codra_dsl.tooling.report.looks import (
-    EDGES,
-    NODES,
-    WORST_CASE,
-    edges_of,
+    EDGE_LOOKS,
+    NODE_LOOKS,
+    WORST_CASE_TEXT,
+    edge_kinds_of,
     label_of,
-    latency_of,
-    nodes_of,
+    latency_text,
+    node_kinds_of,
     shown_kind,
 )
 
@@ -42,7 +42,7 @@ def render_html(graph: Graph) -> str:
         style=style,
         script=script,
         drawing=_drawing(graph),
-        data=_data(graph),
+        data=_page_data(graph),
     )
 
 
@@ -68,25 +68,25 @@ def _drawing(graph: Graph) -> str:
     if len(graph.elements) > MAX_QUICK_NODES:
         return ""
     try:
-        return drawing(graph)
+        return render_drawing(graph)
     except DrawingError:
         return ""
 
 
-def _data(graph: Graph) -> Mapping[str, object]:
-    numbers = {element.id: number for number, element in enumerate(graph.elements)}
+def _page_data(graph: Graph) -> Mapping[str, object]:
+    number_by_id = {element.id: number for number, element in enumerate(graph.elements)}
     return {
         "title": ", ".join(graph.specs),
         "specs": graph.specs,
         "nodes": [_node(element) for element in graph.elements],
-        "edges": [(*(numbers[end] for end in link.flow), link.kind.value) for link in graph.links],
-        "kinds": {kind.value: NODES[kind].meaning for kind in nodes_of(graph)},
-        "arrows": {kind.value: EDGES[kind].sentence for kind in edges_of(graph)},
-        "latency": WORST_CASE if any(element.worst_case_s is not None for element in graph.elements) else "",
+        "edges": [(*(number_by_id[end] for end in link.flow), link.kind.value) for link in graph.links],
+        "kinds": {kind.value: NODE_LOOKS[kind].meaning for kind in node_kinds_of(graph)},
+        "arrows": {kind.value: EDGE_LOOKS[kind].sentence for kind in edge_kinds_of(graph)},
+        "latency": WORST_CASE_TEXT if any(element.worst_case_s is not None for element in graph.elements) else "",
     }
 
 
-_FACTS = {
+_FACT_LABELS = {
     "type": "Type",
     "call": "Calls",
     "period_s": "Looks every",
@@ -103,7 +103,11 @@ def _fact_text(value: object) -> object:
 
 
 def _node(element: Element) -> Mapping[str, object]:
-    facts = {_FACTS[name]: _fact_text(value) for name, value in element.about.items() if name in _FACTS and value != []}
+    facts = {
+        _FACT_LABELS[name]: _fact_text(value)
+        for name, value in element.about.items()
+        if name in _FACT_LABELS and value != []
+    }
     if "Looks every" in facts:
         facts["Looks every"] = f"{facts['Looks every']:g} s"
     return {
@@ -116,6 +120,6 @@ def _node(element: Element) -> Mapping[str, object]:
         "place": f"{element.file}:{element.line}",
         "description": visible_text(element.description),
         "worst_case_s": element.worst_case_s,
-        "latency": latency_of(element),
+        "latency": latency_text(element),
         "facts": facts,
     }

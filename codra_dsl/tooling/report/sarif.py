@@ -16,15 +16,15 @@ from codra_dsl.tooling.report.explain import Page, as_text, family_of, page_of
 from codra_dsl.tooling.report.findings import as_json, number_findings, related_places, visible_text
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
-_ROOT = "%SRCROOT%"
-_CYCLES = "CDR51"
-_FINGERPRINT = "codraFinding/v1"
+_ROOT_BASE_ID = "%SRCROOT%"
+_CYCLE_CODE_PREFIX = "CDR51"
+_FINGERPRINT_KEY = "codraFinding/v1"
 
 MAX_RESULTS = 25_000
 """The maximum number of results in a run. GitHub rejects a run with more results."""
-MAX_RELATED = 100
+MAX_RELATED_LOCATIONS = 100
 """The number of related locations of a result that GitHub keeps. It rejects a result with more than 1,000."""
-MAX_STEPS = 1_000
+MAX_FLOW_STEPS = 1_000
 """The number of locations of a code flow that GitHub keeps. It rejects a result with more than 10,000."""
 _MAX_LINKS = 5
 _MAX_DESCRIPTION = 1024
@@ -44,28 +44,28 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
         folder: the path of the files' root within the repository, with `/`.
     """
     findings = tuple(diagnostics)
-    kept_findings = _most_severe(findings)
+    kept_findings = _most_severe_findings(findings)
     rules = {
         diagnostic.code: diagnostic.rule for diagnostic in sorted(kept_findings, key=lambda diagnostic: diagnostic.code)
     }
-    numbers = {code: number for number, code in enumerate(rules)}
+    index_by_code = {code: number for number, code in enumerate(rules)}
     places = _Places(folder)
     results = [
-        _result(diagnostic, numbers[diagnostic.code], occurrence, places)
+        _result_object(diagnostic, index_by_code[diagnostic.code], occurrence, places)
         for diagnostic, occurrence in number_findings(kept_findings)
     ]
-    driver = {"name": "codra", "version": __version__, "rules": [_rule(rule) for rule in rules.values()]}
+    driver = {"name": "codra", "version": __version__, "rules": [_rule_object(rule) for rule in rules.values()]}
     run = {
         "tool": {"driver": driver},
         "invocations": [_invocation(len(findings) - len(kept_findings))],
-        "originalUriBaseIds": {_ROOT: {"description": {"text": "The folder to which all paths are relative."}}},
+        "originalUriBaseIds": {_ROOT_BASE_ID: {"description": {"text": "The folder to which all paths are relative."}}},
         "columnKind": "unicodeCodePoints",
         "results": results,
     }
     return as_json({"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2) + "\n"
 
 
-def _most_severe(diagnostics: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
+def _most_severe_findings(diagnostics: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
     """Return all findings, or, if GitHub does not accept so many, as many as possible, errors before warnings."""
     if len(diagnostics) <= MAX_RESULTS:
         return diagnostics
@@ -83,11 +83,11 @@ def _invocation(omitted_count: int) -> _Object:
 # ---------------------------------------------------------------------------------------------------- rules
 
 
-def _rule(rule: Rule) -> _Object:
-    page = _page(rule.code)
+def _rule_object(rule: Rule) -> _Object:
+    page = _find_page(rule.code)
     summary = rule.name.replace("-", " ").capitalize() if page is None else page.summary.replace("`", "")
     description = {"text": _sentence(summary)[:_MAX_DESCRIPTION]}
-    optional_properties: _Object = {} if page is None else {"properties": {"tags": [_tag(rule.code)]}}
+    optional_properties: _Object = {} if page is None else {"properties": {"tags": [_family_tag(rule.code)]}}
     return {
         "id": rule.code,
         "name": rule.name,
@@ -99,7 +99,7 @@ def _rule(rule: Rule) -> _Object:
     }
 
 
-def _page(code: str) -> Page | None:
+def _find_page(code: str) -> Page | None:
     """Return the page of a rule, or None in an installation without pages."""
     try:
         return page_of(code)
@@ -107,16 +107,16 @@ def _page(code: str) -> Page | None:
         return None
 
 
-def _tag(code: str) -> str:
+def _family_tag(code: str) -> str:
     return _NON_WORD.sub("-", family_of(code).lower())
 
 
 # ---------------------------------------------------------------------------------------------------- results
 
 
-def _result(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _Places) -> _Object:
-    related = related_places(diagnostic)[:MAX_RELATED]
-    flows = _flows(diagnostic, places)
+def _result_object(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _Places) -> _Object:
+    related = related_places(diagnostic)[:MAX_RELATED_LOCATIONS]
+    flows = _code_flows(diagnostic, places)
     location: _Object = {"physicalLocation": places.physical_location(diagnostic.place.span)}
     if diagnostic.path:
         location["logicalLocations"] = [{"fullyQualifiedName": visible_text(diagnostic.path)}]
@@ -125,7 +125,7 @@ def _result(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _P
             places.location_with_message(related_place, number) for number, related_place in enumerate(related, start=1)
         ],
         "codeFlows": flows,
-        "fixes": [_fix(diagnostic.fix, places)] if diagnostic.fix is not None else [],
+        "fixes": [_fix_object(diagnostic.fix, places)] if diagnostic.fix is not None else [],
     }
     return {
         "ruleId": diagnostic.code,
@@ -134,7 +134,7 @@ def _result(diagnostic: Diagnostic, rule_index: int, occurrence: int, places: _P
         "message": {"text": _message(diagnostic, () if flows else related[:_MAX_LINKS])},
         "locations": [location],
         **{key: value for key, value in optional_properties.items() if value},
-        "partialFingerprints": {_FINGERPRINT: f"{diagnostic.fingerprint}:{occurrence}"},
+        "partialFingerprints": {_FINGERPRINT_KEY: f"{diagnostic.fingerprint}:{occurrence}"},
     }
 
 
@@ -150,33 +150,35 @@ def _message(diagnostic: Diagnostic, linked_places: Sequence[Related]) -> str:
 
 def _sentence(text: str) -> str:
     """Return text as a sentence without links. Where space is short, only the first sentence of a text is shown."""
-    visible_line = visible_text(text).replace("](", "] (")
-    return visible_line if visible_line.endswith((".", "!", "?")) else f"{visible_line}."
+    sentence = visible_text(text).replace("](", "] (")
+    return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."
 
 
 def _link_text(text: str) -> str:
     return _LINK_LETTERS.sub(r"\\\1", visible_text(text))
 
 
-def _flows(diagnostic: Diagnostic, places: _Places) -> list[_Object]:
+def _code_flows(diagnostic: Diagnostic, places: _Places) -> list[_Object]:
     """Return the path around a cycle, edge by edge."""
-    if not diagnostic.code.startswith(_CYCLES):
+    if not diagnostic.code.startswith(_CYCLE_CODE_PREFIX):
         return []
     main_place = diagnostic.place
-    edges = [
+    related_edges = [
         related
         for related in diagnostic.related
         if related.place == main_place or related.place.span != main_place.span
     ]
-    steps = [{"location": places.location_with_message(edge)} for edge in edges[:MAX_STEPS]]
+    steps = [
+        {"location": places.location_with_message(related_edge)} for related_edge in related_edges[:MAX_FLOW_STEPS]
+    ]
     return [{"threadFlows": [{"locations": steps}]}] if steps else []
 
 
-def _fix(fix: Fix, places: _Places) -> _Object:
-    edits_by_file = groupby(sorted(fix.edits, key=lambda edit: edit.span), key=lambda edit: edit.span.file)
+def _fix_object(fix: Fix, places: _Places) -> _Object:
+    file_edit_groups = groupby(sorted(fix.edits, key=lambda edit: edit.span), key=lambda edit: edit.span.file)
     changes = [
         {"artifactLocation": places.artifact_location(file), "replacements": [_replacement(edit) for edit in edits]}
-        for file, edits in edits_by_file
+        for file, edits in file_edit_groups
     ]
     return {"description": {"text": _sentence(fix.message)}, "artifactChanges": changes}
 
@@ -206,7 +208,7 @@ class _Places:
 
     def artifact_location(self, file: str) -> Mapping[str, str]:
         if file not in self._artifacts:
-            self._artifacts[file] = {"uri": _uri(self._prefix + file), "uriBaseId": _ROOT}
+            self._artifacts[file] = {"uri": _uri(self._prefix + file), "uriBaseId": _ROOT_BASE_ID}
         return self._artifacts[file]
 
 

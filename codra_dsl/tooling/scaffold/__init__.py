@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codra_dsl.tooling.scaffold.files import conflicts, installed_requirement, starter_texts, write_new
+from codra_dsl.tooling.scaffold.files import conflicts, installed_requirement, starter_texts, write_new_files
 from codra_dsl.tooling.scaffold.names import ImproperNameError, name_from_folder, require_name
 
 __all__ = [
@@ -12,5 +12,5 @@ __all__ = [
     "name_from_folder",
     "require_name",
     "starter_texts",
-    "write_new",
+    "write_new_files",
 ]

@@ -11,11 +11,11 @@ from pathlib import Path, PurePosixPath
 from codra_dsl import __version__
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE
 
-_TEMPLATES = Path(__file__).parent / "project"
-_ENDING = ".in"
-_NAME = "@NAME@"
-_CODRA = "@CODRA@"
-_PACKAGE = "codra-dsl"
+_TEMPLATE_FOLDER = Path(__file__).parent / "project"
+_TEMPLATE_SUFFIX = ".in"
+_NAME_PLACEHOLDER = "@NAME@"
+_CODRA_PLACEHOLDER = "@CODRA@"
+_DISTRIBUTION = "codra-dsl"
 
 
 def starter_texts(name: str, requirement: str) -> dict[str, str]:
@@ -26,23 +26,25 @@ def starter_texts(name: str, requirement: str) -> dict[str, str]:
         requirement: the requirement with which pip installs codra, e.g. `codra-dsl==0.1.0`.
     """
     texts = {SCHEMA_COPY: SCHEMA_FILE.read_text("utf-8")}
-    for template in sorted(_TEMPLATES.rglob(f"*{_ENDING}")):
-        path = template.relative_to(_TEMPLATES).as_posix().removesuffix(_ENDING)
+    for template in sorted(_TEMPLATE_FOLDER.rglob(f"*{_TEMPLATE_SUFFIX}")):
+        path = template.relative_to(_TEMPLATE_FOLDER).as_posix().removesuffix(_TEMPLATE_SUFFIX)
         text = template.read_text(encoding="utf-8")
-        texts[path.replace(_NAME, name)] = text.replace(_NAME, name).replace(_CODRA, requirement)
+        texts[path.replace(_NAME_PLACEHOLDER, name)] = text.replace(_NAME_PLACEHOLDER, name).replace(
+            _CODRA_PLACEHOLDER, requirement
+        )
     return dict(sorted(texts.items()))
 
 
 def installed_requirement() -> str:
     """Return the requirement that installs this codra: a git or https address, or the version."""
     try:
-        origin = distribution(_PACKAGE).read_text("direct_url.json")
+        origin = distribution(_DISTRIBUTION).read_text("direct_url.json")
     except PackageNotFoundError:  # codra is run from source
         origin = None
-    return requirement_from(origin)
+    return requirement_from_origin(origin)
 
 
-def requirement_from(origin: str | None) -> str:
+def requirement_from_origin(origin: str | None) -> str:
     """Return the requirement that installs codra from the same origin.
 
     The origin of a local folder or file is of no use on other machines. Then the requirement is the version.
@@ -50,14 +52,14 @@ def requirement_from(origin: str | None) -> str:
     Args:
         origin: the text of `direct_url.json`, in which pip records the origin of some packages; None without this file.
     """
-    record = json.loads(origin) if origin else {}
-    url = record.get("url", "")
+    direct_url = json.loads(origin) if origin else {}
+    url = direct_url.get("url", "")
     if not url.startswith(("https://", "ssh://")):
-        return f"{_PACKAGE}=={__version__}"
-    vcs = record.get("vcs_info")
+        return f"{_DISTRIBUTION}=={__version__}"
+    vcs = direct_url.get("vcs_info")
     address = f"{vcs['vcs']}+{url}@{vcs['commit_id']}" if vcs else url
-    below = f"#subdirectory={record['subdirectory']}" if record.get("subdirectory") else ""
-    return f"{_PACKAGE} @ {address}{below}"
+    subdirectory = f"#subdirectory={direct_url['subdirectory']}" if direct_url.get("subdirectory") else ""
+    return f"{_DISTRIBUTION} @ {address}{subdirectory}"
 
 
 def conflicts(paths: Iterable[str], folder: Path) -> tuple[str, ...]:
@@ -68,42 +70,38 @@ def conflicts(paths: Iterable[str], folder: Path) -> tuple[str, ...]:
     return tuple(sorted({conflicting_path for path in paths for conflicting_path in _conflicting_paths(path, folder)}))
 
 
-def write_new(texts: Mapping[str, str], folder: Path) -> None:
+def write_new_files(texts: Mapping[str, str], folder: Path) -> None:
     """Write new files. If one of them cannot be written, remove all files and folders that were created before.
 
     Raises:
         OSError: if a file exists already or cannot be written.
     """
-    created: list[Path] = []
+    created_paths: list[Path] = []
     try:
         for path, text in texts.items():
-            _make_folders((folder / path).parent, created)
+            _make_folders((folder / path).parent, created_paths)
             with (folder / path).open("x", encoding="utf-8", newline="\n") as file:
-                created.append(folder / path)
+                created_paths.append(folder / path)
                 file.write(text)
     except BaseException:
-        for created_path in reversed(created):
+        for created_path in reversed(created_paths):
             created_path.rmdir() if created_path.is_dir() else created_path.unlink()
         raise
 
 
 def _conflicting_paths(path: str, folder: Path) -> Iterator[str]:
     for parent in reversed(PurePosixPath(path).parents):
-        existing_path = folder / parent
-        if (
-            parent.name
-            and os.path.lexists(existing_path)
-            and (existing_path.is_symlink() or not existing_path.is_dir())
-        ):
+        parent_path = folder / parent
+        if parent.name and os.path.lexists(parent_path) and (parent_path.is_symlink() or not parent_path.is_dir()):
             yield parent.as_posix()
             return
     if os.path.lexists(folder / path):
         yield path
 
 
-def _make_folders(folder: Path, created: list[Path]) -> None:
-    """Create a folder and its missing parents, and append them to `created`."""
+def _make_folders(folder: Path, created_paths: list[Path]) -> None:
+    """Create a folder and its missing parents, and append them to `created_paths`."""
     if not folder.is_dir():
-        _make_folders(folder.parent, created)
+        _make_folders(folder.parent, created_paths)
         folder.mkdir()
-        created.append(folder)
+        created_paths.append(folder)

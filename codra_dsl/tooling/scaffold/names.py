@@ -9,7 +9,7 @@ from codra_dsl.language.expression import FUNCTIONS
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
 
-_OTHER_CHARACTERS = re.compile(r"[^A-Za-z0-9]+")
+_NON_ALPHANUMERICS = re.compile(r"[^A-Za-z0-9]+")
 
 
 class ImproperNameError(ValueError):
@@ -46,7 +46,7 @@ _EXAMPLE = "--name gripper"
 
 def _similar_name(name: str) -> str | None:
     """Return a similar name that a spec may have, or None."""
-    similar_name = _OTHER_CHARACTERS.sub("_", name).strip("_") if name.isascii() else ""
+    similar_name = _NON_ALPHANUMERICS.sub("_", name).strip("_") if name.isascii() else ""
     return next(
         (
             candidate

@@ -236,7 +236,7 @@ def _render_findings(diagnostics: Sequence[Diagnostic], sources: Callable[[str],
     for render in (render_concise, render_json, render_github, render_sarif):
         render(diagnostics)
     render_summary(diagnostics, "findings")
-    render_junit(diagnostics, ["spec.yaml"], sources, is_failure=lambda _: True, suite="codra")
+    render_junit(diagnostics, ["spec.yaml"], sources, is_failure=lambda _: True, suite_name="codra")
 
 
 def _draw(compilation: Compilation) -> None:

@@ -119,11 +119,11 @@ def variable(kind: str, name: str, terms: Iterable[str], *keys: str, ends: str =
     ]
 
 
-def input_variable(name: str, terms: Iterable[str], *keys: str, ends: str = "0.0 1.0") -> list[str]:
+def input_variable_lines(name: str, terms: Iterable[str], *keys: str, ends: str = "0.0 1.0") -> list[str]:
     return variable("InputVariable", name, terms, *keys, ends=ends)
 
 
-def output_variable(
+def output_variable_lines(
     name: str, terms: Iterable[str], defuzzifier: str, *keys: str, aggregation: str = "Maximum", ends: str = "0.0 1.0"
 ) -> list[str]:
     default = [f"defuzzifier: {defuzzifier}", f"aggregation: {aggregation}"]
@@ -152,18 +152,18 @@ ONE = ("one Constant 1.0",)
 def terms_asked() -> list[str]:
     """Return an engine with each shape as a term of an input; the output is its degree."""
     count = range(len(TERMS))
-    lines = input_variable("a", sets(TERMS)) + input_variable("b", ())
+    lines = input_variable_lines("a", sets(TERMS)) + input_variable_lines("b", ())
     for at in count:
-        lines += output_variable(f"o{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable_lines(f"o{at}", ONE, "WeightedSum", aggregation="none")
     return lines + block(*(f"if a is s{at} then o{at} is one" for at in count))
 
 
 def terms_concluded() -> list[str]:
     """Return an engine with each shape as a term of an output, clipped by a rule."""
-    lines = input_variable("a", THIRDS) + input_variable("b", THIRDS)
+    lines = input_variable_lines("a", THIRDS) + input_variable_lines("b", THIRDS)
     rules = []
     for at, shape in enumerate(TERMS):
-        lines += output_variable(f"o{at}", (f"s {shape}", "other Triangle 0.0 0.2 0.4"), "Centroid 100")
+        lines += output_variable_lines(f"o{at}", (f"s {shape}", "other Triangle 0.0 0.2 0.4"), "Centroid 100")
         rules.append(f"if a is high then o{at} is s with 0.8")
         rules.append(f"if b is low then o{at} is other")
     return lines + block(*rules)
@@ -171,15 +171,15 @@ def terms_concluded() -> list[str]:
 
 def terms_inverted() -> list[str]:
     """Return an engine with each monotone shape by Tsukamoto's method, and every other shape by its inverse."""
-    lines, rules = input_variable("a", FIFTHS) + input_variable("b", FIFTHS), []
+    lines, rules = input_variable_lines("a", FIFTHS) + input_variable_lines("b", FIFTHS), []
     plain = [shape for shape in TERMS if shape.split()[0] not in ("Constant", "Linear", "Function")]
     for at, shape in enumerate(plain):
-        lines += output_variable(f"o{at}", (f"s {shape}",), "WeightedAverage", aggregation="none")
+        lines += output_variable_lines(f"o{at}", (f"s {shape}",), "WeightedAverage", aggregation="none")
         rules.append(f"if a is t2 then o{at} is s")
     monotone = ("Arc 0.2 0.8", "Concave 0.4 0.5", "Ramp 0.2 0.7", "Sigmoid 0.5 20", "SShape 0.2 0.8", "ZShape 0.9 0.1")
-    lines += output_variable("sum", sets(monotone), "WeightedSum Tsukamoto", aggregation="none")
-    lines += output_variable("mean", sets(monotone), "WeightedAverage Tsukamoto", aggregation="AlgebraicSum")
-    lines += output_variable("values", sets(monotone), "WeightedAverage TakagiSugeno", aggregation="Maximum")
+    lines += output_variable_lines("sum", sets(monotone), "WeightedSum Tsukamoto", aggregation="none")
+    lines += output_variable_lines("mean", sets(monotone), "WeightedAverage Tsukamoto", aggregation="AlgebraicSum")
+    lines += output_variable_lines("values", sets(monotone), "WeightedAverage TakagiSugeno", aggregation="Maximum")
     for at in range(len(monotone)):
         side = "a" if at % 2 else "b"
         rules.append(f"if {side} is t{at % 5} then sum is s{at} and mean is s{at} and values is s{at}")
@@ -189,18 +189,18 @@ def terms_inverted() -> list[str]:
 
 def norms() -> list[str]:
     """Return an engine with each norm in each of its roles."""
-    lines = input_variable("a", THIRDS) + input_variable("b", (*THIRDS, "sharp Rectangle 0.4 0.6"))
+    lines = input_variable_lines("a", THIRDS) + input_variable_lines("b", (*THIRDS, "sharp Rectangle 0.4 0.6"))
     blocks: list[str] = []
     for at, norm in enumerate(TNORMS.split()):
-        lines += output_variable(f"and{at}", ONE, "WeightedSum", aggregation="none")
-        lines += output_variable(f"then{at}", THIRDS, "Centroid 50")
+        lines += output_variable_lines(f"and{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable_lines(f"then{at}", THIRDS, "Centroid 50")
         rules = (f"if a is high and b is middle and b is sharp or b is low and a is middle then and{at} is one",)
         rules += (f"if a is low then then{at} is low", f"if b is middle then then{at} is high with 0.7")
         blocks += block(*rules, conjunction=norm, implication=norm)
     for at, norm in enumerate(SNORMS.split()):
-        lines += output_variable(f"or{at}", ONE, "WeightedSum", aggregation="none")
-        lines += output_variable(f"sum{at}", FIFTHS, "Centroid 50", aggregation=norm)
-        lines += output_variable(f"group{at}", ONE, "WeightedSum", aggregation=norm)
+        lines += output_variable_lines(f"or{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable_lines(f"sum{at}", FIFTHS, "Centroid 50", aggregation=norm)
+        lines += output_variable_lines(f"group{at}", ONE, "WeightedSum", aggregation=norm)
         rules = (f"if a is high or b is middle or a is middle and b is sharp then or{at} is one and group{at} is one",)
         rules += (f"if a is low then sum{at} is t1 and group{at} is one", f"if b is middle then sum{at} is t2")
         rules += (f"if b is high then sum{at} is t2 and group{at} is one with 0.6",)
@@ -210,15 +210,15 @@ def norms() -> list[str]:
 
 def hedges() -> list[str]:
     """Return an engine with each hedge alone and before every hedge, in antecedents and conclusions."""
-    lines, rules = input_variable("a", FIFTHS), []
+    lines, rules = input_variable_lines("a", FIFTHS), []
     words = HEDGES.split()
     pairs = [(word,) for word in words] + [(one, other) for one in words for other in words if one != "any"]
     for at, pair in enumerate(pairs):
-        lines += output_variable(f"o{at}", ONE, "WeightedSum", aggregation="none")
+        lines += output_variable_lines(f"o{at}", ONE, "WeightedSum", aggregation="none")
         term = "" if "any" in pair else "t1"
         rules.append(f"if a is {' '.join(pair)} {term} then o{at} is one")
     for at, word in enumerate(words):
-        lines += output_variable(f"c{at}", (*THIRDS, *FIFTHS), "Centroid 40")
+        lines += output_variable_lines(f"c{at}", (*THIRDS, *FIFTHS), "Centroid 40")
         rules.append(f"if a is t1 then c{at} is {word} low and c{at} is very t3")
         rules.append(f"if a is t2 then c{at} is not {word} high")
     return lines + block(*rules)
@@ -226,11 +226,11 @@ def hedges() -> list[str]:
 
 def defuzzifiers() -> list[str]:
     """Return an engine with each integral at several resolutions."""
-    lines, rules = input_variable("a", FIFTHS) + input_variable("b", THIRDS), []
+    lines, rules = input_variable_lines("a", FIFTHS) + input_variable_lines("b", THIRDS), []
     for at, defuzzifier in enumerate(INTEGRALS.split()):
         for size in ("", " 1", " 7", " 100"):
             name = f"o{at}{size.strip()}"
-            lines += output_variable(name, FIFTHS, f"{defuzzifier}{size}", ends="-0.5 1.25")
+            lines += output_variable_lines(name, FIFTHS, f"{defuzzifier}{size}", ends="-0.5 1.25")
             rules += [f"if a is t{index} then {name} is t{4 - index}" for index in (0, 2, 3)]
             rules.append(f"if b is not low and a is t4 then {name} is t1 with 0.9")
     return lines + block(*rules)
@@ -238,11 +238,11 @@ def defuzzifiers() -> list[str]:
 
 def activations() -> list[str]:
     """Return an engine with each activation and its parameters, for fuzzy sets and for numbers."""
-    lines, blocks = input_variable("a", FIFTHS) + input_variable("b", FIFTHS), []
+    lines, blocks = input_variable_lines("a", FIFTHS) + input_variable_lines("b", FIFTHS), []
     numbers = ("p Constant 0.0", "q Constant 1.0", "r Constant 4.0")
     for at, activation in enumerate(ACTIVATIONS):
-        lines += output_variable(f"set{at}", FIFTHS, "Centroid 50", aggregation="AlgebraicSum")
-        lines += output_variable(f"number{at}", numbers, "WeightedAverage", "default: -1.0", aggregation="none")
+        lines += output_variable_lines(f"set{at}", FIFTHS, "Centroid 50", aggregation="AlgebraicSum")
+        lines += output_variable_lines(f"number{at}", numbers, "WeightedAverage", "default: -1.0", aggregation="none")
         rules = [f"if a is t{index} then set{at} is t{index} and number{at} is p" for index in range(3)]
         rules += [f"if b is t{index} or a is t4 then set{at} is t{index} and number{at} is r" for index in (2, 3)]
         rules.append(f"if b is t1 and a is not t3 then number{at} is q with 0.5")
@@ -252,14 +252,16 @@ def activations() -> list[str]:
 
 def formulas() -> list[str]:
     """Return an engine with each operator and function: as a number, as a fuzzy set and as a term of an input."""
-    lines = input_variable("a", (*THIRDS, "wave Function 0.5 + 0.5 * sin(6 * x) * b")) + input_variable("b", THIRDS)
+    lines = input_variable_lines("a", (*THIRDS, "wave Function 0.5 + 0.5 * sin(6 * x) * b")) + input_variable_lines(
+        "b", THIRDS
+    )
     rules = []
     for at, formula in enumerate(FORMULAS):
-        lines += output_variable(f"o{at}", (f"f Function {formula}",), "WeightedAverage", aggregation="none")
+        lines += output_variable_lines(f"o{at}", (f"f Function {formula}",), "WeightedAverage", aggregation="none")
         rules.append(f"if a is low then o{at} is f")
-    lines += output_variable("sheet", ("f Function a * exp(~x) * b", "p Ramp 0.0 1.0"), "Centroid 20")
-    lines += output_variable("plane", ("l Linear 0.3 0.2 0.1", "p Ramp 1.0 0.0"), "Centroid 20")
-    lines += output_variable("later", ("f Function sheet + 2 * o0 + 0.1 * later",), "WeightedSum", "default: 0.5")
+    lines += output_variable_lines("sheet", ("f Function a * exp(~x) * b", "p Ramp 0.0 1.0"), "Centroid 20")
+    lines += output_variable_lines("plane", ("l Linear 0.3 0.2 0.1", "p Ramp 1.0 0.0"), "Centroid 20")
+    lines += output_variable_lines("later", ("f Function sheet + 2 * o0 + 0.1 * later",), "WeightedSum", "default: 0.5")
     for name, term in (("sheet", "f"), ("sheet", "p"), ("plane", "l"), ("plane", "p"), ("later", "f")):
         rules.append(f"if a is wave or b is middle then {name} is {term}")
     return lines + block(*rules, disjunction="AlgebraicSum")
@@ -268,11 +270,11 @@ def formulas() -> list[str]:
 def takagi_sugeno() -> list[str]:
     """Return an engine with constants, planes and formulas, as means and sums, with several conclusions for a term."""
     terms = ("c Constant 0.25", "l Linear 1.0 -0.5", "k Linear 0.5 2.0 -0.25", "f Function a * b + x")
-    lines = input_variable("a", FIFTHS) + input_variable("b", FIFTHS)
+    lines = input_variable_lines("a", FIFTHS) + input_variable_lines("b", FIFTHS)
     blocks: list[str] = []
     for at, norm in enumerate(("none", "Maximum", "AlgebraicSum", "UnboundedSum")):
-        lines += output_variable(f"mean{at}", terms, "WeightedAverage", aggregation=norm)
-        lines += output_variable(f"sum{at}", terms, "WeightedSum TakagiSugeno", aggregation=norm)
+        lines += output_variable_lines(f"mean{at}", terms, "WeightedAverage", aggregation=norm)
+        lines += output_variable_lines(f"sum{at}", terms, "WeightedSum TakagiSugeno", aggregation=norm)
         both = [f"mean{at} is {name} and sum{at} is {name}" for name in "clkf"]
         rules = [f"if a is t{index} and b is t{(index + 2) % 5} then {both[index % 4]}" for index in range(5)]
         rules += [f"if a is t{index} or b is not t{index} then {both[index % 4]} with 0.3" for index in range(3)]
@@ -283,18 +285,20 @@ def takagi_sugeno() -> list[str]:
 def outputs() -> list[str]:
     """Return an engine with the options of outputs, disabled parts, and rules about outputs."""
     lines = (
-        input_variable("a", FIFTHS, "lock-range: true")
-        + input_variable("b", THIRDS)
-        + input_variable("c", THIRDS, "enabled: false")
+        input_variable_lines("a", FIFTHS, "lock-range: true")
+        + input_variable_lines("b", THIRDS)
+        + input_variable_lines("c", THIRDS, "enabled: false")
     )
     narrow = ("peak Triangle 0.1 0.2 0.3", "edge Triangle 0.8 0.9 1.0")
-    lines += output_variable("kept", narrow, "Centroid 30", "lock-previous: true")
-    lines += output_variable("kept_or", narrow, "Centroid 30", "lock-previous: true", "default: 0.4")
-    lines += output_variable("usual", narrow, "Bisector 30", "default: 0.7")
-    lines += output_variable("locked", ("big Constant 9.0", "small Constant -9.0"), "WeightedSum", "lock-range: true")
-    lines += output_variable("off", narrow, "Centroid 30", "enabled: false")
-    lines += output_variable("second", narrow, "Centroid 30", aggregation="AlgebraicSum")
-    lines += output_variable("third", ONE, "WeightedSum", aggregation="none")
+    lines += output_variable_lines("kept", narrow, "Centroid 30", "lock-previous: true")
+    lines += output_variable_lines("kept_or", narrow, "Centroid 30", "lock-previous: true", "default: 0.4")
+    lines += output_variable_lines("usual", narrow, "Bisector 30", "default: 0.7")
+    lines += output_variable_lines(
+        "locked", ("big Constant 9.0", "small Constant -9.0"), "WeightedSum", "lock-range: true"
+    )
+    lines += output_variable_lines("off", narrow, "Centroid 30", "enabled: false")
+    lines += output_variable_lines("second", narrow, "Centroid 30", aggregation="AlgebraicSum")
+    lines += output_variable_lines("third", ONE, "WeightedSum", aggregation="none")
     rules = ["if a is t0 and b is low then kept is peak and kept_or is peak and usual is peak"]
     rules += ["if a is t4 and b is high then kept is edge and kept_or is edge and off is edge and usual is very edge"]
     rules += ["if b is low then locked is big", "if a is t3 or c is low then locked is small"]
@@ -310,10 +314,10 @@ def outputs() -> list[str]:
 
 def hybrid() -> list[str]:
     """Return an engine with fuzzy sets, numbers and inverses."""
-    lines = input_variable("a", FIFTHS, ends="-1.0 2.0") + input_variable("b", THIRDS)
-    lines += output_variable("mamdani", FIFTHS, "MeanOfMaximum 64", aggregation="BoundedSum")
-    lines += output_variable("sugeno", ("c Constant 0.2", "l Linear 0.1 0.9 0.0"), "WeightedAverage")
-    lines += output_variable("tsukamoto", ("up Ramp 0.0 1.0", "down Ramp 1.0 0.0"), "WeightedAverage")
+    lines = input_variable_lines("a", FIFTHS, ends="-1.0 2.0") + input_variable_lines("b", THIRDS)
+    lines += output_variable_lines("mamdani", FIFTHS, "MeanOfMaximum 64", aggregation="BoundedSum")
+    lines += output_variable_lines("sugeno", ("c Constant 0.2", "l Linear 0.1 0.9 0.0"), "WeightedAverage")
+    lines += output_variable_lines("tsukamoto", ("up Ramp 0.0 1.0", "down Ramp 1.0 0.0"), "WeightedAverage")
     rules = ["if a is t1 and b is somewhat low then mamdani is t0 and sugeno is c and tsukamoto is up"]
     rules += ["if a is t2 or b is high then mamdani is t3 and sugeno is l and tsukamoto is down with 0.9"]
     rules += ["if a is any and (b is low or b is middle) then mamdani is t2"]
@@ -334,9 +338,9 @@ CONTEXT = {
 
 def store_metrics() -> list[str]:
     """Return the first stage in the shape of P2: 15 rules of ours, from context to three metrics."""
-    lines = [line for name, (ends, terms) in CONTEXT.items() for line in input_variable(name, terms, ends=ends)]
+    lines = [line for name, (ends, terms) in CONTEXT.items() for line in input_variable_lines(name, terms, ends=ends)]
     for name in ("safety", "mission_completion", "power_autonomy"):
-        lines += output_variable(name, _METRICS, "Centroid 100")
+        lines += output_variable_lines(name, _METRICS, "Centroid 100")
     return lines + block(
         "if person_distance is close then safety is low",
         "if person_distance is near and person_speed is fast then safety is low",
@@ -359,11 +363,11 @@ def store_metrics() -> list[str]:
 def store_actions() -> list[str]:
     """Return the second stage in the shape of P2: 20 rules of ours, from context and metrics to four weights."""
     names = ("person_distance", "battery", "load")
-    lines = [line for name in names for line in input_variable(name, CONTEXT[name][1], ends=CONTEXT[name][0])]
+    lines = [line for name in names for line in input_variable_lines(name, CONTEXT[name][1], ends=CONTEXT[name][0])]
     for name in ("safety", "mission_completion", "power_autonomy"):
-        lines += input_variable(name, _METRICS)
+        lines += input_variable_lines(name, _METRICS)
     for name in ("pick", "deliver", "start", "dock"):
-        lines += output_variable(name, _METRICS, "Centroid 100")
+        lines += output_variable_lines(name, _METRICS, "Centroid 100")
     return lines + block(
         "if safety is high and load is empty then pick is high",
         "if safety is medium and load is empty then pick is medium",

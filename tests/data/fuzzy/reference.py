@@ -22,7 +22,7 @@ import samples
 FOLDER = Path(__file__).parent
 
 
-def outputs(engine: fuzzylite.Engine) -> np.ndarray:
+def compute_outputs(engine: fuzzylite.Engine) -> np.ndarray:
     """Return the outputs of an engine for all rows, one at a time; the state that it keeps from earlier rows counts."""
     ranges = [(float(variable.minimum), float(variable.maximum)) for variable in engine.input_variables]
     values = []
@@ -30,21 +30,23 @@ def outputs(engine: fuzzylite.Engine) -> np.ndarray:
         for variable, value in zip(engine.input_variables, row, strict=True):
             variable.value = value
         engine.process()
-        values.append([float(np.asarray(output.value).ravel()[0]) for output in engine.output_variables])
+        values.append(
+            [float(np.asarray(output_variable.value).ravel()[0]) for output_variable in engine.output_variables]
+        )
     return np.array(values)
 
 
 def constructs() -> dict[str, list[str]]:
     """Return the keywords of FuzzyLite in FLL, by kind."""
-    manager = fuzzylite.settings.factory_manager
+    factory_manager = fuzzylite.settings.factory_manager
     factories = {
-        "term": manager.term,
-        "T-norm": manager.tnorm,
-        "S-norm": manager.snorm,
-        "hedge": manager.hedge,
-        "activation": manager.activation,
-        "defuzzifier": manager.defuzzifier,
-        "formula": manager.function,
+        "term": factory_manager.term,
+        "T-norm": factory_manager.tnorm,
+        "S-norm": factory_manager.snorm,
+        "hedge": factory_manager.hedge,
+        "activation": factory_manager.activation,
+        "defuzzifier": factory_manager.defuzzifier,
+        "formula": factory_manager.function,
     }
     return {kind: sorted(factory) for kind, factory in factories.items()}
 
@@ -55,7 +57,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     values = {}
     for path in sorted(FOLDER.glob("*.fll")):
-        values[path.stem] = outputs(fuzzylite.FllImporter().from_file(path)).astype(np.float32)
+        values[path.stem] = compute_outputs(fuzzylite.FllImporter().from_file(path)).astype(np.float32)
     np.savez_compressed(FOLDER / "values.npz", **values)
 
 

@@ -81,8 +81,8 @@ observers:
 """
 
 
-def change_texts(result: Review) -> list[str]:
-    return sorted(f"{change.category} {change.element}" for change in result.changes)
+def change_texts(diff_review: Review) -> list[str]:
+    return sorted(f"{change.category} {change.element}" for change in diff_review.changes)
 
 
 @pytest.mark.parametrize(
@@ -246,7 +246,7 @@ def test_a_reversed_comparison_has_the_opposite_categories() -> None:
     )
 
 
-def broken(name: str | None, code: str = "CDR4101") -> BrokenSpec:
+def broken_spec(name: str | None, code: str = "CDR4101") -> BrokenSpec:
     rule = Rule(code=code, name="x", severity=Severity.ERROR)
     place = Place(Span("spec.yaml", 3, 1, 3, 2))
     error = Diagnostic(rule=rule, message="wrong", place=place, path="perception.feel.accept_when", help="x")
@@ -256,21 +256,33 @@ def broken(name: str | None, code: str = "CDR4101") -> BrokenSpec:
 @pytest.mark.parametrize(
     ("before", "after", "expected"),
     [
-        (plan_version(BASE), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
-        (plan_version(BASE), Version(broken=(broken("oven", "CDR5101"),)), ["cyclic oven/perception/feel"]),
-        (plan_version(BASE), Version(broken=(broken("oven", "CDR5102"),)), ["unobservable oven/perception/feel"]),
-        (plan_version(BASE), Version(broken=(broken(None),)), ["invalid spec.yaml/perception/feel"]),
-        (plan_version(BASE), Version(broken=(broken("pan"),)), ["invalid pan/perception/feel", "removed oven"]),
-        (Version(broken=(broken("oven"),)), plan_version(BASE), ["repaired oven"]),
-        (Version(broken=(broken(None),)), plan_version(BASE), ["repaired oven"]),
-        (Version(broken=(broken("oven"),)), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
-        (Version(broken=(broken("oven"),)), Version(), ["removed oven"]),
+        (plan_version(BASE), Version(broken_specs=(broken_spec("oven"),)), ["invalid oven/perception/feel"]),
+        (plan_version(BASE), Version(broken_specs=(broken_spec("oven", "CDR5101"),)), ["cyclic oven/perception/feel"]),
         (
             plan_version(BASE),
-            Version(plans=plan_version(BASE).plans, broken=(broken("oven"),)),
+            Version(broken_specs=(broken_spec("oven", "CDR5102"),)),
+            ["unobservable oven/perception/feel"],
+        ),
+        (plan_version(BASE), Version(broken_specs=(broken_spec(None),)), ["invalid spec.yaml/perception/feel"]),
+        (
+            plan_version(BASE),
+            Version(broken_specs=(broken_spec("pan"),)),
+            ["invalid pan/perception/feel", "removed oven"],
+        ),
+        (Version(broken_specs=(broken_spec("oven"),)), plan_version(BASE), ["repaired oven"]),
+        (Version(broken_specs=(broken_spec(None),)), plan_version(BASE), ["repaired oven"]),
+        (
+            Version(broken_specs=(broken_spec("oven"),)),
+            Version(broken_specs=(broken_spec("oven"),)),
             ["invalid oven/perception/feel"],
         ),
-        (Version(plans=plan_version(BASE).plans, broken=(broken("oven"),)), plan_version(BASE), []),
+        (Version(broken_specs=(broken_spec("oven"),)), Version(), ["removed oven"]),
+        (
+            plan_version(BASE),
+            Version(plans=plan_version(BASE).plans, broken_specs=(broken_spec("oven"),)),
+            ["invalid oven/perception/feel"],
+        ),
+        (Version(plans=plan_version(BASE).plans, broken_specs=(broken_spec("oven"),)), plan_version(BASE), []),
     ],
 )
 def test_the_errors_of_a_spec_are_reported_once(before: Version, after: Version, expected: list[str]) -> None:

@@ -17,14 +17,14 @@ EDITS = CASES["edits"]
 
 
 def version(text: str, root: Path) -> Version:
-    planned = plan_text(text, "bench.yaml", root)
-    if not has_errors(planned.diagnostics):
-        return Version(plans=planned.plans)
-    errors = tuple(finding for finding in planned.diagnostics if has_errors([finding]))
-    return Version(broken=(BrokenSpec(name="bench", file="bench.yaml", errors=errors),))
+    planning_result = plan_text(text, "bench.yaml", root)
+    if not has_errors(planning_result.diagnostics):
+        return Version(plans=planning_result.plans)
+    errors = tuple(finding for finding in planning_result.diagnostics if has_errors([finding]))
+    return Version(broken_specs=(BrokenSpec(name="bench", file="bench.yaml", errors=errors),))
 
 
-def edited(edit: dict[str, Any]) -> str:
+def edited_text(edit: dict[str, Any]) -> str:
     text = CASES["base"]
     for old, new in edit["edit"]:
         assert CASES["base"].count(old) == 1, f"{old!r} is not in the base exactly once"
@@ -38,7 +38,7 @@ def test_there_are_at_least_forty_edits() -> None:
 
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit["name"])
 def test_an_edit_has_the_expected_verdict_and_changes(edit: dict[str, Any], tmp_path: Path) -> None:
-    result = review(version(CASES["base"], tmp_path), version(edited(edit), tmp_path))
+    diff_review = review(version(CASES["base"], tmp_path), version(edited_text(edit), tmp_path))
 
-    changes = sorted(f"{change.category} {change.element}" for change in result.changes)
-    assert (result.verdict, changes) == (edit["verdict"], sorted(edit["changes"]))
+    changes = sorted(f"{change.category} {change.element}" for change in diff_review.changes)
+    assert (diff_review.verdict, changes) == (edit["verdict"], sorted(edit["changes"]))

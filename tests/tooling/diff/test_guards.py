@@ -17,7 +17,7 @@ from codra_dsl.language.expression import Node, SyntaxProblem, parse
 from codra_dsl.language.model import Kind, ValueType
 from codra_dsl.logic import Term, Value
 from codra_dsl.runtime.values import conditions
-from codra_dsl.tooling.diff.guards import Relation, is_equal, is_same_choice, is_same_value, joined_types, relation
+from codra_dsl.tooling.diff.guards import Relation, find_relation, is_equal, is_same_choice, is_same_value, joined_types
 
 TYPES: Mapping[str, ValueType] = {
     "a": ValueType(kind=Kind.BOOL),
@@ -80,7 +80,7 @@ def tree(text: str) -> Node:
 
 def term(text: str) -> Term:
     """Return a condition as it runs on a robot."""
-    types = {name: declared_type(declared) for name, declared in TYPES.items()}
+    types = {name: declared_type(value_type) for name, value_type in TYPES.items()}
     typed, problems = infer_condition(tree(text), types, known=True)
     assert not problems, text
     words: dict[str, Any] = {name: getattr(conditions, name) for name in dir(conditions) if not name.startswith("_")}
@@ -96,7 +96,7 @@ def scenes(*texts: str) -> list[Scene]:
 
 
 def related(old: str, new: str) -> Relation:
-    return relation([tree(old)], [tree(new)], JOINED)
+    return find_relation([tree(old)], [tree(new)], JOINED)
 
 
 @pytest.mark.parametrize(
@@ -156,14 +156,14 @@ def test_too_many_cases_are_never_taken_for_the_same() -> None:
     one = tree(" or ".join(names))
     other = tree(" or ".join([*names[1:], f"not (not {names[0]} and {names[1]})"]))
 
-    assert relation([one], [other], types) is Relation.OTHER
-    assert relation([one], [tree(" or ".join(reversed(names)))], types) is Relation.SAME
+    assert find_relation([one], [other], types) is Relation.OTHER
+    assert find_relation([one], [tree(" or ".join(reversed(names)))], types) is Relation.SAME
 
 
 def test_a_name_of_two_types_gives_another_guard() -> None:
     types = joined_types({"a": ValueType(kind=Kind.BOOL)}, {"a": ValueType(kind=Kind.FLOAT)})
 
-    assert relation([tree("a")], [tree("not a")], types) is Relation.OTHER
+    assert find_relation([tree("a")], [tree("not a")], types) is Relation.OTHER
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,9 @@ def test_ranges_of_both_versions_are_joined_with_units_converted(
 ) -> None:
     old, new = (ValueType(kind=Kind.FLOAT, unit=unit, range=ends) for unit, ends in (before, after))
 
-    assert relation([tree("known(gap)")], [tree("gap <= 2 m")], joined_types({"gap": old}, {"gap": new})) is expected
+    assert (
+        find_relation([tree("known(gap)")], [tree("gap <= 2 m")], joined_types({"gap": old}, {"gap": new})) is expected
+    )
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,9 @@ ROOT = Path(__file__).parents[3]
 BASE = (ROOT / "tests/cases/valid/knowledge.yaml").read_text("utf-8")
 
 
-def changes(result: Review) -> list[str]:
+def change_texts(diff_review: Review) -> list[str]:
     return sorted(
-        f"{change.category} {change.element.removeprefix('picking_up/')} {change.key}" for change in result.changes
+        f"{change.category} {change.element.removeprefix('picking_up/')} {change.key}" for change in diff_review.changes
     )
 
 
@@ -138,49 +138,49 @@ EDITS = [
 
 @pytest.mark.parametrize(("old", "new", "expected"), EDITS)
 def test_an_edit_has_exactly_the_expected_changes(old: str, new: str, expected: list[str]) -> None:
-    assert changes(review_edits(BASE, (old, new))) == expected
+    assert change_texts(review_edits(BASE, (old, new))) == expected
 
 
 def test_equal_specs_have_no_difference() -> None:
-    assert changes(review_edits(BASE)) == []
+    assert change_texts(review_edits(BASE)) == []
 
 
 def test_removed_and_added_rules_are_reported_by_name() -> None:
     result = review_edits(BASE, ("      lift:\n", "      raise_it:\n"))
 
-    assert changes(result) == ["added agent/picking rules.raise_it", "removed agent/picking rules.lift"]
+    assert change_texts(result) == ["added agent/picking rules.raise_it", "removed agent/picking rules.lift"]
 
 
 def test_with_knowledge_a_variable_at_another_node_is_a_change_of_the_api() -> None:
     result = review_edits(BASE, ("container_load: {of: robot", "container_load: {of: battery"))
 
-    assert changes(result) == ["api context/container_load of"]
+    assert change_texts(result) == ["api context/container_load of"]
 
 
 def test_an_agent_that_owns_a_variable_is_a_new_writer() -> None:
     result = review_edits(BASE, ("picking:\n    phase: plan", "picking:\n    phase: plan\n    owns: [container_load]"))
 
-    assert changes(result) == ["widened context/container_load owns"]
+    assert change_texts(result) == ["widened context/container_load owns"]
 
 
 def test_the_first_node_of_a_spec_is_added() -> None:
     plain = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
     knowing = plain + "knowledge: {nodes: {room: room}}\n"
 
-    assert changes(review(plan_version(plain), plan_version(knowing))) == ["added plain/node/room "]
-    assert changes(review(plan_version(knowing), plan_version(plain))) == ["removed plain/node/room "]
+    assert change_texts(review(plan_version(plain), plan_version(knowing))) == ["added plain/node/room "]
+    assert change_texts(review(plan_version(knowing), plan_version(plain))) == ["removed plain/node/room "]
 
 
 def test_an_error_in_knowledge_is_reported_at_its_element() -> None:
     text = BASE.replace("by: container_detection", "by: container_detectoin")
     findings = plan_text(text, "spec.yaml", ROOT / "tests").diagnostics
-    broken = BrokenSpec(
+    broken_spec = BrokenSpec(
         name="picking_up", file="spec.yaml", errors=tuple(error for error in findings if has_errors([error]))
     )
 
-    result = review(plan_version(BASE), Version(broken=(broken,)))
+    result = review(plan_version(BASE), Version(broken_specs=(broken_spec,)))
 
-    assert changes(result) == ["invalid task/detecting "]
+    assert change_texts(result) == ["invalid task/detecting "]
 
 
 def test_a_change_has_the_place_where_it_was_made() -> None:
@@ -205,7 +205,7 @@ def test_conditions_on_poses_are_compared_by_meaning(old: str, new: str, expecte
     base = (ROOT / "tests/cases/valid/poses.yaml").read_text("utf-8")
     assert base.count(old) == 1
     result = review(plan_version(base), plan_version(base.replace(old, new)))
-    assert changes(result) == expected
+    assert change_texts(result) == expected
 
 
 def test_a_longer_validity_of_a_pose_is_weaker() -> None:

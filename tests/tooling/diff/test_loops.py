@@ -20,7 +20,7 @@ def version(folder: Path) -> Version:
     return Version(plans=result.plans)
 
 
-def edited(folder: Path, file: str, old: str, new: str) -> Review:
+def review_edit(folder: Path, file: str, old: str, new: str) -> Review:
     shutil.copytree(CASE, folder)
     text = (folder / file).read_text("utf-8")
     assert text.count(old) == 1, old
@@ -28,10 +28,10 @@ def edited(folder: Path, file: str, old: str, new: str) -> Review:
     return review(version(CASE), version(folder))
 
 
-def changes(result: Review) -> list[str]:
+def change_texts(diff_review: Review) -> list[str]:
     return sorted(
         f"{change.category} {change.element.removeprefix('loops_everything/')} {change.key}"
-        for change in result.changes
+        for change in diff_review.changes
     )
 
 
@@ -60,31 +60,31 @@ EDITS = [
 
 @pytest.mark.parametrize(("old", "new", "expected"), EDITS)
 def test_an_edit_has_exactly_the_expected_changes(old: str, new: str, expected: list[str], tmp_path: Path) -> None:
-    assert changes(edited(tmp_path / "new", "spec.yaml", old, new)) == expected
+    assert change_texts(review_edit(tmp_path / "new", "spec.yaml", old, new)) == expected
 
 
 def test_another_node_in_the_file_of_a_tree_is_a_change_of_the_tree(tmp_path: Path) -> None:
-    result = edited(tmp_path / "new", "trees/mission.xml", 'msec="1000"', 'msec="2000"')
+    result = review_edit(tmp_path / "new", "trees/mission.xml", 'msec="1000"', 'msec="2000"')
 
-    assert changes(result) == ["redefined tree/mission file"]
+    assert change_texts(result) == ["redefined tree/mission file"]
 
 
 def test_a_removed_metric_and_its_variable_are_one_change(tmp_path: Path) -> None:
     metric = "  calm: {rules: [if lifted is true then low, if lifted is false then high]}\n"
-    result = edited(tmp_path / "new", "spec.yaml", "metrics:\n", f"metrics:\n{metric}")
+    result = review_edit(tmp_path / "new", "spec.yaml", "metrics:\n", f"metrics:\n{metric}")
 
-    assert changes(result) == ["added metric/calm "]
+    assert change_texts(result) == ["added metric/calm "]
     gone = review(version(tmp_path / "new"), version(CASE))
-    assert changes(gone) == ["removed metric/calm "]
+    assert change_texts(gone) == ["removed metric/calm "]
 
 
 def test_a_field_without_a_wording_of_its_own_is_reported_by_its_key(tmp_path: Path) -> None:
-    (change,) = edited(tmp_path / "new", "spec.yaml", "repeat: on_switch", "repeat: always").changes
+    (change,) = review_edit(tmp_path / "new", "spec.yaml", "repeat: on_switch", "repeat: always").changes
 
     assert change.text == "'repeat' has changed: was on_switch, is always"
 
 
 def test_only_entries_that_differ_are_shown(tmp_path: Path) -> None:
-    (change,) = edited(tmp_path / "new", "spec.yaml", "high: ramp 0.5 1}", "high: ramp 0.6 1}").changes
+    (change,) = review_edit(tmp_path / "new", "spec.yaml", "high: ramp 0.5 1}", "high: ramp 0.6 1}").changes
 
     assert change.text == "the terms have changed: was high: ramp 0.5 1, is high: ramp 0.6 1"

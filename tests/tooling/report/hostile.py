@@ -74,8 +74,8 @@ hostile_findings = st.lists(
 
 def findings_about(spec: Path, root: Path) -> tuple[Diagnostic, ...]:
     """Return the findings of load and check about a spec."""
-    loaded, load_findings = load_spec(spec, root)
-    return in_file_order(load_findings + (check(loaded)[1] if loaded is not None else ()))
+    loaded_spec, load_findings = load_spec(spec, root)
+    return in_file_order(load_findings + (check(loaded_spec)[1] if loaded_spec is not None else ()))
 
 
 def findings_of(case: Path) -> tuple[Diagnostic, ...]:

@@ -76,10 +76,10 @@ def sentence_on_fixes(code: str) -> str:
 
 
 def codra(*arguments: str) -> str:
-    """Run a command in this process and return its standard output."""
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code in (0, 1), (arguments, done.stderr)
-    return done.stdout
+    """Run a command in this result and return its standard output."""
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code in (0, 1), (arguments, result.stderr)
+    return result.stdout
 
 
 def follow(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[ReportedFinding]:
@@ -154,7 +154,7 @@ def test_a_page_has_its_shape(page: Page) -> None:
 
     assert title == f"# {page.code} {page.name}"
     assert severity in {
-        f"{page.severity.value.capitalize()}, {allowed}." for sentences in FIXES.values() for allowed in sentences
+        f"{page.severity.value.capitalize()}, {sentence}." for sentences in FIXES.values() for sentence in sentences
     }
     assert headings in (["Bad", "Good"], ["Bad", "Good", "How to decide"])
     assert 1 <= len(body.splitlines()) <= 4
@@ -185,10 +185,10 @@ def test_there_is_no_page_about_an_unknown_code() -> None:
 @pytest.mark.parametrize("code", CODES)
 def test_the_bad_spec_has_this_finding_and_no_other(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     findings = follow(part(code, "Bad"), tmp_path / "bad", monkeypatch)
-    (only,) = findings
+    (only_finding,) = findings
 
-    assert only.code == code
-    assert sentence_on_fixes(code) in FIXES[only.fix]
+    assert only_finding.code == code
+    assert sentence_on_fixes(code) in FIXES[only_finding.fix]
 
 
 @pytest.mark.parametrize("code", CODES)
@@ -260,7 +260,7 @@ def test_explain_without_a_code_lists_all() -> None:
 
     assert all(f"  {page.code}  {page.name}: " in text for page in PAGES)
     assert table == list_as_markdown(PAGES)
-    assert [(entry["code"], entry["severity"], entry["markdown"]) for entry in objects] == [
+    assert [(page_object["code"], page_object["severity"], page_object["markdown"]) for page_object in objects] == [
         (page.code, page.severity.value, page.markdown) for page in PAGES
     ]
 
@@ -275,11 +275,11 @@ def test_explain_without_a_code_lists_all() -> None:
     ],
 )
 def test_an_unknown_code_is_a_usage_error_with_a_suggestion(asked: str, message: str) -> None:
-    done = CliRunner().invoke(app, ["explain", "CDR2003", asked])
+    result = CliRunner().invoke(app, ["explain", "CDR2003", asked])
 
-    assert done.exit_code == 2
-    assert done.stdout == ""
-    assert message in done.stderr
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert message in result.stderr
 
 
 def test_findings_on_a_terminal_end_with_a_pointer_to_a_page_and_nowhere_else(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ MONITER = Diagnostic(
 )
 
 
-def full(finding: Diagnostic, text: str) -> list[str]:
+def full_lines(finding: Diagnostic, text: str) -> list[str]:
     return render_full([finding], lambda _: text).splitlines()
 
 
@@ -61,37 +61,41 @@ def test_findings_are_separated_by_an_empty_line() -> None:
 def test_the_margin_grows_with_the_line_number() -> None:
     finding = replace(MONITER, place=Place(span(12, 1, 4)))
 
-    assert full(finding, "\n" * 11 + "key: x")[1:] == ["   |", "12 | key: x", "   | ^^^ help: did you mean 'monitor'?"]
+    assert full_lines(finding, "\n" * 11 + "key: x")[1:] == [
+        "   |",
+        "12 | key: x",
+        "   | ^^^ help: did you mean 'monitor'?",
+    ]
 
 
 def test_a_caret_is_below_the_text_after_a_tab() -> None:
     finding = replace(MONITER, place=Place(span(1, 5, 7)), help="")
 
-    assert full(finding, "a:\t\tbc")[2:] == ["1 | a:        bc", "  |           ^^"]
+    assert full_lines(finding, "a:\t\tbc")[2:] == ["1 | a:        bc", "  |           ^^"]
 
 
 def test_a_caret_counts_wide_letters_twice_and_combining_ones_not_at_all() -> None:
     finding = replace(MONITER, place=Place(span(1, 5, 7)), help="")
 
-    assert full(finding, "戸e\u0301 開く")[2:] == ["1 | 戸e\u0301 開く", "  |     ^^^^"]
+    assert full_lines(finding, "戸e\u0301 開く")[2:] == ["1 | 戸e\u0301 開く", "  |     ^^^^"]
 
 
 def test_a_finding_of_several_lines_is_marked_to_the_end_of_the_first() -> None:
     finding = replace(MONITER, place=Place(span(1, 4, 3, end_line=2)), help="")
 
-    assert full(finding, "a: [b,\n  c]")[2:] == ["1 | a: [b,", "  |    ^^^"]
+    assert full_lines(finding, "a: [b,\n  c]")[2:] == ["1 | a: [b,", "  |    ^^^"]
 
 
 def test_a_place_after_the_last_letter_still_has_a_caret() -> None:
     finding = replace(MONITER, place=Place(span(1, 3, 3)), help="")
 
-    assert full(finding, "a:")[2:] == ["1 | a:", "  |   ^"]
+    assert full_lines(finding, "a:")[2:] == ["1 | a:", "  |   ^"]
 
 
 def test_a_long_line_is_cut_around_the_error() -> None:
     finding = replace(MONITER, place=Place(span(1, 501, 504)), help="")
 
-    _, _, line, caret = full(finding, "x" * 500 + "bad" + "y" * 500)
+    _, _, line, caret = full_lines(finding, "x" * 500 + "bad" + "y" * 500)
 
     assert len(line) < 220
     assert line[caret.index("^") : caret.rindex("^") + 1] == "bad"
@@ -122,7 +126,7 @@ def test_other_places_and_the_uses_of_templates_are_named() -> None:
     declared = Related("first declared here", Place(span(3, 1, 7)))
     finding = replace(MONITER, place=Place(span(5, 5, 12), use=use), related=(declared,))
 
-    assert full(finding, DOOR)[4:] == [
+    assert full_lines(finding, DOOR)[4:] == [
         "  = specs/lab.yaml:27:3: used here",
         "  = specs/door.yaml:3:1: first declared here",
     ]

@@ -11,7 +11,7 @@ from hypothesis import given
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, Span, in_file_order
 from codra_dsl.tooling.report import github
 from codra_dsl.tooling.report.findings import render_concise, render_full, render_json, visible_text
-from codra_dsl.tooling.report.github import render_github, render_summary, without_commands
+from codra_dsl.tooling.report.github import escape_commands, render_github, render_summary
 from codra_dsl.tooling.report.junit import render_junit
 from codra_dsl.tooling.report.sarif import render_sarif
 from tests.tooling.report.hostile import RULES, hostile_findings
@@ -115,11 +115,11 @@ def test_no_text_of_a_spec_is_a_command(findings: list[Diagnostic]) -> None:
 @given(hostile_findings)
 def test_no_other_format_has_a_command_in_the_log(findings: list[Diagnostic]) -> None:
     forms = [
-        without_commands(render_full(findings, lambda _: "::error::x ##[error]x")),
-        without_commands(render_concise(findings)),
+        escape_commands(render_full(findings, lambda _: "::error::x ##[error]x")),
+        escape_commands(render_concise(findings)),
         render_json(findings),
         render_sarif(findings),
-        render_junit(findings, [], lambda _: "##[error]x", is_failure=lambda _: True, suite="codra.lint"),
+        render_junit(findings, [], lambda _: "##[error]x", is_failure=lambda _: True, suite_name="codra.lint"),
     ]
 
     assert [read(text)[0] for text in forms] == [[]] * len(forms)
@@ -129,8 +129,8 @@ def test_no_other_format_has_a_command_in_the_log(findings: list[Diagnostic]) ->
 def test_an_annotation_has_the_message_of_the_finding(findings: list[Diagnostic]) -> None:
     commands, _ = read(render_github(findings))
 
-    by_severity = sorted(findings, key=lambda finding: finding.severity.value)
-    for command, finding in zip(commands, by_severity, strict=True):
+    sorted_findings = sorted(findings, key=lambda finding: finding.severity.value)
+    for command, finding in zip(commands, sorted_findings, strict=True):
         assert command.message.split("\n")[0] == visible_text(finding.message)
         assert command.properties.keys() <= {"file", "line", "endLine", "col", "endColumn", "title"}
         assert command.properties["title"] == f"{finding.code} {finding.rule.name}"

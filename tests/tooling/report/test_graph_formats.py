@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.tooling.report.graph_formats import DEFAULT, FORMATS, formats_by_ending
+from codra_dsl.tooling.report.graph_formats import DEFAULT_FORMAT, FORMATS, format_by_ending
 
 PAGE = Path(__file__).parents[3] / "docs/reference/graph.md"
 
-ADDED = """
+PROGRAM_WITH_ADDED_FOLDER = """
 import sys, codra_dsl.tooling.report
 codra_dsl.tooling.report.__path__.insert(0, sys.argv[1])
 from codra_dsl.cli.app import app
@@ -22,13 +22,13 @@ app(["graph", "--help"])
 
 def test_formats_are_in_alphabetical_order() -> None:
     assert list(FORMATS) == ["dot", "html", "json", "mermaid", "svg"]
-    assert DEFAULT.name == "dot"
+    assert DEFAULT_FORMAT.name == "dot"
 
 
 def test_every_ending_chooses_one_format() -> None:
     endings = [ending for graph_format in FORMATS.values() for ending in graph_format.endings]
 
-    assert len(endings) == len(set(endings)) == len(formats_by_ending())
+    assert len(endings) == len(set(endings)) == len(format_by_ending())
     assert all(ending.startswith(".") and ending == ending.lower() for ending in endings)
 
 
@@ -52,6 +52,8 @@ def test_a_new_module_is_a_new_choice_of_the_command(tmp_path: Path) -> None:
         "FORMAT = GraphFormat(name='listing', endings=('.lst',), render=lambda graph, say: '')\n"
     )
 
-    done = subprocess.run([sys.executable, "-c", ADDED, tmp_path], capture_output=True, text=True, check=True)
+    process = subprocess.run(
+        [sys.executable, "-c", PROGRAM_WITH_ADDED_FOLDER, tmp_path], capture_output=True, text=True, check=True
+    )
 
-    assert "--format <dot|html|json|listing|mermaid|svg>" in done.stdout
+    assert "--format <dot|html|json|listing|mermaid|svg>" in process.stdout

@@ -15,7 +15,7 @@ from matplotlib.textpath import TextPath
 from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
-from codra_dsl.tooling.report.dot import drawing, render_dot, render_svg
+from codra_dsl.tooling.report.dot import render_dot, render_drawing, render_svg
 from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Graph, graph_of, render_json
 from codra_dsl.tooling.selection import select
@@ -94,24 +94,24 @@ def test_the_lab_has_the_seven_observers_and_fourteen_variables_of_table_1(lab: 
     assert sum(kind == "identifies" for _, kind, _ in sentences(lab)) == 14
 
 
-@pytest.mark.parametrize("both", [False, True])
-def test_graphviz_reads_the_same_nodes_and_edges(lab_plan: BuildPlan, both: bool) -> None:
-    both_graphs = graph_of([lab_plan, feedback()] if both else [lab_plan])
+@pytest.mark.parametrize("has_both", [False, True])
+def test_graphviz_reads_the_same_nodes_and_edges(lab_plan: BuildPlan, has_both: bool) -> None:
+    dependency_graph = graph_of([lab_plan, feedback()] if has_both else [lab_plan])
 
-    read = pygraphviz.AGraph(string=render_dot(both_graphs))
+    parsed_graph = pygraphviz.AGraph(string=render_dot(dependency_graph))
 
-    graph = json.loads(render_json(both_graphs))
-    assert {(node, node.attr["kind"], node.attr["label"]) for node in read.nodes()} == {
+    graph = json.loads(render_json(dependency_graph))
+    assert {(node, node.attr["kind"], node.attr["label"]) for node in parsed_graph.nodes()} == {
         (node["id"], node["kind"], node["label"]) for node in graph["nodes"]
     }
-    assert {(edge[0], edge.attr["kind"], edge[1]) for edge in read.edges()} == sentences(both_graphs)
-    assert len(read.edges()) == len(graph["edges"])
+    assert {(edge[0], edge.attr["kind"], edge[1]) for edge in parsed_graph.edges()} == sentences(dependency_graph)
+    assert len(parsed_graph.edges()) == len(graph["edges"])
 
 
 def test_feedback_is_drawn_differently_from_requirements() -> None:
-    read = pygraphviz.AGraph(string=render_dot(graph_of([feedback()])))
+    parsed_graph = pygraphviz.AGraph(string=render_dot(graph_of([feedback()])))
 
-    drawn = {edge.attr["kind"]: (edge.attr["color"], edge.attr["style"]) for edge in read.edges()}
+    drawn = {edge.attr["kind"]: (edge.attr["color"], edge.attr["style"]) for edge in parsed_graph.edges()}
 
     assert set(drawn) == {"identifies", "requires", "runs", "decides_on", "feedback"}
     assert len(set(drawn.values())) == 5
@@ -214,11 +214,11 @@ def test_the_picture_explains_its_shapes_arrows_and_frames_in_sentences(lab: Gra
         assert meaning in words
 
 
-@pytest.mark.parametrize(("has_feedback", "explained"), [(True, True), (False, False)])
-def test_the_legend_has_only_what_the_picture_has(lab: Graph, has_feedback: bool, explained: bool) -> None:
+@pytest.mark.parametrize(("has_feedback", "is_explained"), [(True, True), (False, False)])
+def test_the_legend_has_only_what_the_picture_has(lab: Graph, has_feedback: bool, is_explained: bool) -> None:
     svg = render_svg(graph_of([feedback()]) if has_feedback else lab)
 
-    assert ("does not wait for it" in svg) == explained
+    assert ("does not wait for it" in svg) == is_explained
 
 
 def test_the_legend_is_below_the_picture_and_inside_its_frame(lab: Graph) -> None:
@@ -271,7 +271,7 @@ def test_the_picture_shrinks_with_its_window_but_stays_readable(lab: Graph) -> N
 
 
 def test_a_drawing_for_a_page_names_nodes_and_edges_by_number(lab: Graph) -> None:
-    root = ElementTree.fromstring(drawing(lab))
+    root = ElementTree.fromstring(render_drawing(lab))
 
     names = [group.get("id", "") for group in root.iter(f"{SVG}g")]
     label = next(group for group in root.iter(f"{SVG}g") if group.get("id") == "n0").findtext(f"{SVG}text")

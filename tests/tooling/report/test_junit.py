@@ -59,7 +59,7 @@ def render_suite(
         files,
         lambda _: None,
         is_failure=lambda diagnostic: diagnostic.severity in failing_severities,
-        suite="codra.lint",
+        suite_name="codra.lint",
     )
     assert text.isascii()
     root = ElementTree.fromstring(text)

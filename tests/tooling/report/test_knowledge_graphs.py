@@ -14,7 +14,7 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.build_plan import EdgeKind
 from codra_dsl.tooling.report.dot import render_dot, render_svg
 from codra_dsl.tooling.report.graphs import Graph, graph_of, render_json
-from codra_dsl.tooling.report.looks import EDGES, NODES, ShownKind
+from codra_dsl.tooling.report.looks import EDGE_LOOKS, NODE_LOOKS, ShownKind
 from codra_dsl.tooling.report.mermaid import flowchart
 from codra_dsl.tooling.report.page import render_html
 from codra_dsl.tooling.selection import select
@@ -82,9 +82,9 @@ def test_the_picture_draws_all_elements_and_its_legend_explains_them(shop: Graph
     for element in shop.elements:
         assert f">{element.label}</text>" in text
     for shown in KNOWN:
-        assert NODES[shown].meaning in text
+        assert NODE_LOOKS[shown].meaning in text
     for kind in KNOWING:
-        assert EDGES[kind].sentence in text
+        assert EDGE_LOOKS[kind].sentence in text
 
 
 def test_the_page_shows_the_wakes_of_an_agent_and_the_results_of_a_task(shop: Graph) -> None:
@@ -123,4 +123,4 @@ def test_a_spec_without_knowledge_has_no_nodes_of_knowledge() -> None:
 
     assert not {element.kind.value for element in lamp.elements} & {"agent", "type", "edge", "task"}
     for shown in KNOWN:
-        assert NODES[shown].meaning not in render_svg(lamp)
+        assert NODE_LOOKS[shown].meaning not in render_svg(lamp)

@@ -15,7 +15,7 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import EdgeKind
 from codra_dsl.tooling.report.graphs import Graph, graph_of
-from codra_dsl.tooling.report.looks import EDGES, label_of
+from codra_dsl.tooling.report.looks import EDGE_LOOKS, label_of
 from codra_dsl.tooling.report.mermaid import MAX_EDGES, MAX_LETTERS, flowchart
 from codra_dsl.tooling.selection import select
 from tests.language.check.checked_specs import Pi, checked_spec, skill, variable
@@ -64,33 +64,33 @@ def read(text: str) -> Chart:
     assert first == "flowchart LR"
     chart, frames, used = Chart(), [], set()
     for line in map(str.strip, lines):
-        ((form, matched),) = [
-            (form, match) for form, line_form in LINES.items() if (match := line_form.fullmatch(line))
+        ((form, line_match),) = [
+            (form, match) for form, line_pattern in LINES.items() if (match := line_pattern.fullmatch(line))
         ] or [("?", line)]
-        assert not isinstance(matched, str), line
-        parts = {key: value for key, value in matched.groupdict().items() if value is not None}
-        label = next((shown(value) for key, value in parts.items() if key.startswith("label")), "")
+        assert not isinstance(line_match, str), line
+        fields = {key: value for key, value in line_match.groupdict().items() if value is not None}
+        label = next((shown(value) for key, value in fields.items() if key.startswith("label")), "")
         if form == "subgraph":
             frames.append(label)
-            assert parts["name"] not in chart.nodes
+            assert fields["name"] not in chart.nodes
         elif form == "end":
             frames.pop()
         elif form == "node":
-            assert (parts["shape"], parts["closing"]) in SHAPES
-            assert parts["name"] not in chart.nodes
-            chart.nodes[parts["name"]], chart.inside[parts["name"]] = label, "/".join(frames)
-            used.add(parts.get("style", "plain"))
+            assert (fields["shape"], fields["closing"]) in SHAPES
+            assert fields["name"] not in chart.nodes
+            chart.nodes[fields["name"]], chart.inside[fields["name"]] = label, "/".join(frames)
+            used.add(fields.get("style", "plain"))
         elif form == "legend":
-            chart.edges.append((label, parts["arrow"], ""))
+            chart.edges.append((label, fields["arrow"], ""))
         elif form == "edge":
-            assert {parts["source"], parts["target"]} <= chart.nodes.keys()
-            chart.edges.append((parts["source"], parts["arrow"], parts["target"]))
+            assert {fields["source"], fields["target"]} <= chart.nodes.keys()
+            chart.edges.append((fields["source"], fields["arrow"], fields["target"]))
         elif form == "classDef":
-            chart.styles.add(parts["name"])
+            chart.styles.add(fields["name"])
         elif form == "linkStyle":
-            numbers = [int(number) for number in parts["numbers"].split(",")]
+            numbers = [int(number) for number in fields["numbers"].split(",")]
             assert not chart.colours.keys() & set(numbers)
-            chart.colours |= dict.fromkeys(numbers, parts["colour"])
+            chart.colours |= dict.fromkeys(numbers, fields["colour"])
     assert frames == []
     assert used <= chart.styles | {"plain"}
     assert not RESERVED & {name.lower() for name in chart.nodes}
@@ -133,11 +133,11 @@ def test_every_kind_of_edge_has_a_colour_and_a_sentence(lab: Graph) -> None:
 
     assert chart.colours.keys() == set(range(len(chart.edges)))
     for number, link in enumerate(lab.links):
-        assert chart.colours[number] == EDGES[link.kind].colour
+        assert chart.colours[number] == EDGE_LOOKS[link.kind].colour
     legend = [sentence for sentence, _, target in chart.edges if not target]
-    used = {link.kind for link in lab.links}
-    assert EdgeKind.FEEDBACK not in used
-    assert legend == [EDGES[kind].sentence for kind in EDGES if kind in used]
+    used_kinds = {link.kind for link in lab.links}
+    assert EdgeKind.FEEDBACK not in used_kinds
+    assert legend == [EDGE_LOOKS[kind].sentence for kind in EDGE_LOOKS if kind in used_kinds]
 
 
 def test_every_one_of_several_specs_has_a_frame(lab: Graph) -> None:
@@ -192,7 +192,7 @@ def test_a_graph_beyond_mermaids_limits_is_condensed() -> None:
 
     assert len(graph.links) > MAX_EDGES
     assert not chart.is_complete
-    assert chart.fits
+    assert chart.is_within_limits
     assert sorted(boxes.nodes.values()) == sorted(
         ["lab\n2 nodes", *(f"room_{number}\n9 nodes" for number in range(60))]
     )
@@ -226,4 +226,4 @@ def test_a_condensed_graph_that_is_still_too_large_is_reported() -> None:
 
     chart = flowchart(graph_of([plan(checked_spec(looks))]))
 
-    assert (chart.is_complete, chart.fits, chart.edges) == (False, False, 600)
+    assert (chart.is_complete, chart.is_within_limits, chart.edges) == (False, False, 600)

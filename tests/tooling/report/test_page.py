@@ -59,8 +59,8 @@ class Page(HTMLParser):
     @property
     def data(self) -> dict[str, Any]:
         (text,) = (text for _, attributes, text in self.raw if attributes.get("id") == "data")
-        parsed: dict[str, Any] = json.loads(text)
-        return parsed
+        data_object: dict[str, Any] = json.loads(text)
+        return data_object
 
     @property
     def script(self) -> str:

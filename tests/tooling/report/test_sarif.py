@@ -176,17 +176,17 @@ def test_a_fix_has_deletions_and_insertions_file_by_file() -> None:
 
     (result,) = valid_run([finding(fix=fix)])["results"]
 
-    (described,) = result["fixes"]
-    assert described["description"] == {"text": "Replace 'moniter' by 'monitor'."}
+    (fix_object,) = result["fixes"]
+    assert fix_object["description"] == {"text": "Replace 'moniter' by 'monitor'."}
     changes = [
         (
             change["artifactLocation"]["uri"],
             [replacement["insertedContent"]["text"] for replacement in change["replacements"]],
         )
-        for change in described["artifactChanges"]
+        for change in fix_object["artifactChanges"]
     ]
     assert changes == [(DOOR, ["monitor", ""]), ("specs/part.yaml", ["codra: 1\n"])]
-    assert described["artifactChanges"][0]["replacements"][0]["deletedRegion"] == {
+    assert fix_object["artifactChanges"][0]["replacements"][0]["deletedRegion"] == {
         "startLine": 5,
         "startColumn": 5,
         "endLine": 5,
@@ -268,8 +268,8 @@ def test_no_result_has_more_places_than_github_accepts() -> None:
 
     (result,) = valid_run([finding(CYCLE, related=related)])["results"]
 
-    assert len(result["relatedLocations"]) == sarif.MAX_RELATED
-    assert len(result["codeFlows"][0]["threadFlows"][0]["locations"]) == sarif.MAX_STEPS
+    assert len(result["relatedLocations"]) == sarif.MAX_RELATED_LOCATIONS
+    assert len(result["codeFlows"][0]["threadFlows"][0]["locations"]) == sarif.MAX_FLOW_STEPS
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)

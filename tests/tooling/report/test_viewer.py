@@ -119,7 +119,7 @@ def test_a_long_column_is_split_into_several_that_do_not_overlap(viewer: Viewer,
     at = laid_out(viewer, sizes, [(number, count, "requires") for number in range(count)])["at"]
 
     assert overlapping(sizes, at) == []
-    assert max(place["y"] for place in at) - min(place["y"] for place in at) <= 20 * (42 + 14)
+    assert max(position["y"] for position in at) - min(position["y"] for position in at) <= 20 * (42 + 14)
 
 
 def test_an_empty_graph_has_a_layout(viewer: Viewer) -> None:
@@ -159,9 +159,9 @@ def test_boxes_of_several_specs_are_named_with_their_spec(viewer: Viewer) -> Non
 # Search
 
 
-def node(label: str, **more: object) -> dict[str, object]:
+def node(label: str, **properties: object) -> dict[str, object]:
     defaults: dict[str, object] = {"name": label, "id": f"lab/context/{label}", "place": "specs/lab.yaml:4"}
-    return {"label": label, "description": "", "facts": {}, **defaults, **more}
+    return {"label": label, "description": "", "facts": {}, **defaults, **properties}
 
 
 NODES = [

@@ -15,9 +15,9 @@ from codra_dsl.tooling.scaffold import (
     name_from_folder,
     require_name,
     starter_texts,
-    write_new,
+    write_new_files,
 )
-from codra_dsl.tooling.scaffold.files import requirement_from
+from codra_dsl.tooling.scaffold.files import requirement_from_origin
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
@@ -83,7 +83,7 @@ def origin_text(**origin: object) -> str:
     ],
 )
 def test_a_project_requires_codra_as_installed_but_names_no_local_path(origin: str | None, requirement: str) -> None:
-    assert requirement_from(origin) == requirement
+    assert requirement_from_origin(origin) == requirement
 
 
 def test_the_hooks_require_the_same_codra_as_the_requirements() -> None:
@@ -112,7 +112,7 @@ def test_if_one_file_cannot_be_written_none_is_left(tmp_path: Path) -> None:
     texts = {"a": "", "kept/b": "", "new/deep/c": "", f"new/{'x' * 300}": ""}
 
     with pytest.raises(OSError, match="name too long"):
-        write_new(texts, tmp_path)
+        write_new_files(texts, tmp_path)
 
     assert [path.name for path in tmp_path.rglob("*")] == ["kept"]
 
@@ -123,6 +123,6 @@ def test_a_file_that_appears_in_the_meantime_is_not_overwritten(tmp_path: Path) 
     (tmp_path / "b").write_text("mine")
 
     with pytest.raises(FileExistsError):
-        write_new(texts, tmp_path)
+        write_new_files(texts, tmp_path)
 
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"b": "mine"}

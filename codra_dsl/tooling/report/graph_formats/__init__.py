@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
-Say = Callable[[str], None]
+ShowMessage = Callable[[str], None]
 """Shows one line to the user. The line is not part of the result."""
 
 
@@ -33,23 +33,25 @@ class GraphFormat:
 
     name: str
     endings: tuple[str, ...]
-    render: Callable[[Graph, Say], str]
+    render: Callable[[Graph, ShowMessage], str]
 
 
 def _find_formats() -> Mapping[str, GraphFormat]:
     """Return the format of each module of this package by its name, in alphabetical order."""
     modules = [import_module(f"{__name__}.{module.name}") for module in pkgutil.iter_modules(__path__)]
     formats: list[GraphFormat] = [module.FORMAT for module in modules]
-    return {graph_format.name: graph_format for graph_format in sorted(formats, key=lambda declared: declared.name)}
+    return {
+        graph_format.name: graph_format for graph_format in sorted(formats, key=lambda graph_format: graph_format.name)
+    }
 
 
 FORMATS = _find_formats()
 """All formats by name."""
 
-DEFAULT = FORMATS["dot"]
+DEFAULT_FORMAT = FORMATS["dot"]
 """The format if neither `--format` nor the ending of a file chooses one."""
 
 
-def formats_by_ending() -> Mapping[str, GraphFormat]:
+def format_by_ending() -> Mapping[str, GraphFormat]:
     """Return all formats by the endings of file names."""
     return {ending: graph_format for graph_format in FORMATS.values() for ending in graph_format.endings}

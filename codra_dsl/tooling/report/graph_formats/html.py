@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from codra_dsl.tooling.report.graph_formats import GraphFormat, Say
+from codra_dsl.tooling.report.graph_formats import GraphFormat, ShowMessage
 
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, _say: Say) -> str:
+def _render(graph: Graph, _say: ShowMessage) -> str:
     from codra_dsl.tooling.report.page import render_html
 
     return render_html(graph)

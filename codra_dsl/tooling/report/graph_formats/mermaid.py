@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from codra_dsl.tooling.report.graph_formats import GraphFormat, Say
+from codra_dsl.tooling.report.graph_formats import GraphFormat, ShowMessage
 
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, say: Say) -> str:
+def _render(graph: Graph, say: ShowMessage) -> str:
     """Return the flowchart. Show a message if it is condensed, or if it exceeds the default limits of Mermaid."""
     from codra_dsl.tooling.report.mermaid import MAX_EDGES, flowchart
 
     chart = flowchart(graph)
     if not chart.is_complete:
         say("the graph is too large for Mermaid and was condensed: --select shows a part in full")
-    if not chart.fits:
+    if not chart.is_within_limits:
         say(f"the flowchart has {chart.edges} edges: Mermaid draws at most {MAX_EDGES} unless its page sets maxEdges")
     return chart.text
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from codra_dsl.tooling.report.graph_formats import GraphFormat, Say
+from codra_dsl.tooling.report.graph_formats import GraphFormat, ShowMessage
 
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
 
 
-def _render(graph: Graph, say: Say) -> str:
+def _render(graph: Graph, say: ShowMessage) -> str:
     """Return the picture. If drawing may take minutes, show a message first."""
     from codra_dsl.tooling.report.dot import MAX_QUICK_NODES, render_svg
 
