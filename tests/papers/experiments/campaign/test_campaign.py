@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.integrations.inspection import SpecError
-from codra_papers.experiments.campaign import records
+from codra_papers.experiments.campaign import trial_records
 from codra_papers.experiments.campaign.campaign import TRIALS, CampaignBusyError, Progress, run_campaign
 from codra_papers.experiments.campaign.trial_records import records_of
 from codra_papers.experiments.campaign.workers import TrialError
@@ -192,15 +192,15 @@ def test_a_record_depends_on_the_spec_its_parts_and_the_modules_that_it_calls(pr
 def test_a_record_depends_on_the_code_of_both_packages(
     changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    package_folders = [tmp_path / package_folder.name for package_folder in records.PACKAGE_FOLDERS]
+    package_folders = [tmp_path / package_folder.name for package_folder in trial_records.PACKAGE_FOLDERS]
     for package_folder in package_folders:
         package_folder.mkdir()
         (package_folder / "module.py").write_text("A = 1\n")
-    monkeypatch.setattr(records, "PACKAGE_FOLDERS", package_folders)
-    before = records.code_digest.__wrapped__()
+    monkeypatch.setattr(trial_records, "PACKAGE_FOLDERS", package_folders)
+    before = trial_records.code_digest.__wrapped__()
     (tmp_path / changed / "module.py").write_text("A = 2\n")
 
-    assert records.code_digest.__wrapped__() != before
+    assert trial_records.code_digest.__wrapped__() != before
 
 
 def test_a_record_depends_neither_on_other_files_nor_on_the_place_of_the_project(project: Path) -> None:

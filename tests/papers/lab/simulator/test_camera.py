@@ -190,7 +190,7 @@ def test_every_body_on_a_line_of_sight_through_the_picture_is_drawn(world: LabWo
         mujoco.mj_multiRay(
             stage.model, stage.data, eye.translation_m, rays.ravel(), None, True, -1, met, far, None, len(sight), 1e6
         )
-        is_drawn = stage.model.geom_group != camera._NOT_DRAWN
+        is_drawn = stage.model.geom_group != camera._UNDRAWN_GROUP
         assert is_drawn[met[met >= 0]].all()
         drawn_shares.append(is_drawn.mean())
 
