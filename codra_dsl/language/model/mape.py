@@ -78,7 +78,7 @@ class Output:
     """A metric, or an action with its weight: a number from 0 to 1 inferred from fuzzy rules.
 
     Attributes:
-        worse: for a metric, the end of the interval that is assumed when an input is unknown.
+        worse: for a metric, its bad end: if an input is unknown, the worse end of the possible values is used.
         terms: the declared words for the number; empty if the default words are used.
         places: by key; `name` is the place of the metric's or action's name.
     """
