@@ -16,7 +16,7 @@ from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.graph.cycles import GRAPH, feedback
 from codra_dsl.language.check.graph.sources import SOURCES
 from codra_dsl.language.check.index.corrections import apply_corrections
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.chains import CHAINS
 from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPES
 from codra_dsl.language.check.knowledge.frames import FRAMES
@@ -24,7 +24,7 @@ from codra_dsl.language.check.knowledge.handovers import HANDOVERS
 from codra_dsl.language.check.knowledge.lowered import checked_knowledge
 from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAMES
 from codra_dsl.language.check.knowledge.owners import OWNERS
-from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITIONS, python_of_poses
+from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITIONS, pose_condition_texts
 from codra_dsl.language.check.knowledge.stale import TRUSTED_POSES
 from codra_dsl.language.check.knowledge.triplets import TRIPLETS
 from codra_dsl.language.check.knowledge.unused import UNUSED_KNOWLEDGE
@@ -44,7 +44,7 @@ from codra_dsl.language.diagnostics import Diagnostic, Severity, has_binding_err
 from codra_dsl.language.expression import Name
 from codra_dsl.language.model import Algorithm, Condition, Expectation, Hysteresis, Identification, Members, Skill, Spec
 
-Rule = Callable[[SpecIndex, Silenced], Iterator[Diagnostic]]
+Rule = Callable[[SpecIndex, FaultyElements], Iterator[Diagnostic]]
 
 NO_TREES: Mapping[str, Read] = {}
 """The default of `forests`, for a spec without trees."""
@@ -69,14 +69,14 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
     following phases read the intended name.
     """
     scope = SpecIndex(spec, forests)
-    faults = Silenced()
+    faults = FaultyElements()
     findings: list[Diagnostic] = []
     for phase in PHASES:
         diagnostics = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
         if any(diagnostic.rule.name == "unknown-member" for diagnostic in diagnostics):
             scope, diagnostics = _correct_members(scope, faults, phase, diagnostics)
         findings += diagnostics
-        faults = Silenced(faults.elements | _elements(diagnostics), scope.suggested_variables)
+        faults = FaultyElements(faults.elements | _elements(diagnostics), scope.suggested_variables)
         if scope.corrections:
             scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), forests)
     findings_in_order = in_file_order(once_per_template(findings))
@@ -85,7 +85,7 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
 
 
 def _correct_members(
-    scope: SpecIndex, faults: Silenced, phase: Sequence[Rule], diagnostics: list[Diagnostic]
+    scope: SpecIndex, faults: FaultyElements, phase: Sequence[Rule], diagnostics: list[Diagnostic]
 ) -> tuple[SpecIndex, list[Diagnostic]]:
     """Return the index and the findings of a phase after declarations with wrong members are corrected.
 
@@ -125,7 +125,7 @@ def _checked(scope: SpecIndex) -> CheckedSpec:
         producers=scope.producers,
         decisions=scope.decisions,
         expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
-        poses=python_of_poses(scope),
+        poses=pose_condition_texts(scope),
         knowledge=checked_knowledge(scope),
         mape=checked_mape(scope),
     )

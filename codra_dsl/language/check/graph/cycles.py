@@ -13,8 +13,14 @@ from itertools import combinations, pairwise
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import OBSERVER, Silenced, SpecIndex
-from codra_dsl.language.check.solver.contradictions import Stated, contradiction, never_true, related_to, stated
+from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
+from codra_dsl.language.check.solver.contradictions import (
+    StatedCondition,
+    contradiction,
+    never_true,
+    related_to,
+    stated,
+)
 from codra_dsl.language.check.solver.satisfiable import can_hold, known
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
@@ -27,7 +33,7 @@ MAX_WAITING = 5
 """The maximum number of waiting algorithms in a finding about an algorithm that never runs."""
 
 
-def cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def cycles(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No variable must be known before it can become known; one finding per cause."""
     if scope.lost("perception", "identifies"):
         return
@@ -36,11 +42,11 @@ def cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     while search.blocked:
         never_running_names = [name for name in search.blocked if not search.could_run(name)]
         if never_running_names:
-            yield from (_never_runs(scope, search, name) for name in never_running_names)
+            yield from (_never_runs_finding(scope, search, name) for name in never_running_names)
             search.let_run(never_running_names)
             continue
         waits = search.waits()
-        for component in _innermost(waits):
+        for component in _innermost_components(waits):
             yield _cycle(scope, search, graph.shortest_cycle({name: waits[name] for name in component}))
             search.reach(component)
 
@@ -51,34 +57,38 @@ def feedback(scope: SpecIndex) -> Mapping[str, tuple[str, ...]]:
         name: [need for producer in producers for need in scope.needs[producer]]
         for name, producers in scope.producers.items()
     }
-    components = graph.strong_components(_without_ends(needs))
-    component_of = {name: index for index, component in enumerate(components) for name in component}
-    feedback_names: dict[str, tuple[str, ...]] = {}
+    components = graph.strong_components(_drop_acyclic_names(needs))
+    component_index_by_name = {name: index for index, component in enumerate(components) for name in component}
+    feedback_by_algorithm: dict[str, tuple[str, ...]] = {}
     for algorithm in scope.algorithms.values() if components else ():
-        own_components = {component_of.get(entry.variable.name) for entry in algorithm.identifies} - {None}
-        cycle_needs = [need for need in scope.needs[algorithm.name] if component_of.get(need) in own_components]
-        feedback_names[algorithm.name] = tuple(
+        own_component_indices = {component_index_by_name.get(entry.variable.name) for entry in algorithm.identifies} - {
+            None
+        }
+        cycle_needs = [
+            need for need in scope.needs[algorithm.name] if component_index_by_name.get(need) in own_component_indices
+        ]
+        feedback_by_algorithm[algorithm.name] = tuple(
             sorted(need for need in cycle_needs if _runs_without(scope, algorithm, need))
         )
-    return feedback_names
+    return feedback_by_algorithm
 
 
-def _without_ends(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
+def _drop_acyclic_names(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
     """Return a graph without the names that are on no cycle, since they need no name that remains in the graph."""
-    open_needs = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
+    open_need_counts = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
     users: dict[str, list[str]] = {}
     for name, wanted in needs.items():
         for need in wanted:
             users.setdefault(need, []).append(name)
-    ends = [name for name, count in open_needs.items() if count == 0]
+    ends = [name for name, count in open_need_counts.items() if count == 0]
     while ends:
         end = ends.pop()
-        del open_needs[end]
+        del open_need_counts[end]
         for user in users.get(end, ()):
-            open_needs[user] -= 1
-            if open_needs[user] == 0:
+            open_need_counts[user] -= 1
+            if open_need_counts[user] == 0:
                 ends.append(user)
-    return {name: needs[name] for name in open_needs}
+    return {name: needs[name] for name in open_need_counts}
 
 
 GRAPH = (cycles,)
@@ -121,17 +131,17 @@ def _sound_conditions(scope: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[
 class _Search:
     """The growing fixed point: the variables that are reached, and the algorithms that are still blocked."""
 
-    def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
+    def __init__(self, scope: SpecIndex, faults: FaultyElements) -> None:
         self._scope = scope
         self._faults = faults
-        self._reached = {name for name in scope.variables if self._from_elsewhere(name)}
+        self._reached = {name for name in scope.variables if self._has_other_source(name)}
         self._readers: dict[str, list[str]] = {}
         for name, needs in scope.needs.items():
             for need in needs:
                 self._readers.setdefault(need, []).append(name)
         self.blocked: dict[str, Algorithm] = {}
 
-    def _from_elsewhere(self, name: str) -> bool:
+    def _has_other_source(self, name: str) -> bool:
         """Return whether a variable may have writers other than its algorithms, or this cannot be decided."""
         others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
         sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
@@ -145,13 +155,13 @@ class _Search:
             algorithm = self._scope.algorithms[name]
             if self._can_run(algorithm):
                 self.blocked.pop(name, None)
-                waiting.extend(self._newly_possible(entry.variable.name for entry in algorithm.identifies))
+                waiting.extend(self._reach_variables(entry.variable.name for entry in algorithm.identifies))
             else:
                 self.blocked[name] = algorithm
 
     def reach(self, names: Iterable[str]) -> None:
         """Mark variables as reached, so that the search continues after a reported cycle."""
-        self.run(self._newly_possible(names))
+        self.run(self._reach_variables(names))
 
     def let_run(self, names: Iterable[str]) -> None:
         """Mark algorithms as running, so that the search continues after a reported problem."""
@@ -176,12 +186,12 @@ class _Search:
     def blocking(self, algorithm: Algorithm) -> tuple[str, ...]:
         """Return the variables that keep an algorithm from running: if some of them were reached, it could run."""
         requirements = tuple(_requirements(self._scope, algorithm))
-        unknown = self._unknown(algorithm)
+        unknown = self._unknown_names(algorithm)
         failing = [requirement for requirement in requirements if not _holds(self._scope, (requirement,), unknown)]
         groups: list[tuple[_Requirement, ...]] = [(requirement,) for requirement in failing] or [requirements]
-        return tuple(dict.fromkeys(name for group in groups for name in self._relevant(group, unknown)))
+        return tuple(dict.fromkeys(name for group in groups for name in self._relevant_names(group, unknown)))
 
-    def _relevant(self, group: Sequence[_Requirement], unknown: frozenset[str]) -> list[str]:
+    def _relevant_names(self, group: Sequence[_Requirement], unknown: frozenset[str]) -> list[str]:
         names = sorted(unknown & frozenset().union(*(requirement.names for requirement in group)))
         if len(names) > MAX_COMBINED:
             return names
@@ -194,16 +204,16 @@ class _Search:
         return [name for name in names if any(not held and holds[without | {name}] for without, held in holds.items())]
 
     def _can_run(self, algorithm: Algorithm) -> bool:
-        unknown = self._unknown(algorithm)
+        unknown = self._unknown_names(algorithm)
         if not unknown and all(type(condition.tree) is Name for condition in algorithm.observable_when):
             return True  # the common case: all needed variables are reached
         return _holds(self._scope, tuple(_requirements(self._scope, algorithm)), unknown)
 
-    def _unknown(self, algorithm: Algorithm) -> frozenset[str]:
+    def _unknown_names(self, algorithm: Algorithm) -> frozenset[str]:
         needs, declared = self._scope.needs[algorithm.name], self._scope.variables
         return frozenset(name for name in needs if name not in self._reached and name in declared)
 
-    def _newly_possible(self, names: Iterable[str]) -> list[str]:
+    def _reach_variables(self, names: Iterable[str]) -> list[str]:
         """Mark variables as reached, and return the blocked algorithms that read a newly reached variable."""
         new = [name for name in names if name not in self._reached]
         self._reached.update(new)
@@ -215,11 +225,11 @@ def _holds(scope: SpecIndex, requirements: Sequence[_Requirement], unknown: froz
     if any(requirement.given in unknown for requirement in requirements):
         return False
     conditions = [condition for requirement in requirements for condition in requirement.conditions]
-    names_read = {name for requirement in requirements if requirement.given is None for name in requirement.names}
+    read_names = {name for requirement in requirements if requirement.given is None for name in requirement.names}
     conditions += [
         known(requirement.given)
         for requirement in requirements
-        if requirement.given is not None and requirement.given in names_read
+        if requirement.given is not None and requirement.given in read_names
     ]
     return can_hold(
         conditions, unknown & {name for requirement in requirements for name in requirement.names}, scope.context_types
@@ -230,7 +240,7 @@ def _runs_without(scope: SpecIndex, algorithm: Algorithm, name: str) -> bool:
     return _holds(scope, tuple(_requirements(scope, algorithm)), frozenset({name}))
 
 
-def _innermost(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+def _innermost_components(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
     """Yield the sets of variables that wait for each other and for no other unreached variable."""
     for component in graph.strong_components(waits):
         members = frozenset(component)
@@ -239,12 +249,12 @@ def _innermost(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]
 
 
 def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
-    edges = [_edge(scope, search, name, need) for name, need in pairwise((*path, path[0]))]
+    edges = [_cycle_edge(scope, search, name, need) for name, need in pairwise((*path, path[0]))]
     cycle_text = " -> ".join((*path, path[0]))
     if len(path) == 1:
         message = f"context-variable '{path[0]}' waits for itself: {cycle_text}"
-        example = f"not known({path[0]}) or age({path[0]}) > 10 s"
-        help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example}'"
+        example_condition = f"not known({path[0]}) or age({path[0]}) > 10 s"
+        help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example_condition}'"
     else:
         message = f"context-variables wait for each other: {cycle_text}"
         help = "identify one of them without the others, or name another writer of it under 'source'"
@@ -258,7 +268,7 @@ def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnost
     )
 
 
-def _edge(scope: SpecIndex, search: _Search, name: str, need: str) -> Related:
+def _cycle_edge(scope: SpecIndex, search: _Search, name: str, need: str) -> Related:
     """Return the reason why a variable waits for another one, with the place of the cause."""
     algorithms = [scope.algorithms[producer] for producer in scope.producers[name]]
     algorithm = next(producer for producer in algorithms if need in search.blocking(producer))
@@ -276,13 +286,14 @@ def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
     return given.place, "gets its value with 'given'"
 
 
-def _never_runs(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
+def _never_runs_finding(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
     algorithm = scope.algorithms[name]
     conditions = [stated(condition, tree) for condition, tree in _sound_conditions(scope, algorithm)]
-    given_values = [
-        Stated(known(reference.name), f"given: {reference.name}", reference.place) for reference in algorithm.given
+    given_conditions = [
+        StatedCondition(known(reference.name), f"given: {reference.name}", reference.place)
+        for reference in algorithm.given
     ]
-    core = contradiction((*given_values, *conditions), scope.context_types)
+    core = contradiction((*given_conditions, *conditions), scope.context_types)
     variables = [
         scope.variables[name.name]
         for condition in core
@@ -297,12 +308,12 @@ def _never_runs(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
         help="change the condition, or remove the algorithm",
         related=(
             *related_to(core, scope.context_types, dict.fromkeys(variables)),
-            *_waiting_for(scope, search, algorithm),
+            *_waiting_algorithms(scope, search, algorithm),
         ),
     )
 
 
-def _waiting_for(scope: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
+def _waiting_algorithms(scope: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
     """Yield the algorithms that wait for a variable of an algorithm that never runs."""
     identified = {entry.variable.name for entry in algorithm.identifies}
     others = [

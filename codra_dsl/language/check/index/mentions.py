@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT, Site
+from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, Site
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, UNDER_KNOWLEDGE, SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.diagnostics import Place
@@ -88,14 +88,14 @@ def used_variables(scope: SpecIndex) -> Iterator[str]:
     """Yield the names of all context-variables that something refers to, declared or not."""
     yield from (mention.name for mention in references(scope))
     for site in scope.sites:
-        if site.role in OVER_CONTEXT:
+        if site.role in CONTEXT_ROLES:
             yield from (name.name for name in site.names if is_name(name.name))
 
 
 def mentions_in_preconditions(scope: SpecIndex) -> Iterator[Mention]:
     """Yield every undeclared name in a condition over context, except names with several parts, such as `a.b`."""
     for site in scope.sites:
-        if site.role in OVER_CONTEXT:
+        if site.role in CONTEXT_ROLES:
             names = [name for name in site.names if not scope.declares("context", name.name) and is_name(name.name)]
             yield from mentions_of(site, names)
 

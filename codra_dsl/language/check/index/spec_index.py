@@ -11,8 +11,8 @@ from typing import TypeVar
 from codra_dsl.language import graph
 from codra_dsl.language.behavior_trees.named import Read
 from codra_dsl.language.check.conditions.conditions import (
-    OF_LOOPS,
-    OVER_KNOWLEDGE,
+    KNOWLEDGE_ROLES,
+    LOOP_ROLES,
     Judgement,
     Role,
     Site,
@@ -62,7 +62,7 @@ NEED_KEYS = ("observable_when", "given")
 
 
 @dataclass(frozen=True, slots=True)
-class Silenced:
+class FaultyElements:
     """The elements with errors in earlier phases. Later phases report nothing more about these elements.
 
     Attributes:
@@ -151,13 +151,13 @@ class SpecIndex:
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
         """For each variable that algorithms identify, the names of these algorithms, sorted by rank, then by name."""
-        algorithms_of: dict[str, list[Algorithm]] = {}
+        algorithms_by_variable: dict[str, list[Algorithm]] = {}
         for algorithm in self.algorithms.values():
             for name in dict.fromkeys(entry.variable.name for entry in algorithm.identifies):
-                algorithms_of.setdefault(name, []).append(algorithm)
+                algorithms_by_variable.setdefault(name, []).append(algorithm)
         ranked = {
             name: sorted(algorithms, key=lambda algorithm: (algorithm.rank, algorithm.name))
-            for name, algorithms in algorithms_of.items()
+            for name, algorithms in algorithms_by_variable.items()
         }
         return {name: tuple(algorithm.name for algorithm in algorithms) for name, algorithms in ranked.items()}
 
@@ -169,12 +169,12 @@ class SpecIndex:
             for one, other in pairwise(names):
                 shares[one].append(other)
                 shares[other].append(one)
-        group_of_algorithm: dict[str, Group] = {}
+        group_by_algorithm: dict[str, Group] = {}
         for name in self.algorithms:
-            if name not in group_of_algorithm:
+            if name not in group_by_algorithm:
                 names = graph.closure(shares, [name])
-                group_of_algorithm |= dict.fromkeys(names, self._group(names))
-        return tuple(dict.fromkeys(group_of_algorithm.values()))
+                group_by_algorithm |= dict.fromkeys(names, self._group(names))
+        return tuple(dict.fromkeys(group_by_algorithm.values()))
 
     @cached_property
     def group_of(self) -> Mapping[str, Group]:
@@ -285,11 +285,11 @@ class SpecIndex:
     def context_types(self) -> Types:
         """The type of each context-variable, and of each name in a pose condition; None if the declaration is wrong."""
         trees = (condition.tree for condition in self.spec.pose_conditions)
-        pose_types = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
+        pose_condition_types = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
         damaged_types = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return (
             damaged_types
-            | pose_types
+            | pose_condition_types
             | {
                 name: declared_type(variable.type, variable.valid_for_s)
                 if self.readable("context", name, *TYPE_KEYS)
@@ -301,7 +301,7 @@ class SpecIndex:
     @cached_property
     def returned_types(self) -> Mapping[str, Types]:
         """For each algorithm, the type of each value that it returns; None if the value's declaration is wrong."""
-        types_of: dict[str, Types] = {}
+        types_by_algorithm: dict[str, Types] = {}
         shared_types: dict[tuple[object, ...], Types] = {}  # equal types share one mapping, to be compared by identity
         for name, algorithm in self.algorithms.items():
             types = {
@@ -310,10 +310,10 @@ class SpecIndex:
                 else None
                 for returned in algorithm.returns
             }
-            types_of[name] = shared_types.setdefault(
+            types_by_algorithm[name] = shared_types.setdefault(
                 tuple((returned, id(declared)) for returned, declared in types.items()), types
             )
-        return types_of
+        return types_by_algorithm
 
     @cached_property
     def sites(self) -> tuple[Site, ...]:
@@ -357,7 +357,7 @@ class SpecIndex:
     @cached_property
     def read_by_loops(self) -> frozenset[str]:
         """The variables that rules and conditions of loops read; for each rate also the variable whose rate it is."""
-        conditions = {name.name for site in self.sites if site.role in OF_LOOPS for name in site.names}
+        conditions = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
         return self.book.followed(conditions)
 
     @cached_property
@@ -400,13 +400,13 @@ class SpecIndex:
         sound_judgements: dict[tuple[object, ...], Judgement] = {}
         return {id(site.condition): self._judge(site, sound_judgements) for site in self.sites}
 
-    def shape_over_results(self, algorithm: Algorithm, faults: Silenced) -> object:
+    def shape_over_results(self, algorithm: Algorithm, faults: FaultyElements) -> object:
         """Return a key that is equal for algorithms that use their results equally, apart from names and places.
 
         The identity of trees and types suffices: equal texts share their tree, and equal declarations their type.
         """
-        accept_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
-        identify_keys = tuple(
+        acceptance_tree_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
+        identification_keys = tuple(
             [
                 (
                     type(entry.by),
@@ -418,7 +418,7 @@ class SpecIndex:
             ]
         )
         optional_flags = tuple([returned.optional for returned in algorithm.returns])
-        return id(self.returned_types[algorithm.name]), accept_ids, identify_keys, optional_flags
+        return id(self.returned_types[algorithm.name]), acceptance_tree_ids, identification_keys, optional_flags
 
     def python(self, condition: Condition, wanted: Type | None) -> str:
         """Return the Python text of a condition without errors. If `wanted` is numeric, the value is in its unit."""
@@ -452,9 +452,9 @@ class SpecIndex:
         tree = site.condition.tree
         assert tree is not None
         wanted = self.wanted(site)
-        if site.role is Role.OBSERVABLE_WHEN or site.role in OF_LOOPS:
+        if site.role is Role.OBSERVABLE_WHEN or site.role in LOOP_ROLES:
             readable_types = self.context_types
-        elif site.role in OVER_KNOWLEDGE:
+        elif site.role in KNOWLEDGE_ROLES:
             context_types, read_type = self.context_types, self.world.read_type
             readable_types = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:

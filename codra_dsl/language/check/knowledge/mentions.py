@@ -87,7 +87,7 @@ def names_read(pattern: Pattern) -> Iterator[Name]:
         yield from (part for part in walk(pattern.tree) if isinstance(part, Name))
 
 
-def mention_in(pattern: Pattern, name: str, part: Node) -> Mention:
+def mention_in_pattern(pattern: Pattern, name: str, part: Node) -> Mention:
     """Return the mention of a name in a pattern."""
     return Mention(name, pattern.condition.place_of(part), pattern.user, pattern.path)
 
@@ -97,7 +97,7 @@ def type_mentions(scope: SpecIndex) -> Iterator[Mention]:
     for pattern in patterns(scope):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.type:
-                yield mention_in(pattern, term.type, _last_word(pattern, term))
+                yield mention_in_pattern(pattern, term.type, _last_word(pattern, term))
 
 
 def _last_word(pattern: Pattern, term: NodeTerm) -> Node:
@@ -121,14 +121,14 @@ def node_mentions(scope: SpecIndex) -> Iterator[Mention]:
     for pattern in patterns(scope):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.name:
-                yield mention_in(pattern, term.name, term)
+                yield mention_in_pattern(pattern, term.name, term)
         for name in names_read(pattern):
             function, first, second = reads_of(name.name)
             if function:
-                yield from (mention_in(pattern, node_name, name) for node_name in (first, second))
+                yield from (mention_in_pattern(pattern, node_name, name) for node_name in (first, second))
             elif first:
                 node = Node(start=name.start, end=name.start + len(first))
-                yield mention_in(pattern, first, node)
+                yield mention_in_pattern(pattern, first, node)
 
 
 def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
@@ -153,4 +153,4 @@ def edge_mentions(scope: SpecIndex) -> Iterator[Mention]:
     for pattern in patterns(scope):
         for step in steps(pattern):
             start = step.link.start + pattern.condition.text[step.link.start : step.link.end].index(step.link.edge)
-            yield mention_in(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))
+            yield mention_in_pattern(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns, patterns_of, steps
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import NodeTerm, Path, reads_of
@@ -19,32 +19,37 @@ from codra_dsl.language.model import Agent, Task, TaskState, Writer
 _SECTIONS = ("context", "types", "nodes", "edges", "tasks", "agents")
 
 
-def is_knowledge_complete(scope: SpecIndex, faults: Silenced) -> bool:
+def is_knowledge_checkable(scope: SpecIndex, faults: FaultyElements) -> bool:
     """Return whether knowledge is declared, could be read completely, and has no wrong names."""
     if not scope.spec.knows or any(scope.spec.damaged.get(section) for section in _SECTIONS):
         return False
     return not any(section in _SECTIONS for section, _ in faults.elements)
 
 
-def two_owners(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def two_owners(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Several writers of the same element have priorities.
 
     For context-variables this is not checked, because their newest evidence is used.
     """
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(scope, faults):
         return
     reported_places: set[Place] = set()
     for element in scope.world.elements():
         writers = scope.world.writers(element)
-        unranked = [writer for writer in writers if writer.priority is None]
-        if element.section == "context" or len(writers) < 2 or not unranked or unranked[-1].place in reported_places:
+        unranked_writers = [writer for writer in writers if writer.priority is None]
+        if (
+            element.section == "context"
+            or len(writers) < 2
+            or not unranked_writers
+            or unranked_writers[-1].place in reported_places
+        ):
             continue
         # attributes without a source of their own have the sources of their type or edge
-        reported_places.add(unranked[-1].place)
-        yield _unranked_finding(scope.world, element, writers, unranked[-1])
+        reported_places.add(unranked_writers[-1].place)
+        yield _unranked_writer_finding(scope.world, element, writers, unranked_writers[-1])
 
 
-def _unranked_finding(
+def _unranked_writer_finding(
     world: DeclaredGraph, element: KnowledgeElement, writers: tuple[Writer, ...], offender: Writer
 ) -> Diagnostic:
     priorities_text = ", ".join(
@@ -63,9 +68,9 @@ def _unranked_finding(
     )
 
 
-def unwritten(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unwritten_knowledge(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Everything that an agent reads, and every declared edge, exists from the start or has a writer."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(scope, faults):
         return
     world = scope.world
     reported_elements: set[KnowledgeElement] = set()
@@ -98,16 +103,16 @@ def _readings(world: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeEle
             element = world.read(name.name)
             if element is not None:
                 yield element, pattern.condition.place_of(name), pattern.path
-        for term in _terms_sought(pattern):
+        for term in _searched_terms(pattern):
             if term.type:
                 yield KnowledgeElement("types", term.type), pattern.condition.place_of(term), pattern.path
 
 
-def _terms_sought(pattern: Pattern) -> tuple[NodeTerm, ...]:
+def _searched_terms(pattern: Pattern) -> tuple[NodeTerm, ...]:
     """Return the nodes that an agent searches for with a pattern."""
     path = pattern.tree
-    is_search = isinstance(path, Path) and pattern.role is not Role.AFTER and not path.negated
-    return path.terms if is_search and isinstance(path, Path) else ()
+    is_search_pattern = isinstance(path, Path) and pattern.role is not Role.AFTER and not path.negated
+    return path.terms if is_search_pattern and isinstance(path, Path) else ()
 
 
 def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
@@ -122,16 +127,16 @@ def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
     return any(value.name == element.attribute for node in nodes_of_type for value in node.values)
 
 
-def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def foreign_writes(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """An agent owns what its rules write; if a rule can write one of several elements, the agent owns one of them."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(scope, faults):
         return
     for pattern in patterns(scope):
         if pattern.role is Role.AFTER:
             elements = _written_elements(scope.world, pattern)
             if elements and not any(scope.world.owns(pattern.agent.name, element) for element, _ in elements):
-                yield _foreign_finding(scope.world, pattern, *elements[0])
-            yield from _foreign_state_findings(scope.world, pattern)
+                yield _foreign_write_finding(scope.world, pattern, *elements[0])
+            yield from _foreign_state_write_findings(scope.world, pattern)
 
 
 def _written_elements(world: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
@@ -158,17 +163,23 @@ def _written_elements(world: DeclaredGraph, pattern: Pattern) -> list[tuple[Know
     return elements
 
 
-def _foreign_finding(world: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, place: Place) -> Diagnostic:
+def _foreign_write_finding(
+    world: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, place: Place
+) -> Diagnostic:
     owners = [writer.name for writer in world.writers(element)]
-    who = " and ".join(f"'{owner}'" for owner in owners)
+    writers_text = " and ".join(f"'{owner}'" for owner in owners)
     assert pattern.rule is not None
     verb = "own" if len(owners) > 1 else "owns"
     key = "by" if element.section == "tasks" else "source"
-    own_help = f"write '{pattern.agent.name}' under '{key}' of {element}"
-    help = f"{own_help}, or leave this change to {who}: a rule may write only what its agent owns" if who else own_help
+    ownership_help = f"write '{pattern.agent.name}' under '{key}' of {element}"
+    help = (
+        f"{ownership_help}, or leave this change to {writers_text}: a rule may write only what its agent owns"
+        if writers_text
+        else ownership_help
+    )
     return finding(
         "foreign-write",
-        f"rule '{pattern.rule.name}' of {pattern.user} writes {element}, which {who or 'no agent'} {verb}",
+        f"rule '{pattern.rule.name}' of {pattern.user} writes {element}, which {writers_text or 'no agent'} {verb}",
         place,
         path=pattern.path,
         help=help,
@@ -176,21 +187,21 @@ def _foreign_finding(world: DeclaredGraph, pattern: Pattern, element: KnowledgeE
     )
 
 
-def _foreign_state_findings(world: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnostic]:
+def _foreign_state_write_findings(world: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnostic]:
     for step in steps(pattern):
         task = world.task_of(step.origin, step.link.edge, step.target)
         if task is None or pattern.agent.name in state_writers(task, step.link.edge):
             continue
         assert pattern.rule is not None
-        who = " and ".join(f"'{name}'" for name in state_writers(task, step.link.edge))
+        writers_text = " and ".join(f"'{name}'" for name in state_writers(task, step.link.edge))
         yield finding(
             "foreign-write",
             f"rule '{pattern.rule.name}' of {pattern.user} writes '{step.link.edge}' of task '{task.name}', "
-            f"which only {who} may write",
+            f"which only {writers_text} may write",
             pattern.condition.place_of(step.link),
             path=pattern.path,
             help="requesters write 'wants' and 'aborted', the executor writes 'is' and 'finished'; "
-            f"leave this change to {who}",
+            f"leave this change to {writers_text}",
             related=(Related("declared here", task.place),),
         )
 
@@ -202,9 +213,9 @@ def state_writers(task: Task, state: str) -> tuple[str, ...]:
     return (task.by.name,)
 
 
-def claimed_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def claimed_tasks(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No rule of an agent takes up a task that another agent executes, since a task has one executor."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(scope, faults):
         return
     for agent in scope.spec.agents:
         for rule in agent.conduct.rules:
@@ -238,23 +249,27 @@ def _claimed_task_finding(agent: Agent, rule: str, task: Task, step: Step) -> Di
     )
 
 
-def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unattended_tasks(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The executor of a task reacts to a request.
 
     It is always active, or the request wakes it. If it has rules, one of them is for the request.
     """
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(scope, faults):
         return
     for task in scope.spec.tasks:
         agent = scope.world.agents.get(task.by.name)
         if agent is None:
             continue
-        is_asleep = agent.conduct.wakes and not _names_request(scope.world, agent, task, Role.WAKES)
-        is_idle = agent.conduct.rules and not _names_request(scope.world, agent, task, Role.BEFORE)
-        if is_asleep or is_idle:
-            request = f"{task.origin.name} -wants-> {task.name}"
-            reason = "is not woken by a request" if is_asleep else "has no rule for a request"
-            help = f"add '{request}' to 'wakes' of the agent" if is_asleep else f"add a rule with 'before: [{request}]'"
+        is_never_woken = agent.conduct.wakes and not _has_request_pattern(scope.world, agent, task, Role.WAKES)
+        has_no_request_rule = agent.conduct.rules and not _has_request_pattern(scope.world, agent, task, Role.BEFORE)
+        if is_never_woken or has_no_request_rule:
+            request_text = f"{task.origin.name} -wants-> {task.name}"
+            reason = "is not woken by a request" if is_never_woken else "has no rule for a request"
+            help = (
+                f"add '{request_text}' to 'wakes' of the agent"
+                if is_never_woken
+                else f"add a rule with 'before: [{request_text}]'"
+            )
             yield finding(
                 "unattended-task",
                 f"no agent takes up task '{task.name}': agent '{agent.name}', which executes it, {reason}",
@@ -265,7 +280,7 @@ def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
             )
 
 
-def _names_request(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -> bool:
+def _has_request_pattern(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -> bool:
     """Return whether an agent has a pattern with this role that contains the request of a task.
 
     A condition under `wakes` may depend on the request, so the result is True then too.
@@ -278,9 +293,11 @@ def _names_request(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -
                 return True
             continue
         for step in steps(pattern):
-            other = world.task_of(step.origin, step.link.edge, step.target)
+            other_task = world.task_of(step.origin, step.link.edge, step.target)
             is_any = not step.target.name and step.link.edge == TaskState.WANTS
-            if is_any or (other is not None and other.name == task.name and step.link.edge == TaskState.WANTS):
+            if is_any or (
+                other_task is not None and other_task.name == task.name and step.link.edge == TaskState.WANTS
+            ):
                 return True
     return False
 
@@ -307,5 +324,5 @@ def reads(world: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
     return tuple(elements)
 
 
-OWNERS = (two_owners, unwritten, foreign_writes, claimed_tasks, unattended_tasks)
+OWNERS = (two_owners, unwritten_knowledge, foreign_writes, claimed_tasks, unattended_tasks)
 """The checks of this module."""

@@ -12,15 +12,15 @@ from codra_dsl.language.check.conditions.types import Problem, Typed, infer_cond
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.mentions import user_of
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.lowered import over_knowledge
-from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.expression import Name, names_in, reads_of
 from codra_dsl.language.model import PoseCondition
 
 
-def wrong_comparisons(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def wrong_pose_comparisons(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """A distance is compared with lengths, and `in_view` is true or false."""
     for pose_condition in scope.spec.pose_conditions:
         for problem in _infer_pose_condition(scope, pose_condition)[1]:
@@ -29,24 +29,24 @@ def wrong_comparisons(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield finding(problem.rule, message, place, path=".".join(pose_condition.owner), help=problem.help)
 
 
-def wrong_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def wrong_pose_operands(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Cameras have views, and edges with poses can connect the two nodes; otherwise the result is never known.
 
     The nodes are declared; the edges that lead to them may change while a program runs.
     """
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(scope, faults):
         return
     for pose_condition in scope.spec.pose_conditions:
         if faults.sound(pose_condition.owner[0], pose_condition.owner[1]):
             for name in dict.fromkeys(names_in(pose_condition.tree)):
-                yield from _name_findings(scope.world, pose_condition, name)
+                yield from _operand_findings(scope.world, pose_condition, name)
 
 
-POSE_CONDITIONS = (wrong_comparisons, wrong_poses)
+POSE_CONDITIONS = (wrong_pose_comparisons, wrong_pose_operands)
 """The checks of this module."""
 
 
-def python_of_poses(scope: SpecIndex) -> dict[str, str]:
+def pose_condition_texts(scope: SpecIndex) -> dict[str, str]:
     """Return, for each variable that is computed from poses, its comparison as Python text. The spec has no errors."""
     return {
         variable.name: over_knowledge(scope.world, lower(_infer_pose_condition(scope, variable.pose_condition)[0]))
@@ -55,11 +55,11 @@ def python_of_poses(scope: SpecIndex) -> dict[str, str]:
     }
 
 
-def _name_findings(world: DeclaredGraph, pose_condition: PoseCondition, name: Name) -> Iterator[Diagnostic]:
+def _operand_findings(world: DeclaredGraph, pose_condition: PoseCondition, name: Name) -> Iterator[Diagnostic]:
     function, first, second = reads_of(name.name)
     place, path = pose_condition.condition.place_of(name), ".".join(pose_condition.owner)
-    kind = world.types.get(world.type_of(second))
-    if function == "in_view" and (kind is None or kind.view is None):
+    node_type = world.types.get(world.type_of(second))
+    if function == "in_view" and (node_type is None or node_type.view is None):
         message = f"'{second}' has no view ({_location_text(pose_condition)})"
         yield finding("wrong-ends", message, place, path=path, help=f"give type '{world.type_of(second)}' a 'view'")
     elif not world.may_meet(first, second):

@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from codra_dsl.language.check.index.graph_schema import KnowledgeElement
 from codra_dsl.language.check.index.mentions import user_of
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import names_read, patterns
-from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import names_in, reads_of
 
 
-def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unnoticed_poses(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """If conditions use the poses of an edge, and the edge has a writer, the edge states how long a pose is valid."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(scope, faults):
         return
     first_uses: dict[str, Related] = {}
     for user, name, place in _pose_readings(scope):
@@ -25,8 +25,8 @@ def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             first_uses.setdefault(edge_name, Related(f"{user} uses it", place))
     for name, related in first_uses.items():
         edge = scope.world.edges[name]
-        states_validity = edge.motion is None or edge.motion.is_static or edge.motion.valid_for_s is not None
-        if not states_validity and scope.world.writers(KnowledgeElement("edges", name)):
+        has_validity = edge.motion is None or edge.motion.is_static or edge.motion.valid_for_s is not None
+        if not has_validity and scope.world.writers(KnowledgeElement("edges", name)):
             yield finding(
                 "unnoticed-pose",
                 f"edge '{name}' keeps its last pose forever if no new one is reported",

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from codra_dsl.language.check.index.parsed_rules import defuzzifier_of, output_terms, range_of
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.fuzzy.model import Term
 from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge, Shape
@@ -22,7 +22,7 @@ _NUMBERS = (Kind.INT, Kind.FLOAT)
 _RULE_KEYWORDS = KEYWORDS | set(Hedge)
 
 
-def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unfit_inputs(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every number that rules read has a range, only numbers have terms, and no term is a keyword of rules."""
     for variable in scope.spec.context:
         if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
@@ -56,18 +56,19 @@ def _reserved_words(variable: Variable, terms: tuple[Term, ...]) -> Iterator[Dia
             yield finding("unfit-input", message, place, path=path, help=f"rename '{term.name}'")
 
 
-def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unfit_outputs(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The terms of an output fit its defuzzification method."""
     for section, output in scope.book.outputs:
         method = defuzzifier_of(output)
         is_weighted = method.is_weighted
-        constants = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
-        if constants and not is_weighted:
+        constant_names = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
+        if constant_names and not is_weighted:
             message = (
-                f"term '{constants[0]}' of '{output.name}' is a number, but '{snake_case(method.value)}' needs shapes"
+                f"term '{constant_names[0]}' of '{output.name}' is a number, "
+                f"but '{snake_case(method.value)}' needs shapes"
             )
             help = "write 'inference: takagi_sugeno', or give the term a shape"
-        elif is_weighted and len(constants) < len(output_terms(output)):
+        elif is_weighted and len(constant_names) < len(output_terms(output)):
             message = f"'{output.name}' adds up numbers, but not all of its terms are numbers"
             help = "write its terms as 'constant 0.5'"
         else:
@@ -76,7 +77,7 @@ def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
         yield finding("unfit-output", message, place, path=f"{section}.{output.name}", help=help)
 
 
-def unfit_rates(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unfit_rates(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A rate is the rate of a number that loops do not compute, and that keeps enough readings.
 
     The unit of the rate is the unit of this number per time.
@@ -86,7 +87,9 @@ def unfit_rates(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             continue
         base = scope.variables.get(variable.rate.of.name)
         keys = ("type", "unit", "rate_of")
-        if base is None or not all(scope.readable("context", either.name, *keys) for either in (variable, base)):
+        if base is None or not all(
+            scope.readable("context", declared_variable.name, *keys) for declared_variable in (variable, base)
+        ):
             continue
         for message, help, key in _rate_problems(variable, base):
             place = variable.places.get(key, variable.place)
@@ -142,7 +145,7 @@ def _unit(variable: Variable) -> Unit | None:
     return ONE if variable.type.unit is None else parse_unit(variable.type.unit)
 
 
-def unfit_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unfit_parameters(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that an adaptation sets has the source `adaptation`, and no other adaptation sets the variable."""
     first_adaptations: dict[str, str] = {}
     for adaptation in scope.spec.adaptation:
@@ -163,7 +166,7 @@ def unfit_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
             yield finding("foreign-parameter", message, does.variable.place, path=path, help=help)
 
 
-def senseless_times(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def senseless_times(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The numbers of an adaptation fit together."""
     for adaptation in scope.spec.adaptation:
         does = adaptation.does
@@ -182,12 +185,12 @@ def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, s
         yield "lead", message, "write a number from 0 to below 1"
     if course.hold_s > dwell_s > 0.0:
         yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
-    choices = [reference.name for reference in course.choose]
-    if course.otherwise.name and course.otherwise.name not in choices:
+    action_names = [reference.name for reference in course.choose]
+    if course.otherwise.name and course.otherwise.name not in action_names:
         message = f"'{course.otherwise.name}' is not one of the actions under 'choose'"
         yield "otherwise", message, "add it to 'choose', or write one of these actions"
     for rule in course.always:
-        if rule.action.name not in choices:
+        if rule.action.name not in action_names:
             yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"
 
 

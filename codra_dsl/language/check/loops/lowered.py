@@ -114,23 +114,23 @@ def _block(book: ParsedRules, section: str, checked_output: CheckedOutput) -> Ru
         disjunction=method.disjunction,
         implication=method.implication,
         activation=Activation(method=Method.GENERAL),
-        rules=tuple(_with_variable(rule, checked_output.variable) for rule in rules if rule is not None),
+        rules=tuple(_conclude_about(rule, checked_output.variable) for rule in rules if rule is not None),
     )
 
 
-def _with_variable(rule: Rule, variable: str) -> Rule:
-    concluded: tuple[Proposition, ...] = tuple(
+def _conclude_about(rule: Rule, variable: str) -> Rule:
+    conclusions: tuple[Proposition, ...] = tuple(
         replace(conclusion, variable=variable) for conclusion in rule.conclusions
     )
-    return replace(rule, conclusions=concluded)
+    return replace(rule, conclusions=conclusions)
 
 
 def _rate(scope: SpecIndex, variable: Variable) -> CheckedRate:
     assert variable.rate is not None
-    base = scope.variables[variable.rate.of.name]
-    factor = rate_factor(variable, base)
+    base_variable = scope.variables[variable.rate.of.name]
+    factor = rate_factor(variable, base_variable)
     assert factor is not None
-    return CheckedRate(variable=variable, of=base.name, over_s=variable.rate.over_s, factor=factor)
+    return CheckedRate(variable=variable, of=base_variable.name, over_s=variable.rate.over_s, factor=factor)
 
 
 def _adaptation(scope: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
@@ -139,8 +139,8 @@ def _adaptation(scope: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
         python: tuple[str, ...] = (scope.python(does.value, scope.context_types[does.variable.name]),)
     else:
         python = tuple(scope.python(rule.condition, None) for rule in does.always)
-    own_sites = (site for site in scope.sites if site.owner == ("adaptation", adaptation.name))
-    reads = sorted({read_name.name for site in own_sites for read_name in site.names})
+    adaptation_sites = (site for site in scope.sites if site.owner == ("adaptation", adaptation.name))
+    reads = sorted({read_name.name for site in adaptation_sites for read_name in site.names})
     return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads))
 
 
@@ -161,7 +161,7 @@ def _tree(scope: SpecIndex, tree: TreeElement) -> CheckedTree:
 
 def _loop(scope: SpecIndex, loop: Loop) -> CheckedLoop:
     """Return a loop with the rates that its rules and conditions read; unread rates belong to the first loop."""
-    rates_by_loop = {reader.name: tuple(_rates(scope, reader)) for reader in scope.spec.loops}
+    rates_by_loop = {reading_loop.name: tuple(_rates(scope, reading_loop)) for reading_loop in scope.spec.loops}
     owners: dict[str, str] = {}
     for owner, rates in rates_by_loop.items():
         for rate in rates:

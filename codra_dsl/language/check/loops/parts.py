@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT
+from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES
 from codra_dsl.language.check.index.mentions import references
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import reads_of
 from codra_dsl.language.model import Adaptation, Course, Loop, Output, Reference, TreeElement
@@ -16,7 +16,7 @@ _KEYS = ("analyse", "adapt", "execute")
 _SECTIONS = (("metrics", "analyse", "computes"), ("adaptation", "adapt", "makes"), ("trees", "execute", "executes"))
 
 
-def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def parts_of_loops(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric, adaptation and tree belongs to one loop."""
     if any(scope.lost(section) for section in ("metrics", "adaptation", "trees")) or scope.lost("loops", *_KEYS):
         return
@@ -45,7 +45,7 @@ def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                 yield finding("part-without-loop", message, element.place, path=path, help=help)
 
 
-def split_courses(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def split_courses(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The loop that adapts a course also executes its tree, and each tree has one course."""
     first_adaptations: dict[str, Adaptation] = {}
     for adaptation in scope.spec.adaptation:
@@ -60,9 +60,11 @@ def split_courses(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield finding("two-adaptations", message, does.within.place, path=path, help=help)
         adapting_loops = [loop for loop in scope.spec.loops if adaptation.name in _names(loop.adapt)]
         if adapting_loops and not any(does.within.name in _names(loop.execute) for loop in adapting_loops):
-            executing_loops = [loop.name for loop in scope.spec.loops if does.within.name in _names(loop.execute)]
-            where = f"which loop '{executing_loops[0]}' executes" if executing_loops else "which no loop executes"
-            message = f"loop '{adapting_loops[0].name}' chooses the course of tree '{does.within.name}', {where}"
+            executing_loop_names = [loop.name for loop in scope.spec.loops if does.within.name in _names(loop.execute)]
+            where_text = (
+                f"which loop '{executing_loop_names[0]}' executes" if executing_loop_names else "which no loop executes"
+            )
+            message = f"loop '{adapting_loops[0].name}' chooses the course of tree '{does.within.name}', {where_text}"
             help = f"name '{does.within.name}' under 'execute' of loop '{adapting_loops[0].name}'"
             yield finding("two-loops", message, does.within.place, path=path, help=help)
 
@@ -75,13 +77,13 @@ _READERS = {
 }
 
 
-def unread_outputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unread_outputs(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric is read, and every action can be chosen."""
     if any(scope.lost(section, *keys) for section, keys in _READERS.items()):
         return
     read_names = {name for key in scope.book.rules for name in scope.book.named(*key)}
     read_names |= {mention.name for mention in references(scope)}
-    read_names |= {reads_of(name.name)[2] for site in scope.sites if site.role in OVER_CONTEXT for name in site.names}
+    read_names |= {reads_of(name.name)[2] for site in scope.sites if site.role in CONTEXT_ROLES for name in site.names}
     read_names |= {reference.name for agent in scope.spec.agents for reference in agent.conduct.reads}
     for metric in scope.spec.metrics:
         if metric.name not in read_names and faults.sound("metrics", metric.name):

@@ -45,7 +45,7 @@ def misspelt_finding(
 ) -> Diagnostic:
     """Return the finding about a misspelt declaration, and record its correction."""
     name = mentions[0].name
-    scope.corrections.add_declaration(owner, declared, name)
+    scope.corrections.add_misspelt_declaration(owner, declared, name)
     first_mentions = _first_mentions(mentions)
     uses_text = (
         f", used {len(first_mentions)} times," if len(first_mentions) > 1 else f", which {mentions[0].user} uses,"

@@ -19,7 +19,7 @@ from codra_dsl.language.check.index.mentions import (
     used_variables,
 )
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.index.words import NOUNS
 from codra_dsl.language.check.names.misspelt import find_misspelt_declarations, misspelt_finding
 from codra_dsl.language.check.types.literals import Literal, intended_literal, literal_compared
@@ -37,7 +37,7 @@ _SOURCES = {"agents": (OBSERVER, MAIN_EXECUTION)}
 _WORD = re.compile(r"\w+")
 
 
-def unknown_variables(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_variables(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every context-variable that something refers to is declared: one finding per name, with all its mentions."""
     groups = list(unknown_mentions(scope, "context", chain(references(scope), mentions_in_preconditions(scope))))
     if not groups:
@@ -60,7 +60,7 @@ def unknown_variables(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield _undeclared_finding(scope, "context", first, others, literal=_intended_literal(scope, first))
 
 
-def unknown_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_resources(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every resource that an algorithm uses is declared."""
     groups = list(unknown_mentions(scope, "resources", resource_mentions(scope)))
     if groups:
@@ -69,7 +69,7 @@ def unknown_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield _undeclared_finding(scope, "resources", first, others)
 
 
-def unknown_sources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_sources(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every source is `observer`, `main_execution` or an agent."""
     groups = list(unknown_mentions(scope, "agents", source_mentions(scope)))
     if groups:
@@ -80,7 +80,7 @@ def unknown_sources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield _undeclared_finding(scope, "agents", first, others, known=sources)
 
 
-def unknown_names_in_results(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_names_in_results(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """`accept_when` and `identifies` read only the values that the algorithm returns."""
     groups_by_algorithm: dict[str, dict[str, list[Mention]]] = {}
     for site in scope.sites:
@@ -172,7 +172,7 @@ def _is_something_else(scope: SpecIndex, mention: Mention) -> bool:
     return is_named or _intended_literal(scope, mention) is not None
 
 
-def names_in_expectations(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def names_in_expectations(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The expectations of skills compare variables with literals."""
     for site in scope.sites:
         if site.role is Role.MONITOR:
@@ -186,7 +186,7 @@ def names_in_expectations(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]
                     )
 
 
-def reserved_agents(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def reserved_agents(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No agent has the name of one of the two sources that every spec has."""
     for agent in scope.spec.agents:
         if agent.name in (OBSERVER, MAIN_EXECUTION):
@@ -195,7 +195,7 @@ def reserved_agents(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield finding("reserved-agent", message, agent.place, path=path, help="choose another name")
 
 
-def ambiguous_arguments(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def ambiguous_arguments(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No two arguments of a perception function have the same name, and none has the name `job`."""
     for algorithm in scope.spec.perception:
         origins = {"job": "the argument 'job', which every perception function gets"}
@@ -254,7 +254,7 @@ def _undeclared_finding(
     candidates = scope.names(section) if known is None else known
     nearest = scope.nearest(first.name, section, candidates)
     if nearest is not None and is_slip(first.name, nearest):
-        scope.corrections.add_reference(section, first.name, nearest)
+        scope.corrections.add_misspelt_reference(section, first.name, nearest)
     fix = _renaming(scope, first, others, nearest, candidates)
     help = f"did you mean '{nearest}'?" if nearest else _declaration_help(scope, first, section)
     return _mention_finding(rule, message, help, first, others, fix=fix)
@@ -320,7 +320,7 @@ def _unreturned_finding(scope: SpecIndex, algorithm: str, first: Mention, others
         return _mention_finding("unknown-returned-value", message, literal.help, first, others, fix=fix)
     nearest = scope.nearest(first.name, f"returned by {algorithm}", returned)
     if nearest is not None and is_slip(first.name, nearest):
-        scope.corrections.add_reference((algorithm,), first.name, nearest)
+        scope.corrections.add_misspelt_reference((algorithm,), first.name, nearest)
     help = f"did you mean '{nearest}'?" if nearest else _declaration_help(scope, first, "returns")
     fix = _renaming(scope, first, others, nearest, returned)
     return _mention_finding("unknown-returned-value", message, help, first, others, fix=fix)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.contradictions import (
-    Stated,
+    StatedCondition,
     contradiction,
     limits_of,
     never_true,
@@ -28,12 +28,12 @@ MAX_RELATED_PLACES = 5
 """The maximum number of further members in a finding."""
 
 
-def never_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def never_holding(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Some result can be accepted, and each value that has a condition can follow from an accepted result."""
     yield from _once_per_shape(scope, faults, _never_holding_of)
 
 
-def _never_holding_of(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+def _never_holding_of(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
     accepted = tuple(_sound_conditions(scope, algorithm.accept_when))
     types = scope.returned_types[algorithm.name]
     core = contradiction(accepted, types)
@@ -45,7 +45,7 @@ def _never_holding_of(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) 
             yield from _never_identified(scope, algorithm, entry, accepted)
 
 
-def always_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def always_holding(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every condition is false for some value; otherwise it has no effect."""
     for algorithm in scope.algorithms.values():
         if not faults.sound("perception", algorithm.name):
@@ -58,7 +58,7 @@ def always_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
     yield from _once_per_shape(scope, faults, _always_holding_of)
 
 
-def _always_holding_of(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+def _always_holding_of(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
     returned_types = scope.returned_types[algorithm.name]
     optional_names = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
     for condition in _parts_of_conditions(scope, algorithm.accept_when):
@@ -76,7 +76,9 @@ CONDITIONS = (never_holding, always_holding)
 
 
 def _once_per_shape(
-    scope: SpecIndex, faults: Silenced, rule: Callable[[SpecIndex, Silenced, Algorithm], Iterable[Diagnostic]]
+    scope: SpecIndex,
+    faults: FaultyElements,
+    rule: Callable[[SpecIndex, FaultyElements, Algorithm], Iterable[Diagnostic]],
 ) -> Iterator[Diagnostic]:
     """Yield the findings of a rule about the use of results, for each algorithm.
 
@@ -92,7 +94,7 @@ def _once_per_shape(
                 clean_shapes.add(shape)
 
 
-def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions without a problem."""
     for condition in conditions:
         judgement = scope.judgement(condition)
@@ -100,7 +102,7 @@ def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iter
             yield stated(condition, spelt_out(judgement.typed.node))
 
 
-def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions of a list, except plain names and negated names. Each part of an `and` is separate."""
     for condition in conditions:
         for stated_condition in _sound_conditions(scope, [condition]):
@@ -109,11 +111,11 @@ def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> I
                     yield part
 
 
-def _names(condition: Stated) -> Iterable[str]:
+def _names(condition: StatedCondition) -> Iterable[str]:
     return dict.fromkeys(name.name for name in names_in(condition.tree))
 
 
-def _true_conditions(scope: SpecIndex, faults: Silenced, entry: Identification) -> Iterator[Stated]:
+def _true_conditions(scope: SpecIndex, faults: FaultyElements, entry: Identification) -> Iterator[StatedCondition]:
     """Yield the condition under which a bool is True, except literals and plain names, which are intended."""
     variable = scope.variables.get(entry.variable.name)
     by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
@@ -126,7 +128,7 @@ def _true_conditions(scope: SpecIndex, faults: Silenced, entry: Identification) 
 
 
 def _always_finding(
-    algorithm: Algorithm, key: str, condition: Stated, types: Types, variables: Iterable[Variable | Returned]
+    algorithm: Algorithm, key: str, condition: StatedCondition, types: Types, variables: Iterable[Variable | Returned]
 ) -> Diagnostic:
     needs_range = not always_holds(condition.tree, without_ranges(types, [condition.tree]))
     names = tuple(_names(condition))
@@ -144,12 +146,12 @@ def _always_finding(
 
 
 def _never_identified(
-    scope: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[Stated, ...]
+    scope: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[StatedCondition, ...]
 ) -> Iterator[Diagnostic]:
     """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
     types = scope.returned_types[algorithm.name]
-    earlier_values: dict[str, tuple[str, Stated]] = {}
-    shadowed_values: dict[tuple[str, ...], list[tuple[str, Stated]]] = {}
+    earlier_values: dict[str, tuple[str, StatedCondition]] = {}
+    shadowed_values: dict[tuple[str, ...], list[tuple[str, StatedCondition]]] = {}
     for value, condition in _values(scope, entry):
         for stated_condition in _sound_conditions(scope, [condition]):
             if isinstance(stated_condition.tree, Truth) and not stated_condition.tree.value:
@@ -166,7 +168,9 @@ def _never_identified(
             if not earlier_values:
                 earlier_values[value] = value, stated_condition
                 continue
-            denials = [Stated(_negation(other), other.text, other.place) for _, other in earlier_values.values()]
+            denials = [
+                StatedCondition(_negation(other), other.text, other.place) for _, other in earlier_values.values()
+            ]
             blocking_core = contradiction((*accepted, *denials, stated_condition), types)
             blocking_values = [
                 name for name, denial in zip(earlier_values, denials, strict=True) if denial in blocking_core
@@ -198,11 +202,13 @@ def _is_bool(scope: SpecIndex, entry: Identification) -> bool:
     return declared is not None and declared.kind is Kind.BOOL
 
 
-def _negation(condition: Stated) -> Node:
+def _negation(condition: StatedCondition) -> Node:
     return Not(start=condition.tree.start, end=condition.tree.end, operand=condition.tree)
 
 
-def _never_finding(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stated], types: Types) -> Diagnostic:
+def _never_finding(
+    algorithm: Algorithm, key: str, effect: str, core: Sequence[StatedCondition], types: Types
+) -> Diagnostic:
     return finding(
         "never-holds",
         f"algorithm '{algorithm.name}' {effect}: {never_true(core)}",
@@ -216,8 +222,8 @@ def _never_finding(algorithm: Algorithm, key: str, effect: str, core: Sequence[S
 def _shadowed_finding(
     algorithm: Algorithm,
     entry: Identification,
-    values: Sequence[tuple[str, Stated]],
-    blocking_conditions: Sequence[tuple[str, Stated]],
+    values: Sequence[tuple[str, StatedCondition]],
+    blocking_conditions: Sequence[tuple[str, StatedCondition]],
 ) -> Diagnostic:
     name = entry.variable.name
     (value, first), *others = values

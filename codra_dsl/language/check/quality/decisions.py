@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.owners import reads
 from codra_dsl.language.check.quality.exclusion import excluded_previews
 from codra_dsl.language.check.quality.reach import judges_reach, unreached_settings
@@ -16,7 +16,7 @@ MAX_RELATED_PLACES = 5
 """The maximum number of further places of one kind in a finding."""
 
 
-def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unreached_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable is needed by a skill or loop, directly or through others. Without skills, all are observed.
 
     Variables that loops add or set are exempt, since programs read them.
@@ -46,7 +46,7 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
             yield finding("unreached-variable", message, variable.place, path=f"context.{name}", help=help)
 
 
-def decisions_without_observer(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def decisions_without_observer(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill previews can be observed: by an observer, or by the main execution as a fallback."""
     for variable, mentions in _unidentified_variables(scope, faults, _previews(scope, faults)):
         sources = [source.name for source in variable.sources]
@@ -65,7 +65,7 @@ def decisions_without_observer(scope: SpecIndex, faults: Silenced) -> Iterator[D
         )
 
 
-def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unwatched_monitors(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill monitors has a source other than the main execution, which is busy acting."""
     for variable, mentions in _unidentified_variables(scope, faults, _monitors(scope, faults)):
         if {source.name for source in variable.sources} != {MAIN_EXECUTION}:
@@ -89,14 +89,14 @@ DECISIONS = (unreached_variables, decisions_without_observer, unwatched_monitors
 _Mentions = Mapping[str, list[tuple[Skill, Place]]]
 
 
-def _sound_skills(scope: SpecIndex, faults: Silenced, key: str) -> Iterator[Skill]:
+def _sound_skills(scope: SpecIndex, faults: FaultyElements, key: str) -> Iterator[Skill]:
     """Yield the sound skills with a readable key."""
     for skill in scope.spec.skills:
         if faults.sound("skills", skill.name) and scope.readable("skills", skill.name, key):
             yield skill
 
 
-def _previews(scope: SpecIndex, faults: Silenced) -> _Mentions:
+def _previews(scope: SpecIndex, faults: FaultyElements) -> _Mentions:
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
     for skill in _sound_skills(scope, faults, "preview"):
         for reference in skill.preview:
@@ -104,7 +104,7 @@ def _previews(scope: SpecIndex, faults: Silenced) -> _Mentions:
     return mentions
 
 
-def _monitors(scope: SpecIndex, faults: Silenced) -> _Mentions:
+def _monitors(scope: SpecIndex, faults: FaultyElements) -> _Mentions:
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
     for skill in _sound_skills(scope, faults, "monitor"):
         for expectation in skill.monitor:
@@ -113,7 +113,7 @@ def _monitors(scope: SpecIndex, faults: Silenced) -> _Mentions:
 
 
 def _unidentified_variables(
-    scope: SpecIndex, faults: Silenced, mentions: _Mentions
+    scope: SpecIndex, faults: FaultyElements, mentions: _Mentions
 ) -> Iterator[tuple[Variable, list[tuple[Skill, Place]]]]:
     """Yield the variables that have sources but no algorithm, each with the skills that refer to it."""
     if scope.lost("perception", "identifies"):

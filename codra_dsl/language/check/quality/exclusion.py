@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Node, names_in, spelt_out
@@ -16,7 +16,7 @@ MAX_STEPS = 100_000
 """The maximum number of evaluated algorithms. After this number, the search stops."""
 
 
-def excluded_previews(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def excluded_previews(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill previews can be observed after other skills have changed its other variables.
 
     Let a skill preview `x` and `y`, and let other skills make `x` become V. Then `y` is excluded if every algorithm for
@@ -59,7 +59,7 @@ class _Exclusion:
     cause: str | None
 
 
-def _makers_by_variable(scope: SpecIndex, faults: Silenced) -> Mapping[str, list[tuple[Skill, Expectation]]]:
+def _makers_by_variable(scope: SpecIndex, faults: FaultyElements) -> Mapping[str, list[tuple[Skill, Expectation]]]:
     """Return, for each variable, the skills that make the variable become a value, with their expectations."""
     makers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
     for skill in scope.spec.skills:
@@ -102,7 +102,7 @@ class _Search:
     The value prevents this directly, or through variables that are forgotten.
     """
 
-    def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
+    def __init__(self, scope: SpecIndex, faults: FaultyElements) -> None:
         self._scope = scope
         self._faults = faults
         self._steps_left = MAX_STEPS

@@ -22,7 +22,7 @@ _NEEDS = {
 def judges_reach(scope: SpecIndex) -> bool:
     """Return whether unneeded elements are known: a skill is declared, and nothing that could need them is damaged."""
     lost = any(scope.lost(section, *keys) for section, keys in _NEEDS.items())
-    return bool(scope.spec.skills) and scope.book.is_complete and not (lost or scope.undeclared_names)
+    return bool(scope.spec.skills) and scope.book.is_fully_parsed and not (lost or scope.undeclared_names)
 
 
 def unreached_settings(scope: SpecIndex) -> Iterator[ObserverSetting]:

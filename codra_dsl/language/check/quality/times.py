@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import OBSERVER, Group, Silenced, SpecIndex, watched_by
+from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, Group, SpecIndex, watched_by
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import (
@@ -63,7 +63,7 @@ class Renewal:
         return round((needed_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
 
 
-def stale_before_renewed(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def stale_before_renewed(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Evidence is valid until newer evidence can arrive, for the variable itself and for conditions on its age."""
     if scope.lost("observers", "identifies", "period") or scope.lost("perception", "identifies"):
         return
@@ -80,7 +80,7 @@ def stale_before_renewed(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
             yield from _age_findings(scope, faults, algorithm)
 
 
-def oversubscribed_slots(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def oversubscribed_slots(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Observers that run together need no more time of a resource than its slots have."""
     contested_shares = _contested_shares(scope, faults)
     demands: dict[str, _Demand] = {}
@@ -101,7 +101,7 @@ def oversubscribed_slots(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnos
     yield from (_oversubscribed_finding(scope.resources[name], demand) for name, demand in demands.items())
 
 
-def ineffective_on_event(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def ineffective_on_event(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No algorithm identifies both variables with `refresh: on_event` and periodic variables."""
     for algorithm in scope.algorithms.values():
         variables = [
@@ -127,7 +127,7 @@ TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
 """The checks of this module."""
 
 
-def _slowest_renewal(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
+def _slowest_renewal(scope: SpecIndex, faults: FaultyElements, name: str) -> Renewal | None:
     """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or one is unknown."""
     setting, _ = scope.claims.get(name, (None, None))
     if setting is not None and not faults.sound("observers", setting.name):
@@ -168,7 +168,7 @@ def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic
     )
 
 
-def _age_findings(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+def _age_findings(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
     """Yield a finding for each maximum age in a precondition that observers cannot guarantee."""
     for condition in algorithm.observable_when:
         judgement = scope.judgement(condition)
@@ -229,7 +229,7 @@ class _Demand:
         return sum(share.slot_fraction for share in self.shares)
 
 
-def _contested_shares(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mapping[Group, _Share]]:
+def _contested_shares(scope: SpecIndex, faults: FaultyElements) -> Mapping[str, Mapping[Group, _Share]]:
     """Return, for each resource that all observers together overload, the share of each group of alternatives."""
     contested_shares: dict[str, dict[Group, _Share]] = {}
     for group in scope.groups:
@@ -250,7 +250,7 @@ def _contested_shares(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mappin
     }
 
 
-def _share(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> _Share | None:
+def _share(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> _Share | None:
     """Return the share of a slot that an algorithm needs; None if it needs no share, or if the share is unknown."""
     is_sound = faults.sound("perception", algorithm.name)
     if not is_sound or not scope.readable("perception", algorithm.name, "timeout", "uses"):

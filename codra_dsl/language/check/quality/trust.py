@@ -7,13 +7,13 @@ from functools import partial
 
 from codra_dsl.language.check.conditions.conditions import Role, Site
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.model import Algorithm, Variable, WhenUnobservable
 
 
-def unnoticed_preconditions(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unnoticed_preconditions(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable in a precondition states how long it is valid; otherwise the precondition could stay true forever.
 
     It is enough to state `valid_for`. `when_unobservable: forget` is enough if each algorithm that identifies the

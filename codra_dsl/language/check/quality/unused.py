@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from codra_dsl.language.check.index.mentions import source_mentions
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.quality.reach import unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import Agent, Algorithm, DeclaredTemplate, Reference, Resource, Variable
@@ -16,7 +16,7 @@ from codra_dsl.language.model import Agent, Algorithm, DeclaredTemplate, Referen
 _PARAMETER = re.compile(r"\$\(\w+\)")
 
 
-def unreached_observers(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unreached_observers(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every observer is generated, because some skill needs one of its variables."""
     for setting in unreached_settings(scope):
         if faults.sound("observers", setting.name):
@@ -30,7 +30,7 @@ def unreached_observers(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
             )
 
 
-def unused_resources(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unused_resources(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every resource is used by an algorithm, or may be used by an algorithm of a template."""
     usages = [usage.resource.name for algorithm in scope.spec.perception for usage in algorithm.uses]
     if scope.lost("perception", "uses") or not scope.resources.keys() >= set(usages):
@@ -47,7 +47,7 @@ def unused_resources(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
             )
 
 
-def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unused_agents(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every agent is the source of something, or takes part in knowledge."""
     sources = [source.name for variable in scope.spec.context for source in variable.sources]
     sources += [tree.agent.name for tree in scope.spec.trees if tree.agent is not None]
@@ -68,7 +68,7 @@ def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             )
 
 
-def unused_templates(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unused_templates(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every template in the spec's own file is used; templates of parts may be used by other specs."""
     for template in scope.spec.templates:
         if not template.is_used and template.place.span.file == scope.spec.file:
@@ -77,7 +77,7 @@ def unused_templates(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield finding("unused-template", message, template.place, path=path, help=help)
 
 
-def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def shadowed_names(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No parameter has the name of an element that its template can also refer to, such as `$(door)` and `door`."""
     names = {parameter.name for template in scope.spec.templates for parameter in template.parameters}
     visible_elements: dict[str, list[tuple[str, _VisibleElement]]] = {}
@@ -95,7 +95,7 @@ def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
                     break
 
 
-def same_labels(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def same_labels(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """All labels of variables are different. A variable without a label is shown by its name."""
     first_variables: dict[str, Variable] = {}
     variables_by_name = {name.casefold(): variable for name, variable in scope.variables.items()}

@@ -26,7 +26,7 @@ MAX_RELATED = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Stated:
+class StatedCondition:
     """A condition that must be true, and where it is written.
 
     Attributes:
@@ -36,17 +36,17 @@ class Stated:
     tree: Node
     text: str
     place: Place
-    parts: tuple[Stated, ...] = ()
+    parts: tuple[StatedCondition, ...] = ()
 
 
-def stated(condition: Condition, tree: Node) -> Stated:
+def stated(condition: Condition, tree: Node) -> StatedCondition:
     """Return a condition with its parts; `tree` is its typed syntax tree."""
     operands = conjuncts([tree]) if isinstance(tree, And) else ()
-    parts = (Stated(part, condition.text_of(part), condition.place_of(part)) for part in operands)
-    return Stated(tree, condition.text, condition.place, tuple(parts))
+    parts = (StatedCondition(part, condition.text_of(part), condition.place_of(part)) for part in operands)
+    return StatedCondition(tree, condition.text, condition.place, tuple(parts))
 
 
-def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
+def contradiction(conditions: Sequence[StatedCondition], types: Types) -> tuple[StatedCondition, ...]:
     """Return conditions that can never be true together, in their order; () if all can be true together.
 
     Conditions that are not needed for this are left out, as far as they are found.
@@ -63,7 +63,7 @@ def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, .
     return _needed([part for condition in needed for part in condition.parts or (condition,)], types)
 
 
-def _needed(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
+def _needed(conditions: Sequence[StatedCondition], types: Types) -> tuple[StatedCondition, ...]:
     needed = list(conditions)
     for condition in conditions if len(conditions) <= MAX_CONDITIONS else ():
         fewer_conditions = [other for other in needed if other is not condition]
@@ -72,7 +72,7 @@ def _needed(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
     return tuple(needed)
 
 
-def never_true(core: Sequence[Stated]) -> str:
+def never_true(core: Sequence[StatedCondition]) -> str:
     """Return the message about conditions that exclude each other, with the last of them as the offender."""
     *others, last = core
     if not others:
@@ -85,7 +85,9 @@ def never_true(core: Sequence[Stated]) -> str:
     return f"'{last.text}' is never true together with {quoted_text}"
 
 
-def related_to(core: Sequence[Stated], types: Types, declared: Iterable[Variable | Returned]) -> Iterator[Related]:
+def related_to(
+    core: Sequence[StatedCondition], types: Types, declared: Iterable[Variable | Returned]
+) -> Iterator[Related]:
     """Yield the places of the other conditions, and of the ranges without which there is no contradiction."""
     *others, _ = core
     yield from (Related("cannot be true together with this", other.place) for other in others[:MAX_RELATED])

@@ -8,7 +8,7 @@ from codra_dsl.language.check.conditions.conditions import Site
 from codra_dsl.language.check.conditions.types import Problem
 from codra_dsl.language.check.index.fixes import member as member_fix
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression import Text
@@ -25,14 +25,14 @@ from codra_dsl.language.model import (
 )
 
 
-def conditions(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def conditions(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every condition is true or false, or has a value that fits its variable; it compares only comparable values."""
     for judgement in scope.judgements.values():
         for problem in judgement.problems:
             yield _condition_finding(scope, judgement.site, problem)
 
 
-def integral_ranges(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def integral_ranges(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The ends of the range of an int are whole numbers."""
     for variable in scope.spec.context:
         yield from _range_findings(variable.type, variable.place, "context", variable.name, "range")
@@ -42,7 +42,7 @@ def integral_ranges(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             yield from _range_findings(returned.type, returned.place, "perception", algorithm.name, key)
 
 
-def forms_of_identification(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def forms_of_identification(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """A mapping identifies an enum; `enter` and `leave` identify a bool."""
     for algorithm in scope.spec.perception:
         for entry in algorithm.identifies:
@@ -59,7 +59,7 @@ def forms_of_identification(scope: SpecIndex, _: Silenced) -> Iterator[Diagnosti
                 yield _wrong_form_finding(algorithm, entry.by.place, message, help, variable)
 
 
-def commanded_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def commanded_resources(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """An observer is passive: it reads, and never controls hardware (P1, section 3.2)."""
     for algorithm in scope.spec.perception:
         for usage in algorithm.uses:
@@ -73,7 +73,7 @@ def commanded_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
                 )
 
 
-def misused_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def misused_resources(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """A resource with slots is used with `slot`; one without slots has a handle and is used with `read`."""
     for algorithm in scope.spec.perception:
         for usage in algorithm.uses:

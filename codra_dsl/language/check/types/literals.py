@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT, OVER_KNOWLEDGE, Role, Site
+from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, KNOWLEDGE_ROLES, Role, Site
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.fixes import quoting, truth
 from codra_dsl.language.check.index.mentions import Mention
@@ -50,7 +50,7 @@ def intended_literal(scope: SpecIndex, site: Site, name: str) -> Literal | None:
             f"write '{truth_value}' including the quotes" if site.variable else f"write a condition: x == {truth_value}"
         )
     seen_types: Types = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
-    if site.role in OVER_KNOWLEDGE:
+    if site.role in KNOWLEDGE_ROLES:
         seen_types = {read_name.name: scope.world.read_type(read_name.name) for read_name in site.names}
     types = [seen_types.get(read_name.name) or scope.context_types.get(read_name.name) for read_name in site.names]
     enum_values = [
@@ -70,7 +70,7 @@ def literal_compared(scope: SpecIndex, mention: Mention) -> str | None:
     site = mention.site
     if site is None or site.condition.tree is None:
         return None
-    is_over_context = site.role in OVER_CONTEXT
+    is_over_context = site.role in CONTEXT_ROLES
     seen_types = scope.context_types if is_over_context else _readable_types(scope, site)
     if isinstance(site.condition.tree, Name):
         owners = (
