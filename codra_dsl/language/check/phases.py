@@ -13,32 +13,32 @@ from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedCondi
 from codra_dsl.language.check.conditions.conditions import parts_of
 from codra_dsl.language.check.conditions.lowering import python_text
 from codra_dsl.language.check.conditions.types import Type
-from codra_dsl.language.check.graph.cycles import GRAPH, feedback
-from codra_dsl.language.check.graph.sources import SOURCES
+from codra_dsl.language.check.graph.cycles import CYCLE_CHECKS, feedback
+from codra_dsl.language.check.graph.sources import SOURCE_CHECKS
 from codra_dsl.language.check.index.corrections import apply_corrections
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.chains import CHAINS
-from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPES
-from codra_dsl.language.check.knowledge.frames import FRAMES
-from codra_dsl.language.check.knowledge.handovers import HANDOVERS
+from codra_dsl.language.check.knowledge.chains import CHAIN_CHECKS
+from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPE_CHECKS
+from codra_dsl.language.check.knowledge.frames import FRAME_CHECKS
+from codra_dsl.language.check.knowledge.handovers import HANDOVER_CHECKS
 from codra_dsl.language.check.knowledge.lowered import checked_knowledge
-from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAMES
-from codra_dsl.language.check.knowledge.owners import OWNERS
-from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITIONS, pose_condition_texts
-from codra_dsl.language.check.knowledge.stale import TRUSTED_POSES
-from codra_dsl.language.check.knowledge.triplets import TRIPLETS
-from codra_dsl.language.check.knowledge.unused import UNUSED_KNOWLEDGE
-from codra_dsl.language.check.loops.branches import BRANCHES, TREE_FILES
-from codra_dsl.language.check.loops.feedback import FED_BACK, SELF_DEFEATING
-from codra_dsl.language.check.loops.firing import FIRING
-from codra_dsl.language.check.loops.inputs import LOOP_TYPES
+from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAME_CHECKS
+from codra_dsl.language.check.knowledge.owners import OWNER_CHECKS
+from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITION_CHECKS, pose_condition_texts
+from codra_dsl.language.check.knowledge.stale import STALE_POSE_CHECKS
+from codra_dsl.language.check.knowledge.triplets import TRIPLET_CHECKS
+from codra_dsl.language.check.knowledge.unused import UNUSED_TYPE_CHECKS
+from codra_dsl.language.check.loops.branches import BRANCH_CHECKS, TREE_FILE_CHECKS
+from codra_dsl.language.check.loops.feedback import FEEDBACK_CHECKS, SELF_DEFEAT_CHECKS
+from codra_dsl.language.check.loops.firing import FIRING_CHECKS
+from codra_dsl.language.check.loops.inputs import LOOP_TYPE_CHECKS
 from codra_dsl.language.check.loops.lowered import checked_mape
-from codra_dsl.language.check.loops.names import LOOP_NAMES
-from codra_dsl.language.check.loops.parts import LOOP_PARTS, UNREAD_OUTPUTS
-from codra_dsl.language.check.loops.range_exit import RANGE_EXIT
-from codra_dsl.language.check.names.names import NAMES
-from codra_dsl.language.check.quality import QUALITY
-from codra_dsl.language.check.types.condition_types import TYPES
+from codra_dsl.language.check.loops.names import LOOP_NAME_CHECKS
+from codra_dsl.language.check.loops.parts import LOOP_PART_CHECKS, UNREAD_OUTPUT_CHECKS
+from codra_dsl.language.check.loops.range_exit import RANGE_EXIT_CHECKS
+from codra_dsl.language.check.names.names import NAME_CHECKS
+from codra_dsl.language.check.quality import QUALITY_CHECKS
+from codra_dsl.language.check.types.condition_types import TYPE_CHECKS
 from codra_dsl.language.check.types.members import members_to_blame
 from codra_dsl.language.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
 from codra_dsl.language.expression import Name
@@ -50,11 +50,28 @@ NO_TREES: Mapping[str, Read] = {}
 """The default of `forests`, for a spec without trees."""
 
 PHASES: tuple[tuple[Rule, ...], ...] = (
-    (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
-    (*SOURCES, *OWNERS),
-    (*TYPES, *KNOWLEDGE_TYPES, *POSE_CONDITIONS, *LOOP_TYPES),
-    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
-    (*QUALITY, *UNUSED_KNOWLEDGE, *TRUSTED_POSES, *FIRING, *UNREAD_OUTPUTS, *FED_BACK, *RANGE_EXIT),
+    (*NAME_CHECKS, *KNOWLEDGE_NAME_CHECKS, *LOOP_NAME_CHECKS, *TREE_FILE_CHECKS),
+    (*SOURCE_CHECKS, *OWNER_CHECKS),
+    (*TYPE_CHECKS, *KNOWLEDGE_TYPE_CHECKS, *POSE_CONDITION_CHECKS, *LOOP_TYPE_CHECKS),
+    (
+        *CYCLE_CHECKS,
+        *FRAME_CHECKS,
+        *HANDOVER_CHECKS,
+        *TRIPLET_CHECKS,
+        *CHAIN_CHECKS,
+        *LOOP_PART_CHECKS,
+        *BRANCH_CHECKS,
+        *SELF_DEFEAT_CHECKS,
+    ),
+    (
+        *QUALITY_CHECKS,
+        *UNUSED_TYPE_CHECKS,
+        *STALE_POSE_CHECKS,
+        *FIRING_CHECKS,
+        *UNREAD_OUTPUT_CHECKS,
+        *FEEDBACK_CHECKS,
+        *RANGE_EXIT_CHECKS,
+    ),
 )
 """The rules of each phase."""
 
@@ -95,9 +112,9 @@ def _correct_members(
     member_findings = list(members_to_blame(scope))
     if not member_findings:
         return scope, diagnostics
-    corrected_scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), scope.forests)
-    return corrected_scope, member_findings + [
-        diagnostic for rule in phase for diagnostic in rule(corrected_scope, faults)
+    corrected_index = SpecIndex(apply_corrections(scope.spec, scope.corrections), scope.forests)
+    return corrected_index, member_findings + [
+        diagnostic for rule in phase for diagnostic in rule(corrected_index, faults)
     ]
 
 
@@ -108,14 +125,14 @@ def _elements(diagnostics: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
         for diagnostic in diagnostics
         if diagnostic.severity is Severity.ERROR
     )
-    paths_of_errors = (path.split(".") for path in paths if "." in path)
-    return frozenset((section, name) for section, name, *_ in paths_of_errors)
+    split_paths = (path.split(".") for path in paths if "." in path)
+    return frozenset((section, name) for section, name, *_ in split_paths)
 
 
 def _checked(scope: SpecIndex) -> CheckedSpec:
-    feedback_names = feedback(scope)
+    feedback_by_algorithm = feedback(scope)
     algorithms = {
-        name: _checked_algorithm(scope, algorithm, feedback_names.get(name, ()))
+        name: _checked_algorithm(scope, algorithm, feedback_by_algorithm.get(name, ()))
         for name, algorithm in scope.algorithms.items()
     }
     return CheckedSpec(

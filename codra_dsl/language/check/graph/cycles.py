@@ -17,9 +17,9 @@ from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, 
 from codra_dsl.language.check.solver.contradictions import (
     StatedCondition,
     contradiction,
-    never_true,
-    related_to,
-    stated,
+    never_true_message,
+    related_places,
+    state_condition,
 )
 from codra_dsl.language.check.solver.satisfiable import can_hold, known
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
@@ -91,7 +91,7 @@ def _drop_acyclic_names(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequ
     return {name: needs[name] for name in open_need_counts}
 
 
-GRAPH = (cycles,)
+CYCLE_CHECKS = (cycles,)
 """The rules of this phase."""
 
 
@@ -144,7 +144,7 @@ class _Search:
     def _has_other_source(self, name: str) -> bool:
         """Return whether a variable may have writers other than its algorithms, or this cannot be decided."""
         others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
-        sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
+        sound = self._faults.sound("context", name) and self._scope.is_readable("context", name, "source")
         return others or name not in self._scope.producers or not sound
 
     def run(self, names: Iterable[str]) -> None:
@@ -288,7 +288,7 @@ def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
 
 def _never_runs_finding(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
     algorithm = scope.algorithms[name]
-    conditions = [stated(condition, tree) for condition, tree in _sound_conditions(scope, algorithm)]
+    conditions = [state_condition(condition, tree) for condition, tree in _sound_conditions(scope, algorithm)]
     given_conditions = [
         StatedCondition(known(reference.name), f"given: {reference.name}", reference.place)
         for reference in algorithm.given
@@ -302,12 +302,12 @@ def _never_runs_finding(scope: SpecIndex, search: _Search, name: str) -> Diagnos
     ]
     return finding(
         "never-runs",
-        f"algorithm '{name}' can never run: {never_true(core)}",
+        f"algorithm '{name}' can never run: {never_true_message(core)}",
         core[-1].place,
         path=f"perception.{name}.observable_when",
         help="change the condition, or remove the algorithm",
         related=(
-            *related_to(core, scope.context_types, dict.fromkeys(variables)),
+            *related_places(core, scope.context_types, dict.fromkeys(variables)),
             *_waiting_algorithms(scope, search, algorithm),
         ),
     )

@@ -28,7 +28,7 @@ def unidentified_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator
         if (
             name in scope.producers
             or name in faults.suggested
-            or not (faults.sound("context", name) and scope.readable("context", name, "source"))
+            or not (faults.sound("context", name) and scope.is_readable("context", name, "source"))
             or (other_source_count and not observer_sources)
         ):
             continue
@@ -50,7 +50,7 @@ def observer_is_no_source(scope: SpecIndex, faults: FaultyElements) -> Iterator[
         variable = scope.variables.get(name)
         if variable is None or not variable.sources or not faults.sound("context", name):
             continue
-        if not scope.readable("context", name, "source"):
+        if not scope.is_readable("context", name, "source"):
             continue
         if OBSERVER not in (source.name for source in variable.sources):
             algorithm = scope.algorithms[producers[0]]
@@ -88,8 +88,8 @@ def incomplete_first_alternative(scope: SpecIndex, _: FaultyElements) -> Iterato
     """The first of several alternatives identifies every variable of their tree."""
     for group in scope.groups:
         is_sound = _all_declared(scope, group) and _are_readable(scope, group.algorithms, "rank", "identifies")
-        if group.beyond_first and group.settled and is_sound:
-            first, missing = group.algorithms[0], group.beyond_first[0]
+        if group.variables_beyond_first and group.has_distinct_ranks and is_sound:
+            first, missing = group.algorithms[0], group.variables_beyond_first[0]
             other = next(algorithm for algorithm in group.algorithms if _identifies(algorithm, missing))
             yield finding(
                 "incomplete-first-alternative",
@@ -191,7 +191,7 @@ def observer_names_taken(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagno
             )
 
 
-SOURCES = (
+SOURCE_CHECKS = (
     unidentified_variables,
     observer_is_no_source,
     same_rank,
@@ -285,21 +285,21 @@ def _is_sound_observer(
 ) -> bool:
     """Return whether there is no finding about an observer and the algorithms of its trees."""
     shared = any(scope.claims[reference.name][0].name != setting.name for reference in setting.identifies)
-    readable = scope.readable("observers", setting.name, "identifies")
-    if shared or not readable or not faults.sound("observers", setting.name):
+    is_readable = scope.is_readable("observers", setting.name, "identifies")
+    if shared or not is_readable or not faults.sound("observers", setting.name):
         return False
     return all(
         _all_declared(scope, group)
         and _are_readable(scope, group.algorithms, *NEED_KEYS, "identifies", "rank")
-        and group.settled
-        and not group.beyond_first
+        and group.has_distinct_ranks
+        and not group.variables_beyond_first
         and all(faults.sound("perception", algorithm.name) for algorithm in group.algorithms)
         for group in groups
     )
 
 
 def _are_readable(scope: SpecIndex, algorithms: Iterable[Algorithm], *keys: str) -> bool:
-    return all(scope.readable("perception", algorithm.name, *keys) for algorithm in algorithms)
+    return all(scope.is_readable("perception", algorithm.name, *keys) for algorithm in algorithms)
 
 
 def _can_join(one: Group, other: Group) -> bool:

@@ -48,26 +48,26 @@ class Corrections:
     """The intended names for misspelt names. The checks collect them while they run.
 
     Attributes:
-        declared: for each owner, the intended names for misspelt names of declarations.
-        used: for each owner, the intended names for misspelt names in references to declarations.
+        declarations: for each owner, the intended names for misspelt names of declarations.
+        references: for each owner, the intended names for misspelt names in references to declarations.
         members: for each enum with a wrong member, the intended members. The key is the owner and the name of the enum.
     """
 
-    declared: dict[Owner, dict[str, str]] = field(default_factory=dict)
-    used: dict[Owner, dict[str, str]] = field(default_factory=dict)
+    declarations: dict[Owner, dict[str, str]] = field(default_factory=dict)
+    references: dict[Owner, dict[str, str]] = field(default_factory=dict)
     members: dict[tuple[Owner, str], tuple[str, ...]] = field(default_factory=dict)
 
     def add_misspelt_declaration(self, owner: Owner, misspelt_name: str, intended_name: str) -> None:
         """Record a misspelt declaration."""
-        self.declared.setdefault(owner, {})[misspelt_name] = intended_name
+        self.declarations.setdefault(owner, {})[misspelt_name] = intended_name
 
     def add_misspelt_reference(self, owner: Owner, misspelt_name: str, intended_name: str) -> None:
         """Record a misspelt reference."""
-        self.used.setdefault(owner, {})[misspelt_name] = intended_name
+        self.references.setdefault(owner, {})[misspelt_name] = intended_name
 
     def __bool__(self) -> bool:
         """Return whether anything is misspelt."""
-        return bool(self.declared or self.used or self.members)
+        return bool(self.declarations or self.references or self.members)
 
 
 def apply_corrections(spec: Spec, corrections: Corrections) -> Spec:
@@ -80,8 +80,8 @@ class _Corrector:
 
     def __init__(self, corrections: Corrections) -> None:
         self._corrections = corrections
-        self._context = corrections.used.get("context", _NO_CORRECTIONS)
-        self._agents = corrections.used.get("agents", _NO_CORRECTIONS)
+        self._context = corrections.references.get("context", _NO_CORRECTIONS)
+        self._agents = corrections.references.get("agents", _NO_CORRECTIONS)
 
     def spec(self, spec: Spec) -> Spec:
         """Return a spec with all corrections."""
@@ -101,19 +101,21 @@ class _Corrector:
 
     def _key(self, key: tuple[str, str]) -> tuple[str, str]:
         section, name = key
-        return section, self._corrections.declared.get(section, _NO_CORRECTIONS).get(name, name)
+        return section, self._corrections.declarations.get(section, _NO_CORRECTIONS).get(name, name)
 
     def _keys(self, key: tuple[str, str], keys: frozenset[str]) -> frozenset[str]:
         """Return the damaged keys of an element. Keys of returned values contain the intended names."""
         returned_corrections = (
-            self._corrections.declared.get((key[1],), _NO_CORRECTIONS) if key[0] == "perception" else _NO_CORRECTIONS
+            self._corrections.declarations.get((key[1],), _NO_CORRECTIONS)
+            if key[0] == "perception"
+            else _NO_CORRECTIONS
         )
         return frozenset(
             f"returns.{returned_corrections[key[8:]]}" if key[8:] in returned_corrections else key for key in keys
         )
 
     def _declared(self, owner: Owner, elements: Iterable[Declared]) -> tuple[Declared, ...]:
-        names = self._corrections.declared.get(owner, _NO_CORRECTIONS)
+        names = self._corrections.declarations.get(owner, _NO_CORRECTIONS)
         return tuple(
             replace(element, name=names[element.name]) if element.name in names else element for element in elements
         )
@@ -122,16 +124,16 @@ class _Corrector:
         sources = self._references(variable.sources, self._agents)
         return self._with_members(replace(variable, sources=sources), "context")
 
-    def _with_members(self, typed: Typed, owner: Owner) -> Typed:
-        members = self._corrections.members.get((owner, typed.name))
+    def _with_members(self, element: Typed, owner: Owner) -> Typed:
+        members = self._corrections.members.get((owner, element.name))
         if members is None:
-            return typed
-        declared: ValueType = replace(typed.type, values=members)
-        return replace(typed, type=declared)
+            return element
+        declared_type: ValueType = replace(element.type, values=members)
+        return replace(element, type=declared_type)
 
     def _algorithm(self, algorithm: Algorithm) -> Algorithm:
-        returned_corrections = self._corrections.used.get((algorithm.name,), _NO_CORRECTIONS)
-        resources = self._corrections.used.get("resources", _NO_CORRECTIONS)
+        returned_corrections = self._corrections.references.get((algorithm.name,), _NO_CORRECTIONS)
+        resources = self._corrections.references.get("resources", _NO_CORRECTIONS)
         returns = self._declared((algorithm.name,), algorithm.returns)
         return replace(
             algorithm,

@@ -14,7 +14,7 @@ from codra_dsl.language.model import Condition
 _PLAIN_MEMBER_PATTERN = re.compile(r"[A-Za-z0-9_.-]+(?: [A-Za-z0-9_.-]+)*")
 
 
-def renaming(
+def renaming_fix(
     name: str, intended_name: str, candidates: Iterable[str], places: Sequence[Place], mentioned_names: frozenset[str]
 ) -> Fix | None:
     """Return the fix of a misspelt name at all its places.
@@ -28,12 +28,12 @@ def renaming(
     return _replacement_fix(name, intended_name, places, is_safe=is_safe)
 
 
-def truth(name: str, truth_text: str, places: Sequence[Place]) -> Fix | None:
+def truth_fix(name: str, truth_text: str, places: Sequence[Place]) -> Fix | None:
     """Return the fix that writes `true` or `false` instead of a word that means the same in YAML 1.1."""
     return _replacement_fix(name, truth_text, places, is_safe=True)
 
 
-def quoting(name: str, place: Place, condition: Condition) -> Fix | None:
+def quoting_fix(name: str, place: Place, condition: Condition) -> Fix | None:
     """Return the fix that puts quotes around a member.
 
     Return None if the whole condition is quoted, or if the member is at the beginning of the condition: YAML would read
@@ -47,10 +47,10 @@ def quoting(name: str, place: Place, condition: Condition) -> Fix | None:
     return _replacement_fix(name, f'"{name}"', (place,), is_safe=True)
 
 
-def member(
+def member_fix(
     written_member: str, intended_member: str, members: Iterable[str], place: Place, mentioned_names: frozenset[str]
 ) -> Fix | None:
-    """Return the fix of a misspelt member. `place` excludes the quotes; `mentioned_names` is as in `renaming`."""
+    """Return the fix of a misspelt member. `place` excludes the quotes; `mentioned_names` is as in `renaming_fix`."""
     if _PLAIN_MEMBER_PATTERN.fullmatch(intended_member) is None:
         return None
     is_safe = intended_member in mentioned_names and surely_means(written_member, intended_member, members)

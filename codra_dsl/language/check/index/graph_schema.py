@@ -151,7 +151,7 @@ class DeclaredGraph:
         kinds = {self.type_of(term.name) if term.name else term.type for term in (one, other)} - {""}
         return len(kinds) < 2
 
-    def edges_named(self, word: str) -> tuple[EdgeType, ...]:
+    def edges_of_word(self, word: str) -> tuple[EdgeType, ...]:
         """Return the edges that a word in a pattern refers to.
 
         This is the edge with this name or, if there is none, all edges with this label.
@@ -162,7 +162,7 @@ class DeclaredGraph:
 
     def edges_between(self, origin: NodeTerm, word: str, target: NodeTerm) -> tuple[EdgeType, ...]:
         """Return the edges that a word refers to and that can lead from `origin` to `target`."""
-        return tuple(edge for edge in self.edges_named(word) if self.leads(edge, origin, target))
+        return tuple(edge for edge in self.edges_of_word(word) if self.leads(edge, origin, target))
 
     def leads(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
         """Return whether an edge can lead from `origin` to `target`."""

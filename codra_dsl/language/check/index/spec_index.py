@@ -91,12 +91,12 @@ class Group:
     variables: tuple[str, ...]
 
     @property
-    def settled(self) -> bool:
+    def has_distinct_ranks(self) -> bool:
         """Whether the ranks of the algorithms are all different."""
         return len({algorithm.rank for algorithm in self.algorithms}) == len(self.algorithms)
 
     @property
-    def beyond_first(self) -> tuple[str, ...]:
+    def variables_beyond_first(self) -> tuple[str, ...]:
         """Return the variables that the first algorithm does not identify."""
         first = {entry.variable.name for entry in self.algorithms[0].identifies}
         return tuple(name for name in self.variables if name not in first)
@@ -218,7 +218,7 @@ class SpecIndex:
         """Return whether a section has an element with this name, damaged or not."""
         return name in self._sections[section] or name in self.spec.damaged.get(section, ())
 
-    def readable(self, section: str, name: str, *keys: str) -> bool:
+    def is_readable(self, section: str, name: str, *keys: str) -> bool:
         """Return whether all these keys of an element could be read."""
         return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
 
@@ -227,9 +227,9 @@ class SpecIndex:
         unread = self.spec.damaged.get(section, frozenset())
         if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
             return True
-        return any(not self.readable(section, name, *keys) for name in unread)
+        return any(not self.is_readable(section, name, *keys) for name in unread)
 
-    def nameless(self, section: str) -> int:
+    def unnamed_element_count(self, section: str) -> int:
         """Return how many elements of a section have invalid names, so that their intended names are unknown."""
         return sum(1 for name in self.spec.damaged.get(section, ()) if not is_identifier(name))
 
@@ -292,7 +292,7 @@ class SpecIndex:
             | pose_condition_types
             | {
                 name: declared_type(variable.type, variable.valid_for_s)
-                if self.readable("context", name, *TYPE_KEYS)
+                if self.is_readable("context", name, *TYPE_KEYS)
                 else None
                 for name, variable in self.variables.items()
             }
@@ -306,7 +306,7 @@ class SpecIndex:
         for name, algorithm in self.algorithms.items():
             types = {
                 returned.name: declared_type(returned.type)
-                if self.readable("perception", name, "returns", f"returns.{returned.name}")
+                if self.is_readable("perception", name, "returns", f"returns.{returned.name}")
                 else None
                 for returned in algorithm.returns
             }
@@ -351,7 +351,7 @@ class SpecIndex:
         if not self.spec.skills:
             return tuple(name for name in self.variables if name in self.producers)
         named = [name for skill in self.spec.skills for name in watched_by(skill)]
-        named += sorted(name for name in self.read_by_loops | self.waking if name in self.producers)
+        named += sorted(name for name in self.read_by_loops | self.waking_variables if name in self.producers)
         return tuple(name for name in dict.fromkeys(named) if name in self.variables)
 
     @cached_property
@@ -361,7 +361,7 @@ class SpecIndex:
         return self.book.followed(conditions)
 
     @cached_property
-    def waking(self) -> frozenset[str]:
+    def waking_variables(self) -> frozenset[str]:
         """The variables that wake agents."""
         names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
         elements = (self.world.read(name) for name in names)

@@ -328,5 +328,5 @@ def _waiting_place(rule_dependencies: _RuleDependencies, rule: _Rule, startable_
     return Related(f"{rule.label} waits for this", pattern.condition.place)
 
 
-CHAINS = (unreachable_rules,)
+CHAIN_CHECKS = (unreachable_rules,)
 """The checks of this module."""

@@ -63,7 +63,7 @@ def _state_without_task_findings(world: DeclaredGraph, step: Step) -> Iterator[D
 
 
 def _wrong_ends_finding(world: DeclaredGraph, step: Step) -> Diagnostic:
-    edges = world.edges_named(step.link.edge)
+    edges = world.edges_of_word(step.link.edge)
     origins = " or ".join(dict.fromkeys(f"'{origin.name}'" for edge in edges for origin in edge.origins))
     targets = " or ".join(dict.fromkeys(f"'{target.name}'" for edge in edges for target in edge.targets))
     is_reversed = any(world.leads(edge, step.target, step.origin) for edge in edges)
@@ -168,5 +168,5 @@ def _number(value: StartingValue, declared_type: ValueType) -> float | None:
     return convert(value.value, source, target) if source.dimension == target.dimension else None
 
 
-KNOWLEDGE_TYPES = (wrong_ends, wrong_starting_values)
+KNOWLEDGE_TYPE_CHECKS = (wrong_ends, wrong_starting_values)
 """The checks of this module."""

@@ -85,5 +85,5 @@ def _parents(world: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]
                     yield target.name, (origins[0].name, edge)
 
 
-FRAMES = (two_parents, frame_cycles)
+FRAME_CHECKS = (two_parents, frame_cycles)
 """The checks of this module."""

@@ -90,5 +90,5 @@ def _waiting_loop_finding(world: DeclaredGraph, cycle: tuple[str, ...]) -> Diagn
     )
 
 
-HANDOVERS = (waiting_loops,)
+HANDOVER_CHECKS = (waiting_loops,)
 """The checks of this module."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from codra_dsl.language.check.index.fixes import renaming
+from codra_dsl.language.check.index.fixes import renaming_fix
 from codra_dsl.language.check.index.graph_schema import STATES
 from codra_dsl.language.check.index.mentions import Mention, mention_of
 from codra_dsl.language.check.index.rules import finding
@@ -54,7 +54,7 @@ def unknown_types(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
         nearest_name = (
             None if name in (*type_names, TASK_TYPE) or scope.declares("types", name) else suggest(name, type_names)
         )
-        if nearest_name is not None and is_slip(name, nearest_name) and scope.readable("nodes", node.name, "type"):
+        if nearest_name is not None and is_slip(name, nearest_name) and scope.is_readable("nodes", node.name, "type"):
             reported_names.add(name)
             mentions = (mention_of(node.type, "nodes", node.name, "type"),)
             yield _unknown_name_finding(
@@ -252,7 +252,7 @@ def _observer_writer_findings(scope: SpecIndex) -> Iterator[Diagnostic]:
                 yield _reserved_name_finding(f"{section}.{element.name}.source", message, writer.place, help)
 
 
-KNOWLEDGE_NAMES = (
+KNOWLEDGE_NAME_CHECKS = (
     unknown_types,
     unknown_nodes,
     unknown_edges,
@@ -343,7 +343,7 @@ def _unknown_name_finding(
     fix = None
     if nearest_name is not None:
         places = [mention.place for mention in unknown_name.mentions]
-        fix = renaming(first.name, nearest_name, unknown_name.candidates, places, scope.mentioned)
+        fix = renaming_fix(first.name, nearest_name, unknown_name.candidates, places, scope.mentioned)
     section = {"type": "types", "node": "nodes"}.get(noun, "")
     declaration_help = (
         f"declare '{first.name}' under '{section}' of 'knowledge'" if section in UNDER_KNOWLEDGE else help
@@ -374,5 +374,5 @@ def _unknown_attribute_finding(
     message = f"node '{node}', of type '{type_name}', has no attribute '{mention.name}'{user_text}"
     fix = None
     if nearest_name is not None:
-        fix = renaming(mention.name, nearest_name, attributes, [mention.place], scope.mentioned)
+        fix = renaming_fix(mention.name, nearest_name, attributes, [mention.place], scope.mentioned)
     return finding("unknown-attribute", message, mention.place, path=mention.path, help=help, fix=fix)

@@ -324,5 +324,5 @@ def reads(world: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
     return tuple(elements)
 
 
-OWNERS = (two_owners, unwritten_knowledge, foreign_writes, claimed_tasks, unattended_tasks)
+OWNER_CHECKS = (two_owners, unwritten_knowledge, foreign_writes, claimed_tasks, unattended_tasks)
 """The checks of this module."""

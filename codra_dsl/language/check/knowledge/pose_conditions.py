@@ -42,7 +42,7 @@ def wrong_pose_operands(scope: SpecIndex, faults: FaultyElements) -> Iterator[Di
                 yield from _operand_findings(scope.world, pose_condition, name)
 
 
-POSE_CONDITIONS = (wrong_pose_comparisons, wrong_pose_operands)
+POSE_CONDITION_CHECKS = (wrong_pose_comparisons, wrong_pose_operands)
 """The checks of this module."""
 
 

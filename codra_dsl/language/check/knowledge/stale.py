@@ -49,5 +49,5 @@ def _pose_readings(scope: SpecIndex) -> Iterator[tuple[str, str, Place]]:
                 yield pattern.user, name.name, pattern.condition.place_of(name)
 
 
-TRUSTED_POSES = (unnoticed_poses,)
+STALE_POSE_CHECKS = (unnoticed_poses,)
 """The checks of this module."""

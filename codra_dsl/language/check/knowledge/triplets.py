@@ -12,7 +12,12 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Pattern, names_read, patterns_in, patterns_of, steps
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable, state_writers
-from codra_dsl.language.check.solver.contradictions import contradiction, never_true, related_to, stated
+from codra_dsl.language.check.solver.contradictions import (
+    contradiction,
+    never_true_message,
+    related_places,
+    state_condition,
+)
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Path
 from codra_dsl.language.model import Agent, AgentRule
@@ -56,15 +61,15 @@ def _exclusion_findings(scope: SpecIndex, patterns: Sequence[Pattern]) -> Iterat
         types: Types = {
             name.name: scope.world.read_type(name.name) for pattern in conditions for name in names_read(pattern)
         }
-        core = contradiction([stated(pattern.condition, pattern.tree) for pattern in conditions], types)
+        core = contradiction([state_condition(pattern.condition, pattern.tree) for pattern in conditions], types)
         if core:
             offender = next(
                 pattern for pattern in conditions[::-1] if pattern.condition.place.span.line <= core[-1].place.span.line
             )
-            related = tuple(related_to(core, types, scope.spec.context))
+            related = tuple(related_places(core, types, scope.spec.context))
             yield _contradiction_finding(
                 offender,
-                never_true(core),
+                never_true_message(core),
                 "change one of them" if len(core) > 1 else "change it",
                 core[-1].place,
                 related,
@@ -130,5 +135,5 @@ def _contradiction_finding(
     return finding("contradictory-rule", message, place, path=pattern.path, help=help, related=tuple(related))
 
 
-TRIPLETS = (contradictory_rules,)
+TRIPLET_CHECKS = (contradictory_rules,)
 """The checks of this module."""

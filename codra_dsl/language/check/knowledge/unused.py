@@ -29,5 +29,5 @@ def unused_types(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnosti
             yield finding("unused-type", message, node_type.place, path=path, help=help)
 
 
-UNUSED_KNOWLEDGE = (unused_types,)
+UNUSED_TYPE_CHECKS = (unused_types,)
 """The checks of this module."""

@@ -114,7 +114,7 @@ def unmatched_branches(scope: SpecIndex, faults: FaultyElements) -> Iterator[Dia
     ]
     for tree in scope.spec.trees:
         forest = _sound_forest(scope, faults, tree)
-        if forest is None or not scope.readable("trees", tree.name, "course"):
+        if forest is None or not scope.is_readable("trees", tree.name, "course"):
             continue
         yield from _wrong_branch_findings(tree, forest.forest)
         yield from _findings_of_branches_without_action(
@@ -190,7 +190,7 @@ def idle_leaves(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
     tasks = {task.name: task for task in scope.spec.tasks}
     for tree in scope.spec.trees:
         forest = _sound_forest(scope, faults, tree)
-        if forest is None or not scope.readable("trees", tree.name, "leaves"):
+        if forest is None or not scope.is_readable("trees", tree.name, "leaves"):
             continue
         forest_leaves = leaves(forest.forest)
         leaf_entries = {entry.leaf.name: entry for entry in tree.leaves}
@@ -228,8 +228,8 @@ def idle_leaves(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
                     yield finding("leaf-without-executor", message, reference.place, path=path, help=help)
 
 
-TREE_FILES = (tree_files,)
+TREE_FILE_CHECKS = (tree_files,)
 """The checks of phase 1."""
 
-BRANCHES = (unmatched_branches, idle_leaves)
+BRANCH_CHECKS = (unmatched_branches, idle_leaves)
 """The checks of phase 4."""

@@ -197,8 +197,8 @@ def _dependencies(scope: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
     return dependencies
 
 
-SELF_DEFEATING = (self_defeating_adaptations,)
+SELF_DEFEAT_CHECKS = (self_defeating_adaptations,)
 """The checks of phase 4."""
 
-FED_BACK = (adaptation_feedback,)
+FEEDBACK_CHECKS = (adaptation_feedback,)
 """The checks of phase 5."""

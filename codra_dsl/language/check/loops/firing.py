@@ -40,7 +40,7 @@ class RangeCell:
     is_point: bool = False
 
 
-def cells(variable: Variable, terms: tuple[Term, ...]) -> tuple[RangeCell, ...]:
+def range_cells(variable: Variable, terms: tuple[Term, ...]) -> tuple[RangeCell, ...]:
     """Return all cells of a variable with a range."""
     extents = {term.name: extent(term) for term in terms}
     if members(variable):
@@ -50,11 +50,11 @@ def cells(variable: Variable, terms: tuple[Term, ...]) -> tuple[RangeCell, ...]:
     ends = (low, *sorted(inner_ends), high)
     unit_text = f" {variable.type.unit}" if variable.type.unit else ""
     cells_of_range = [_range_cell(low, extents, f"{low:g}{unit_text}", is_point=low < high)]
-    for lower_end, upper_end in pairwise(ends):
-        if lower_end < upper_end:
-            numbers_text = f"from {lower_end:g}{unit_text} to {upper_end:g}{unit_text}"
-            cells_of_range += [_range_cell((lower_end + upper_end) / 2.0, extents, numbers_text)]
-            cells_of_range += [_range_cell(upper_end, extents, f"{upper_end:g}{unit_text}", is_point=True)]
+    for left_end, right_end in pairwise(ends):
+        if left_end < right_end:
+            numbers_text = f"from {left_end:g}{unit_text} to {right_end:g}{unit_text}"
+            cells_of_range += [_range_cell((left_end + right_end) / 2.0, extents, numbers_text)]
+            cells_of_range += [_range_cell(right_end, extents, f"{right_end:g}{unit_text}", is_point=True)]
     return tuple(cells_of_range)
 
 
@@ -88,12 +88,12 @@ def can_fire(antecedent: Antecedent, combination: Combination) -> bool:
 def uncovered_ranges(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """If a number has several terms, they cover its range together. Each term holds somewhere in the range."""
     for variable in scope.spec.context:
-        is_readable = faults.sound("context", variable.name) and scope.readable(
+        is_readable = faults.sound("context", variable.name) and scope.is_readable(
             "context", variable.name, "terms", "range"
         )
         if not variable.terms or variable.is_derived or not is_readable or variable.type.range is None:
             continue
-        variable_cells = cells(variable, scope.book.terms(variable))
+        variable_cells = range_cells(variable, scope.book.terms(variable))
         place, path = variable.places.get("terms", variable.place), f"context.{variable.name}.terms"
         for term in variable.terms:
             if not any(term.name in cell.active_terms for cell in variable_cells):
@@ -129,9 +129,9 @@ def _combinations(scope: SpecIndex, faults: FaultyElements, names: tuple[str, ..
     variables = [scope.book.variables[name] for name in names]
     if any(range_of(variable) is None or not faults.sound("context", variable.name) for variable in variables):
         return
-    if not all(scope.readable("context", name, *_VARIABLE_KEYS) for name in names):
+    if not all(scope.is_readable("context", name, *_VARIABLE_KEYS) for name in names):
         return
-    cells_of_variables = [cells(variable, scope.book.terms(variable)) for variable in variables]
+    cells_of_variables = [range_cells(variable, scope.book.terms(variable)) for variable in variables]
     combination_count = 1
     for variable_cells in cells_of_variables:
         combination_count *= len(variable_cells)
@@ -211,5 +211,5 @@ def _antecedent_key(antecedent: Antecedent) -> object:
     return operator_type, frozenset(operand_keys)
 
 
-FIRING = (uncovered_ranges, idle_rules, contradictory_rules)
+FIRING_CHECKS = (uncovered_ranges, idle_rules, contradictory_rules)
 """The checks of this module."""

@@ -32,7 +32,7 @@ def unfit_inputs(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnosti
             yield finding("unfit-input", message, place, path=f"context.{variable.name}.terms", help=help)
     for name in dict.fromkeys(name for key in scope.book.rules for name in scope.book.named(*key)):
         input_variable = scope.book.variables.get(name)
-        is_readable = scope.readable("context", name, "range") and faults.sound("context", name)
+        is_readable = scope.is_readable("context", name, "range") and faults.sound("context", name)
         if (
             input_variable is not None
             and is_readable
@@ -88,7 +88,7 @@ def unfit_rates(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
         base = scope.variables.get(variable.rate.of.name)
         keys = ("type", "unit", "rate_of")
         if base is None or not all(
-            scope.readable("context", declared_variable.name, *keys) for declared_variable in (variable, base)
+            scope.is_readable("context", declared_variable.name, *keys) for declared_variable in (variable, base)
         ):
             continue
         for message, help, key in _rate_problems(variable, base):
@@ -158,7 +158,7 @@ def unfit_parameters(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagn
         if other != adaptation.name:
             message = f"adaptation '{other}' also sets '{name}'"
             yield finding("two-adaptations", message, does.variable.place, path=path, help="set it in one of them")
-        if variable is None or not faults.sound("context", name) or not scope.readable("context", name, "source"):
+        if variable is None or not faults.sound("context", name) or not scope.is_readable("context", name, "source"):
             continue
         if ADAPTER not in (source.name for source in variable.sources) or variable.is_derived:
             message = f"adaptation '{adaptation.name}' sets '{name}', but is not its source"
@@ -171,7 +171,7 @@ def senseless_times(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagno
     for adaptation in scope.spec.adaptation:
         does = adaptation.does
         for key, message, help in _time_problems(does, adaptation.dwell_s) if isinstance(does, Course) else ():
-            is_readable = scope.readable("adaptation", adaptation.name, key, "choose")
+            is_readable = scope.is_readable("adaptation", adaptation.name, key, "choose")
             if is_readable and faults.sound("adaptation", adaptation.name):
                 place = adaptation.places.get(key, adaptation.place)
                 path = f"adaptation.{adaptation.name}.{key}"
@@ -194,5 +194,5 @@ def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, s
             yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"
 
 
-LOOP_TYPES = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
+LOOP_TYPE_CHECKS = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
 """The checks of this module."""

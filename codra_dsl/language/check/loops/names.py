@@ -72,5 +72,5 @@ def _references(scope: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
         yield from (("trees", "tree", reference, f"{path}.execute") for reference in loop.execute)
 
 
-LOOP_NAMES = (wrong_rules, unknown_parts)
+LOOP_NAME_CHECKS = (wrong_rules, unknown_parts)
 """The checks of this module."""

@@ -103,8 +103,8 @@ def _names(references_: tuple[Reference, ...]) -> list[str]:
     return [reference.name for reference in references_]
 
 
-LOOP_PARTS = (parts_of_loops, split_courses)
+LOOP_PART_CHECKS = (parts_of_loops, split_courses)
 """The checks of phase 4."""
 
-UNREAD_OUTPUTS = (unread_outputs,)
+UNREAD_OUTPUT_CHECKS = (unread_outputs,)
 """The checks of phase 5."""

@@ -94,5 +94,5 @@ def _is_beyond(interval: Interval, operator: Comparison, limit: Number) -> bool:
     return interval.high < limit if operator is Comparison.LESS else interval.low > limit
 
 
-RANGE_EXIT = (values_leaving_range,)
+RANGE_EXIT_CHECKS = (values_leaving_range,)
 """The checks of this module."""

@@ -10,11 +10,11 @@ from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.contradictions import (
     StatedCondition,
     contradiction,
-    limits_of,
-    never_true,
-    related_to,
-    stated,
-    without_ranges,
+    limit_places,
+    never_true_message,
+    related_places,
+    state_condition,
+    types_without_ranges,
 )
 from codra_dsl.language.check.solver.satisfiable import always_holds
 from codra_dsl.language.diagnostics import Diagnostic, Related
@@ -30,15 +30,15 @@ MAX_RELATED_PLACES = 5
 
 def never_holding(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Some result can be accepted, and each value that has a condition can follow from an accepted result."""
-    yield from _once_per_shape(scope, faults, _never_holding_of)
+    yield from _once_per_shape(scope, faults, _never_holding_findings)
 
 
-def _never_holding_of(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
+def _never_holding_findings(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
     accepted = tuple(_sound_conditions(scope, algorithm.accept_when))
     types = scope.returned_types[algorithm.name]
     core = contradiction(accepted, types)
     if core:
-        yield _never_finding(algorithm, "accept_when", "rejects every result", core, types)
+        yield _never_holds_finding(algorithm, "accept_when", "rejects every result", core, types)
         return
     for entry in algorithm.identifies:
         if faults.sound("context", entry.variable.name) and entry.variable.name in scope.variables:
@@ -54,24 +54,24 @@ def always_holding(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnos
         for condition in _parts_of_conditions(scope, algorithm.observable_when):
             if always_holds(condition.tree, context_types):
                 variables = [scope.variables[name] for name in _names(condition) if name in scope.variables]
-                yield _always_finding(algorithm, "observable_when", condition, context_types, variables)
-    yield from _once_per_shape(scope, faults, _always_holding_of)
+                yield _always_holds_finding(algorithm, "observable_when", condition, context_types, variables)
+    yield from _once_per_shape(scope, faults, _always_holding_findings)
 
 
-def _always_holding_of(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
+def _always_holding_findings(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
     returned_types = scope.returned_types[algorithm.name]
     optional_names = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
     for condition in _parts_of_conditions(scope, algorithm.accept_when):
-        if always_holds(condition.tree, returned_types, absent=optional_names):
-            yield _always_finding(algorithm, "accept_when", condition, returned_types, algorithm.returns)
+        if always_holds(condition.tree, returned_types, optional_names=optional_names):
+            yield _always_holds_finding(algorithm, "accept_when", condition, returned_types, algorithm.returns)
     for entry in algorithm.identifies:
         for condition in _true_conditions(scope, faults, entry):
-            if always_holds(condition.tree, returned_types, absent=optional_names):
+            if always_holds(condition.tree, returned_types, optional_names=optional_names):
                 key = f"identifies.{entry.variable.name}"
-                yield _always_finding(algorithm, key, condition, returned_types, algorithm.returns)
+                yield _always_holds_finding(algorithm, key, condition, returned_types, algorithm.returns)
 
 
-CONDITIONS = (never_holding, always_holding)
+CONDITION_CHECKS = (never_holding, always_holding)
 """The checks of this module."""
 
 
@@ -99,7 +99,7 @@ def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iter
     for condition in conditions:
         judgement = scope.judgement(condition)
         if judgement is not None and not judgement.problems:
-            yield stated(condition, spelt_out(judgement.typed.node))
+            yield state_condition(condition, spelt_out(judgement.typed.node))
 
 
 def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
@@ -127,10 +127,10 @@ def _true_conditions(scope: SpecIndex, faults: FaultyElements, entry: Identifica
         )
 
 
-def _always_finding(
+def _always_holds_finding(
     algorithm: Algorithm, key: str, condition: StatedCondition, types: Types, variables: Iterable[Variable | Returned]
 ) -> Diagnostic:
-    needs_range = not always_holds(condition.tree, without_ranges(types, [condition.tree]))
+    depends_on_range = not always_holds(condition.tree, types_without_ranges(types, [condition.tree]))
     names = tuple(_names(condition))
     place = f"'{key.partition('.')[0]}' of algorithm '{algorithm.name}'"
     precondition_help = f"remove it, or write 'known({names[0]})' if that is intended" if names else "remove it"
@@ -141,7 +141,7 @@ def _always_finding(
         condition.place,
         path=f"perception.{algorithm.name}.{key}",
         help=help_by_key.get(key, "change the condition: as it is, the variable is never False"),
-        related=tuple(limits_of([condition.tree], variables)) if needs_range else (),
+        related=tuple(limit_places([condition.tree], variables)) if depends_on_range else (),
     )
 
 
@@ -150,7 +150,7 @@ def _never_identified(
 ) -> Iterator[Diagnostic]:
     """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
     types = scope.returned_types[algorithm.name]
-    earlier_values: dict[str, tuple[str, StatedCondition]] = {}
+    earlier_conditions: dict[str, tuple[str, StatedCondition]] = {}
     shadowed_values: dict[tuple[str, ...], list[tuple[str, StatedCondition]]] = {}
     for value, condition in _values(scope, entry):
         for stated_condition in _sound_conditions(scope, [condition]):
@@ -159,29 +159,31 @@ def _never_identified(
             core = contradiction((*accepted, stated_condition), types)
             if core:
                 name = entry.variable.name
-                yield _never_finding(
+                yield _never_holds_finding(
                     algorithm, f"identifies.{name}", f"never identifies '{name}' as {value}", core, types
                 )
                 continue
-            if len(earlier_values) == MAX_MEMBERS:
+            if len(earlier_conditions) == MAX_MEMBERS:
                 break
-            if not earlier_values:
-                earlier_values[value] = value, stated_condition
+            if not earlier_conditions:
+                earlier_conditions[value] = value, stated_condition
                 continue
-            denials = [
-                StatedCondition(_negation(other), other.text, other.place) for _, other in earlier_values.values()
+            negated_conditions = [
+                StatedCondition(_negation(other), other.text, other.place) for _, other in earlier_conditions.values()
             ]
-            blocking_core = contradiction((*accepted, *denials, stated_condition), types)
+            blocking_core = contradiction((*accepted, *negated_conditions, stated_condition), types)
             blocking_values = [
-                name for name, denial in zip(earlier_values, denials, strict=True) if denial in blocking_core
+                name
+                for name, denial in zip(earlier_conditions, negated_conditions, strict=True)
+                if denial in blocking_core
             ]
             if blocking_core:
                 shadowed_values.setdefault(tuple(blocking_values), []).append((value, stated_condition))
             else:
-                earlier_values[value] = value, stated_condition
+                earlier_conditions[value] = value, stated_condition
     for names, values in shadowed_values.items():
-        if not isinstance(entry.by, Hysteresis) or not always_holds(earlier_values["true"][1].tree, types):
-            yield _shadowed_finding(algorithm, entry, values, [earlier_values[name] for name in names])
+        if not isinstance(entry.by, Hysteresis) or not always_holds(earlier_conditions["true"][1].tree, types):
+            yield _shadowed_value_finding(algorithm, entry, values, [earlier_conditions[name] for name in names])
 
 
 def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Condition]]:
@@ -206,20 +208,20 @@ def _negation(condition: StatedCondition) -> Node:
     return Not(start=condition.tree.start, end=condition.tree.end, operand=condition.tree)
 
 
-def _never_finding(
+def _never_holds_finding(
     algorithm: Algorithm, key: str, effect: str, core: Sequence[StatedCondition], types: Types
 ) -> Diagnostic:
     return finding(
         "never-holds",
-        f"algorithm '{algorithm.name}' {effect}: {never_true(core)}",
+        f"algorithm '{algorithm.name}' {effect}: {never_true_message(core)}",
         core[-1].place,
         path=f"perception.{algorithm.name}.{key}",
         help="change the condition",
-        related=tuple(related_to(core, types, algorithm.returns)),
+        related=tuple(related_places(core, types, algorithm.returns)),
     )
 
 
-def _shadowed_finding(
+def _shadowed_value_finding(
     algorithm: Algorithm,
     entry: Identification,
     values: Sequence[tuple[str, StatedCondition]],
@@ -227,11 +229,11 @@ def _shadowed_finding(
 ) -> Diagnostic:
     name = entry.variable.name
     (value, first), *others = values
-    wider_texts = " or ".join(f"'{condition.text}'" for _, condition in blocking_conditions)
+    blocking_text = " or ".join(f"'{condition.text}'" for _, condition in blocking_conditions)
     return finding(
         "never-holds",
         f"algorithm '{algorithm.name}' never identifies '{name}' as {value}: whenever '{first.text}' holds, "
-        f"{wider_texts} above it also holds",
+        f"{blocking_text} above it also holds",
         first.place,
         path=f"perception.{algorithm.name}.identifies.{name}",
         help="change the order: the first condition that holds gives the value"

@@ -8,7 +8,7 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.owners import reads
 from codra_dsl.language.check.quality.exclusion import excluded_previews
-from codra_dsl.language.check.quality.reach import judges_reach, unreached_settings
+from codra_dsl.language.check.quality.reach import can_judge_reach, unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.model import ADAPTER, ANALYST, Skill, Variable
 
@@ -21,10 +21,12 @@ def unreached_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator[Di
 
     Variables that loops add or set are exempt, since programs read them.
     """
-    if not judges_reach(scope):
+    if not can_judge_reach(scope):
         return
-    observer_variables = {reference.name for setting in unreached_settings(scope) for reference in setting.identifies}
-    agent_variables = {
+    unreached_observer_variables = {
+        reference.name for setting in unreached_settings(scope) for reference in setting.identifies
+    }
+    variables_read_by_agents = {
         element.name
         for agent in scope.spec.agents
         for element in reads(scope.world, agent)
@@ -33,9 +35,9 @@ def unreached_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator[Di
     for variable in scope.variables.values():
         name = variable.name
         is_exempt = name in scope.read_by_loops or any(source.name in (ADAPTER, ANALYST) for source in variable.sources)
-        is_exempt = is_exempt or variable.pose_condition is not None or name in observer_variables
+        is_exempt = is_exempt or variable.pose_condition is not None or name in unreached_observer_variables
         is_exempt = is_exempt or name in scope.spec.damaged.get("context", ())
-        is_exempt = is_exempt or (name in agent_variables and name not in scope.producers)
+        is_exempt = is_exempt or (name in variables_read_by_agents and name not in scope.producers)
         if name not in scope.reached and not is_exempt and faults.sound("context", name):
             message, help = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"
             if name in scope.producers:
@@ -48,15 +50,16 @@ def unreached_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator[Di
 
 def decisions_without_observer(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill previews can be observed: by an observer, or by the main execution as a fallback."""
-    for variable, mentions in _unidentified_variables(scope, faults, _previews(scope, faults)):
+    for variable, mentions in _unidentified_variables(scope, faults, _preview_mentions(scope, faults)):
         sources = [source.name for source in variable.sources]
         if OBSERVER in sources or MAIN_EXECUTION in sources:
             continue
         (skill, place), *others = mentions
-        agents = " and ".join(f"agent '{name}'" for name in sources)
+        agents_text = " and ".join(f"agent '{name}'" for name in sources)
         yield finding(
             "decision-without-observer",
-            f"skill '{skill.name}' decides on '{variable.name}', which nothing can observe: only {agents} can write it",
+            f"skill '{skill.name}' decides on '{variable.name}', which nothing can observe: "
+            f"only {agents_text} can write it",
             place,
             path=f"skills.{skill.name}.preview",
             help="add an algorithm that identifies it, or 'main_execution' to its 'source' "
@@ -67,7 +70,7 @@ def decisions_without_observer(scope: SpecIndex, faults: FaultyElements) -> Iter
 
 def unwatched_monitors(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill monitors has a source other than the main execution, which is busy acting."""
-    for variable, mentions in _unidentified_variables(scope, faults, _monitors(scope, faults)):
+    for variable, mentions in _unidentified_variables(scope, faults, _monitor_mentions(scope, faults)):
         if {source.name for source in variable.sources} != {MAIN_EXECUTION}:
             continue
         (skill, place), *others = mentions
@@ -82,7 +85,7 @@ def unwatched_monitors(scope: SpecIndex, faults: FaultyElements) -> Iterator[Dia
         )
 
 
-DECISIONS = (unreached_variables, decisions_without_observer, unwatched_monitors, excluded_previews)
+DECISION_CHECKS = (unreached_variables, decisions_without_observer, unwatched_monitors, excluded_previews)
 """The checks of this module."""
 
 
@@ -92,11 +95,11 @@ _Mentions = Mapping[str, list[tuple[Skill, Place]]]
 def _sound_skills(scope: SpecIndex, faults: FaultyElements, key: str) -> Iterator[Skill]:
     """Yield the sound skills with a readable key."""
     for skill in scope.spec.skills:
-        if faults.sound("skills", skill.name) and scope.readable("skills", skill.name, key):
+        if faults.sound("skills", skill.name) and scope.is_readable("skills", skill.name, key):
             yield skill
 
 
-def _previews(scope: SpecIndex, faults: FaultyElements) -> _Mentions:
+def _preview_mentions(scope: SpecIndex, faults: FaultyElements) -> _Mentions:
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
     for skill in _sound_skills(scope, faults, "preview"):
         for reference in skill.preview:
@@ -104,7 +107,7 @@ def _previews(scope: SpecIndex, faults: FaultyElements) -> _Mentions:
     return mentions
 
 
-def _monitors(scope: SpecIndex, faults: FaultyElements) -> _Mentions:
+def _monitor_mentions(scope: SpecIndex, faults: FaultyElements) -> _Mentions:
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
     for skill in _sound_skills(scope, faults, "monitor"):
         for expectation in skill.monitor:
@@ -122,7 +125,7 @@ def _unidentified_variables(
         variable = scope.variables.get(name)
         if variable is None or not variable.sources or name in scope.producers or name in faults.suggested:
             continue
-        if faults.sound("context", name) and scope.readable("context", name, "source"):
+        if faults.sound("context", name) and scope.is_readable("context", name, "source"):
             yield variable, skills_and_places
 
 

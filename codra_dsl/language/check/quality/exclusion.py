@@ -25,23 +25,23 @@ def excluded_previews(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diag
     """
     if scope.lost("perception", *NEED_KEYS, "identifies") or scope.lost("skills", "preview", "monitor"):
         return
-    makers_by_variable = _makers_by_variable(scope, faults)
+    achievers_by_variable = _achievers_by_variable(scope, faults)
     search = _Search(scope, faults)
     reported_pairs: set[tuple[str, str]] = set()
     for skill in scope.spec.skills:
         for state in skill.preview:
-            makers = makers_by_variable.get(state.name, [])
-            if any(maker is not skill for maker, _ in makers):
-                exclusions = search.exclusions_of(state.name, [expectation for _, expectation in makers])
+            achievers = achievers_by_variable.get(state.name, [])
+            if any(achiever is not skill for achiever, _ in achievers):
+                exclusions = search.common_exclusions(state.name, [expectation for _, expectation in achievers])
                 for preview in skill.preview:
                     exclusion = exclusions.get(preview.name)
                     is_new = (state.name, preview.name) not in reported_pairs
-                    if exclusion is not None and is_new and not _is_kept(scope, preview.name, makers):
+                    if exclusion is not None and is_new and not _is_kept(scope, preview.name, achievers):
                         reported_pairs.add((state.name, preview.name))
-                        yield _finding(skill, state, preview, makers, exclusion)
+                        yield _exclusion_finding(skill, state, preview, achievers, exclusion)
 
 
-_Makers = Sequence[tuple[Skill, Expectation]]
+_Achievers = Sequence[tuple[Skill, Expectation]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,38 +59,40 @@ class _Exclusion:
     cause: str | None
 
 
-def _makers_by_variable(scope: SpecIndex, faults: FaultyElements) -> Mapping[str, list[tuple[Skill, Expectation]]]:
+def _achievers_by_variable(scope: SpecIndex, faults: FaultyElements) -> Mapping[str, list[tuple[Skill, Expectation]]]:
     """Return, for each variable, the skills that make the variable become a value, with their expectations."""
-    makers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
+    achievers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
     for skill in scope.spec.skills:
         for expectation in skill.monitor:
             name, condition = expectation.variable.name, expectation.condition
             if expectation.expected is Expected.BECOMES and condition is not None and faults.sound("context", name):
                 judgement = scope.judgement(condition)
                 if judgement is not None and not judgement.problems and name in scope.variables:
-                    makers_by_variable.setdefault(name, []).append((skill, expectation))
-    return makers_by_variable
+                    achievers_by_variable.setdefault(name, []).append((skill, expectation))
+    return achievers_by_variable
 
 
-def _is_kept(scope: SpecIndex, name: str, makers: _Makers) -> bool:
+def _is_kept(scope: SpecIndex, name: str, achievers: _Achievers) -> bool:
     """Return whether the value of a variable is kept, and all makers preview the variable before."""
     keeps = scope.variables[name].when_unobservable is WhenUnobservable.KEEP
-    return keeps and all(any(reference.name == name for reference in maker.preview) for maker, _ in makers)
+    return keeps and all(any(reference.name == name for reference in achiever.preview) for achiever, _ in achievers)
 
 
-def _finding(skill: Skill, state: Reference, preview: Reference, makers: _Makers, exclusion: _Exclusion) -> Diagnostic:
-    maker, expectation = makers[0]
-    through_text = "" if exclusion.cause is None else f", and '{exclusion.cause}' cannot be observed then"
+def _exclusion_finding(
+    skill: Skill, state: Reference, preview: Reference, achievers: _Achievers, exclusion: _Exclusion
+) -> Diagnostic:
+    achiever, expectation = achievers[0]
+    cause_text = "" if exclusion.cause is None else f", and '{exclusion.cause}' cannot be observed then"
     return finding(
         "excluded-preview",
         f"skill '{skill.name}' decides on '{preview.name}', which cannot be observed once '{state.name}' has the value "
-        f"from skill '{maker.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{through_text}",
+        f"from skill '{achiever.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{cause_text}",
         preview.place,
         path=f"skills.{skill.name}.preview",
-        help=f"preview '{preview.name}' in skill '{maker.name}' instead, or add an algorithm that can run after it",
+        help=f"preview '{preview.name}' in skill '{achiever.name}' instead, or add an algorithm that can run after it",
         related=(
             Related(f"'{state.name}' is in the same decision", state.place),
-            Related(f"skill '{maker.name}' changes '{state.name}'", expectation.place),
+            Related(f"skill '{achiever.name}' changes '{state.name}'", expectation.place),
             Related("cannot be true afterwards", exclusion.place),
         ),
     )
@@ -112,7 +114,7 @@ class _Search:
             for need in needs:
                 self._readers.setdefault(need, []).append(name)
 
-    def exclusions_of(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
+    def common_exclusions(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
         """Return the variables that cannot be observed with any of the expected values of a variable."""
         if name not in self._exclusions:
             conditions = (expectation.condition for expectation in expectations if expectation.condition is not None)
@@ -126,7 +128,7 @@ class _Search:
 
     def _find_exclusions(self, name: str, fact: Node) -> Mapping[str, _Exclusion]:
         """Return the variables that cannot be observed while a fact about a variable holds, with the reasons."""
-        reasons: dict[str, _Exclusion] = {}
+        exclusion_by_algorithm: dict[str, _Exclusion] = {}
         exclusions: dict[str, _Exclusion] = {}
         unknown_names: set[str] = set()
         readers = list(self._readers.get(name, ()))
@@ -134,22 +136,24 @@ class _Search:
             self._steps_left -= 1
             reader = readers.pop()
             exclusion = (
-                None if reader in reasons else self._exclusion(self._scope.algorithms[reader], fact, unknown_names)
+                None
+                if reader in exclusion_by_algorithm
+                else self._exclusion(self._scope.algorithms[reader], fact, unknown_names)
             )
             if exclusion is None:
                 continue
-            reasons[reader] = exclusion
+            exclusion_by_algorithm[reader] = exclusion
             for entry in exclusion.algorithm.identifies:
                 variable = entry.variable.name
                 producers = self._scope.producers[variable]
                 if (
                     variable != name
                     and variable not in exclusions
-                    and all(producer in reasons for producer in producers)
+                    and all(producer in exclusion_by_algorithm for producer in producers)
                 ):
                     if self._has_other_sources(variable):
                         continue
-                    exclusions[variable] = reasons[producers[0]]
+                    exclusions[variable] = exclusion_by_algorithm[producers[0]]
                     if self._scope.variables[variable].when_unobservable is WhenUnobservable.FORGET:
                         unknown_names.add(variable)
                         readers += self._readers.get(variable, ())
@@ -160,8 +164,8 @@ class _Search:
         if variable is None or not self._faults.sound("context", name):
             return True
         keys = ("source", "when_unobservable")
-        others = any(source.name != OBSERVER for source in variable.sources)
-        return others or not self._scope.readable("context", name, *keys)
+        has_other_source = any(source.name != OBSERVER for source in variable.sources)
+        return has_other_source or not self._scope.is_readable("context", name, *keys)
 
     def _exclusion(self, algorithm: Algorithm, fact: Node, unknown_names: set[str]) -> _Exclusion | None:
         """Return why an algorithm cannot run while a fact holds and some variables are unknown; None if it can run."""
@@ -180,7 +184,7 @@ class _Search:
         for condition, tree in conditions:
             if not can_hold([fact, tree], unknown_names, types):
                 cause = next(
-                    (unknown_name for unknown_name in sorted(unknown_names) if _is_through(condition, unknown_name)),
+                    (unknown_name for unknown_name in sorted(unknown_names) if _reads_name(condition, unknown_name)),
                     None,
                 )
                 is_direct = not can_hold([fact, tree], (), types)
@@ -193,5 +197,5 @@ class _Search:
         return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 
-def _is_through(condition: Condition, name: str) -> bool:
-    return condition.tree is not None and any(read.name == name for read in names_in(condition.tree))
+def _reads_name(condition: Condition, name: str) -> bool:
+    return condition.tree is not None and any(read_name.name == name for read_name in names_in(condition.tree))

@@ -59,8 +59,10 @@ class Renewal:
 
     def confirming_s(self, variable: str) -> float:
         """Return the maximum age that the first result needed to confirm a variable has when the last one arrives."""
-        needed_count = max(needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable)
-        return round((needed_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
+        needed_result_count = max(
+            needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable
+        )
+        return round((needed_result_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
 
 
 def stale_before_renewed(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -107,23 +109,23 @@ def ineffective_on_event(scope: SpecIndex, faults: FaultyElements) -> Iterator[D
         variables = [
             candidate for entry in algorithm.identifies if (candidate := scope.variables.get(entry.variable.name))
         ]
-        periodic = next((variable for variable in variables if variable.refresh is Refresh.PERIODIC), None)
-        if periodic is None or not faults.sound("perception", algorithm.name):
+        periodic_variable = next((variable for variable in variables if variable.refresh is Refresh.PERIODIC), None)
+        if periodic_variable is None or not faults.sound("perception", algorithm.name):
             continue
         for variable in variables:
             if variable.refresh is Refresh.ON_EVENT and faults.sound("context", variable.name):
                 yield finding(
                     "ineffective-on-event",
                     f"'refresh: on_event' of '{variable.name}' has no effect: algorithm '{algorithm.name}' also "
-                    f"identifies '{periodic.name}', for which it looks periodically",
+                    f"identifies '{periodic_variable.name}', for which it looks periodically",
                     variable.places.get("refresh", variable.place),
                     path=f"context.{variable.name}.refresh",
-                    help=f"write 'refresh: on_event' for '{periodic.name}' as well, or for neither",
-                    related=(Related("declared here", periodic.place),),
+                    help=f"write 'refresh: on_event' for '{periodic_variable.name}' as well, or for neither",
+                    related=(Related("declared here", periodic_variable.place),),
                 )
 
 
-TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
+TIMING_CHECKS = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
 """The checks of this module."""
 
 
@@ -135,7 +137,7 @@ def _slowest_renewal(scope: SpecIndex, faults: FaultyElements, name: str) -> Ren
     renewals = []
     for producer in scope.producers.get(name, ()):
         is_sound = faults.sound("perception", producer)
-        if not is_sound or not scope.readable("perception", producer, "timeout", "min_interval"):
+        if not is_sound or not scope.is_readable("perception", producer, "timeout", "min_interval"):
             return None
         period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
         renewals.append(Renewal(scope.algorithms[producer], period_s, setting))
@@ -176,9 +178,9 @@ def _age_findings(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm
             variable = scope.variables.get(bound.name)
             if variable is None or bound.limit_s is None or not faults.sound("context", variable.name):
                 continue
-            is_observed = all(source.name == OBSERVER for source in variable.sources)
+            is_only_observed = all(source.name == OBSERVER for source in variable.sources)
             renewal = _slowest_renewal(scope, faults, variable.name)
-            if is_observed and renewal is not None and bound.limit_s < renewal.oldest_s:
+            if is_only_observed and renewal is not None and bound.limit_s < renewal.oldest_s:
                 yield finding(
                     "stale-before-renewed",
                     f"algorithm '{algorithm.name}' needs '{condition.text_of(bound.node)}', but evidence about "
@@ -245,7 +247,7 @@ def _contested_shares(scope: SpecIndex, faults: FaultyElements) -> Mapping[str, 
         if (resource := scope.resources.get(name)) is not None
         and resource.slots is not None
         and faults.sound("resources", name)
-        and scope.readable("resources", name, "slots")
+        and scope.is_readable("resources", name, "slots")
         and sum(share.slot_fraction for share in shares.values()) > resource.slots
     }
 
@@ -253,13 +255,13 @@ def _contested_shares(scope: SpecIndex, faults: FaultyElements) -> Mapping[str, 
 def _share(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> _Share | None:
     """Return the share of a slot that an algorithm needs; None if it needs no share, or if the share is unknown."""
     is_sound = faults.sound("perception", algorithm.name)
-    if not is_sound or not scope.readable("perception", algorithm.name, "timeout", "uses"):
+    if not is_sound or not scope.is_readable("perception", algorithm.name, "timeout", "uses"):
         return None
     names = [entry.variable.name for entry in algorithm.identifies]
     validities_s = [
         scope.variables[name].valid_for_s
         for name in names
-        if name in scope.variables and scope.readable("context", name, "valid_for")
+        if name in scope.variables and scope.is_readable("context", name, "valid_for")
     ]
     valid_for_s = min(validities_s, default=FOREVER_S)
     return _Share(algorithm, valid_for_s) if valid_for_s < FOREVER_S else None
@@ -267,12 +269,12 @@ def _share(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> _S
 
 def _oversubscribed_finding(resource: Resource, demand: _Demand) -> Diagnostic:
     skill = demand.skill
-    who = "all observers together need" if skill is None else f"the observers of skill '{skill.name}' need"
+    user_text = "all observers together need" if skill is None else f"the observers of skill '{skill.name}' need"
     slots_text = "1 slot" if resource.slots == 1 else f"{resource.slots} slots"
-    largest_shares = sorted(demand.shares, key=lambda share: (-share.slot_fraction, share.algorithm.name))
+    sorted_shares = sorted(demand.shares, key=lambda share: (-share.slot_fraction, share.algorithm.name))
     return finding(
         "oversubscribed-slot",
-        f"resource '{resource.name}' has {slots_text}, but {who} {demand.total:.4g}: some value becomes stale "
+        f"resource '{resource.name}' has {slots_text}, but {user_text} {demand.total:.4g}: some value becomes stale "
         "in any order of the looks",
         resource.place,
         path=f"resources.{resource.name}",
@@ -285,7 +287,7 @@ def _oversubscribed_finding(resource: Resource, demand: _Demand) -> Diagnostic:
                     f"in every {_seconds(share.valid_for_s)}",
                     share.algorithm.places.get("timeout", share.algorithm.place),
                 )
-                for share in largest_shares[:MAX_RELATED_PLACES]
+                for share in sorted_shares[:MAX_RELATED_PLACES]
             ),
         ),
     )

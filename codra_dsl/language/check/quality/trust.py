@@ -24,19 +24,19 @@ def unnoticed_preconditions(scope: SpecIndex, faults: FaultyElements) -> Iterato
         variable = scope.variables.get(name)
         if variable is None or not faults.sound("context", name) or _goes_stale(scope, variable):
             continue
-        if not scope.readable("context", name, "source", "valid_for", "when_unobservable"):
+        if not scope.is_readable("context", name, "source", "valid_for", "when_unobservable"):
             continue
         yield finding(
             "unnoticed-precondition",
             f"context-variable '{name}' is a precondition, but its value never expires: {_reason(scope, variable)}",
             variable.place,
             path=f"context.{name}",
-            help=_cure(scope, variable),
+            help=_help_text(scope, variable),
             related=(Related(f"algorithm '{algorithm.name}' uses it", place()),),
         )
 
 
-TRUST = (unnoticed_preconditions,)
+TRUST_CHECKS = (unnoticed_preconditions,)
 """The checks of this module."""
 
 
@@ -48,11 +48,11 @@ def _trusting_algorithms(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Call
         if site.role is Role.OBSERVABLE_WHEN and not scope.judgements[id(site.condition)].problems:
             sites.setdefault(site.owner[1], []).append(site)
     for algorithm in scope.algorithms.values():
-        if not scope.readable("perception", algorithm.name, "observable_when"):
+        if not scope.is_readable("perception", algorithm.name, "observable_when"):
             continue  # a condition that could not be read may bound the age
-        own_sites = sites.get(algorithm.name, [])
-        bounded_names = {bound.name for site in own_sites for bound in upper_bounds(site.condition)}
-        for site in own_sites:
+        algorithm_sites = sites.get(algorithm.name, [])
+        bounded_names = {bound.name for site in algorithm_sites for bound in upper_bounds(site.condition)}
+        for site in algorithm_sites:
             for name in site.values:
                 if name.name not in bounded_names and name.name not in trusting_algorithms:
                     trusting_algorithms[name.name] = algorithm, partial(site.condition.place_of, name)
@@ -67,33 +67,33 @@ def _goes_stale(scope: SpecIndex, variable: Variable) -> bool:
     if variable.states_validity or variable.pose_condition is not None:  # a comparison of poses expires with the poses
         return True
     forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(scope, variable)
-    return forgets or not (_others_write(variable) or variable.name in scope.producers)
+    return forgets or not (_has_other_source(variable) or variable.name in scope.producers)
 
 
 def _can_be_forgotten(scope: SpecIndex, variable: Variable) -> bool:
     """Return whether preconditions decide when a variable can no longer be observed."""
     producers = scope.producers.get(variable.name, ())
-    return not _others_write(variable) and all(_waits(scope, name) for name in producers)
+    return not _has_other_source(variable) and all(_has_preconditions(scope, name) for name in producers)
 
 
-def _waits(scope: SpecIndex, algorithm: str) -> bool:
+def _has_preconditions(scope: SpecIndex, algorithm: str) -> bool:
     """Return whether an algorithm has preconditions, or whether this is unknown."""
-    return bool(scope.needs[algorithm]) or not scope.readable("perception", algorithm, *NEED_KEYS)
+    return bool(scope.needs[algorithm]) or not scope.is_readable("perception", algorithm, *NEED_KEYS)
 
 
-def _others_write(variable: Variable) -> bool:
+def _has_other_source(variable: Variable) -> bool:
     return any(source.name != OBSERVER for source in variable.sources)
 
 
 def _reason(scope: SpecIndex, variable: Variable) -> str:
-    if _others_write(variable):
+    if _has_other_source(variable):
         return "it has a source other than observers"
     if variable.when_unobservable is WhenUnobservable.KEEP:
         return "its last value is kept"
-    unconditional_algorithms = (name for name in scope.producers[variable.name] if not _waits(scope, name))
+    unconditional_algorithms = (name for name in scope.producers[variable.name] if not _has_preconditions(scope, name))
     return f"it is never forgotten, because algorithm '{next(unconditional_algorithms)}' has no preconditions"
 
 
-def _cure(scope: SpecIndex, variable: Variable) -> str:
+def _help_text(scope: SpecIndex, variable: Variable) -> str:
     valid_for_help = "add 'valid_for', for example 'valid_for: forever'"
     return f"{valid_for_help}, or 'when_unobservable: forget'" if _can_be_forgotten(scope, variable) else valid_for_help

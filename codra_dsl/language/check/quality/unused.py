@@ -91,26 +91,26 @@ def shadowed_names(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
         for parameter in template.parameters:
             for noun, element in visible_elements.get(parameter.name, ()):
                 if element.place.use is None or templates_by_use.get(element.place.use) != template.name:
-                    yield _shadowed_finding(template, parameter, noun, element)
+                    yield _shadowed_name_finding(template, parameter, noun, element)
                     break
 
 
 def same_labels(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """All labels of variables are different. A variable without a label is shown by its name."""
-    first_variables: dict[str, Variable] = {}
+    first_variable_by_label: dict[str, Variable] = {}
     variables_by_name = {name.casefold(): variable for name, variable in scope.variables.items()}
     for variable in scope.variables.values():
-        if not scope.readable("context", variable.name, "label"):
+        if not scope.is_readable("context", variable.name, "label"):
             continue
         normalized_label = _normalize_label(variable.label)
-        other = first_variables.setdefault(normalized_label, variable)
+        other = first_variable_by_label.setdefault(normalized_label, variable)
         if other is variable:
             other = variables_by_name.get(normalized_label, variable)
         if other is not variable and variable.label != variable.name:
             yield _same_label_finding(variable, other)
 
 
-UNUSED = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
+UNUSED_CHECKS = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
 """The checks of this module."""
 
 _VisibleElement = Variable | Resource | Algorithm | Agent
@@ -132,7 +132,7 @@ class _UsedNames:
     ) -> None:
         used_templates = {use.template for use in scope.spec.uses}
         names_in_templates = {
-            name for template, own_names in templates if template not in used_templates for name in own_names
+            name for template, template_names in templates if template not in used_templates for name in template_names
         }
         self._names = {*names, *names_in_templates}
         self._patterns = [_pattern(name) for name in sorted(names_in_templates) if _PARAMETER.search(name)]
@@ -153,7 +153,7 @@ def _visible_elements(scope: SpecIndex) -> Iterator[tuple[str, _VisibleElement]]
     yield from (("agent", agent) for agent in scope.agents.values())
 
 
-def _shadowed_finding(
+def _shadowed_name_finding(
     template: DeclaredTemplate, parameter: Reference, noun: str, element: _VisibleElement
 ) -> Diagnostic:
     name = parameter.name

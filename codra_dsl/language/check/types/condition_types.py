@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from codra_dsl.language.check.conditions.conditions import Site
 from codra_dsl.language.check.conditions.types import Problem
-from codra_dsl.language.check.index.fixes import member as member_fix
+from codra_dsl.language.check.index.fixes import member_fix
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.index.words import USERS
@@ -78,7 +78,7 @@ def misused_resources(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnosti
     for algorithm in scope.spec.perception:
         for usage in algorithm.uses:
             resource = scope.resources.get(usage.resource.name)
-            if resource is None or not scope.readable("resources", resource.name, "slots"):
+            if resource is None or not scope.is_readable("resources", resource.name, "slots"):
                 continue
             if usage.access is Access.SLOT and resource.slots is None:
                 message = f"algorithm '{algorithm.name}' takes a slot of resource '{resource.name}', which has no slots"
@@ -91,16 +91,17 @@ def misused_resources(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnosti
                 yield _misuse_finding(algorithm, usage, resource.place, message, "write 'slot'")
 
 
-TYPES = (conditions, integral_ranges, forms_of_identification, commanded_resources, misused_resources)
+TYPE_CHECKS = (conditions, integral_ranges, forms_of_identification, commanded_resources, misused_resources)
 """The rules of this phase."""
 
 
 def _range_findings(value_type: ValueType, place: Place, section: str, name: str, key: str) -> Iterator[Diagnostic]:
-    broken_ends = [end for end in value_type.range or () if not float(end).is_integer()]
-    if value_type.kind is Kind.INT and broken_ends:
+    fractional_ends = [end for end in value_type.range or () if not float(end).is_integer()]
+    if value_type.kind is Kind.INT and fractional_ends:
         owner = "" if section == "context" else f" of '{key.split('.')[1]}'"
         message = (
-            f"the range{owner} in {USERS[section]} '{name}' ends at {broken_ends[0]:g}, but an int needs whole numbers"
+            f"the range{owner} in {USERS[section]} '{name}' ends at {fractional_ends[0]:g}, "
+            "but an int needs whole numbers"
         )
         range_place = value_type.places.get("range", place)
         yield finding(
@@ -133,16 +134,16 @@ def _member_findings(
         return
     for member, _ in by.cases:
         if member.name not in variable.type.values:
-            near = suggest(member.name, variable.type.values)
+            nearest_member = suggest(member.name, variable.type.values)
             values_text = ", ".join(variable.type.values[:10])
             yield finding(
                 "unknown-member",
                 f"'{member.name}' is not a value of '{variable.name}' (algorithm '{algorithm.name}')",
                 member.place,
                 path=f"perception.{algorithm.name}.identifies.{entry.variable.name}",
-                help=f"did you mean '{near}'?" if near else f"values are {values_text}",
-                fix=member_fix(member.name, near, variable.type.values, member.place, scope.mentioned)
-                if near
+                help=f"did you mean '{nearest_member}'?" if nearest_member else f"values are {values_text}",
+                fix=member_fix(member.name, nearest_member, variable.type.values, member.place, scope.mentioned)
+                if nearest_member
                 else None,
             )
 
@@ -153,9 +154,11 @@ def _wrong_form_finding(algorithm: Algorithm, place: Place, message: str, help: 
     return finding("wrong-value-identified", message, place, path=path, help=help, related=related)
 
 
-def _misuse_finding(algorithm: Algorithm, usage: Usage, declared_place: Place, message: str, help: str) -> Diagnostic:
+def _misuse_finding(
+    algorithm: Algorithm, usage: Usage, declaration_place: Place, message: str, help: str
+) -> Diagnostic:
     path = f"perception.{algorithm.name}.uses.{usage.resource.name}"
-    related = (Related("declared here", declared_place),)
+    related = (Related("declared here", declaration_place),)
     return finding("misused-resource", message, usage.place, path=path, help=help, related=related)
 
 
