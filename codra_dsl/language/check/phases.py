@@ -85,34 +85,34 @@ def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSp
     keys is never returned, even if it has no other error. Where the intended name of a misspelt name is clear, the
     following phases read the intended name.
     """
-    scope = SpecIndex(spec, forests)
+    spec_index = SpecIndex(spec, forests)
     faults = FaultyElements()
     findings: list[Diagnostic] = []
     for phase in PHASES:
-        diagnostics = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
+        diagnostics = [diagnostic for rule in phase for diagnostic in rule(spec_index, faults)]
         if any(diagnostic.rule.name == "unknown-member" for diagnostic in diagnostics):
-            scope, diagnostics = _correct_members(scope, faults, phase, diagnostics)
+            spec_index, diagnostics = _correct_members(spec_index, faults, phase, diagnostics)
         findings += diagnostics
-        faults = FaultyElements(faults.elements | _elements(diagnostics), scope.suggested_variables)
-        if scope.corrections:
-            scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), forests)
+        faults = FaultyElements(faults.elements | _elements(diagnostics), spec_index.suggested_variables)
+        if spec_index.corrections:
+            spec_index = SpecIndex(apply_corrections(spec_index.spec, spec_index.corrections), forests)
     findings_in_order = in_file_order(once_per_template(findings))
     is_damaged = any(spec.damaged.values()) or any(forests.get(tree.name, UNREAD)[0] is None for tree in spec.trees)
-    return (None if is_damaged or has_binding_errors(findings) else _checked(scope)), findings_in_order
+    return (None if is_damaged or has_binding_errors(findings) else _checked(spec_index)), findings_in_order
 
 
 def _correct_members(
-    scope: SpecIndex, faults: FaultyElements, phase: Sequence[Rule], diagnostics: list[Diagnostic]
+    spec_index: SpecIndex, faults: FaultyElements, phase: Sequence[Rule], diagnostics: list[Diagnostic]
 ) -> tuple[SpecIndex, list[Diagnostic]]:
     """Return the index and the findings of a phase after declarations with wrong members are corrected.
 
     The findings about these declarations come first. Then come the findings of the phase, which runs again on the
     corrected spec. If no declaration is wrong, the index and the findings stay as they are.
     """
-    member_findings = list(members_to_blame(scope))
+    member_findings = list(members_to_blame(spec_index))
     if not member_findings:
-        return scope, diagnostics
-    corrected_index = SpecIndex(apply_corrections(scope.spec, scope.corrections), scope.forests)
+        return spec_index, diagnostics
+    corrected_index = SpecIndex(apply_corrections(spec_index.spec, spec_index.corrections), spec_index.forests)
     return corrected_index, member_findings + [
         diagnostic for rule in phase for diagnostic in rule(corrected_index, faults)
     ]
@@ -129,30 +129,30 @@ def _elements(diagnostics: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
     return frozenset((section, name) for section, name, *_ in split_paths)
 
 
-def _checked(scope: SpecIndex) -> CheckedSpec:
-    feedback_by_algorithm = feedback(scope)
+def _checked(spec_index: SpecIndex) -> CheckedSpec:
+    feedback_by_algorithm = feedback(spec_index)
     algorithms = {
-        name: _checked_algorithm(scope, algorithm, feedback_by_algorithm.get(name, ()))
-        for name, algorithm in scope.algorithms.items()
+        name: _checked_algorithm(spec_index, algorithm, feedback_by_algorithm.get(name, ()))
+        for name, algorithm in spec_index.algorithms.items()
     }
     return CheckedSpec(
-        spec=scope.spec,
-        variables=scope.variables,
+        spec=spec_index.spec,
+        variables=spec_index.variables,
         algorithms=algorithms,
-        producers=scope.producers,
-        decisions=scope.decisions,
-        expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
-        poses=pose_condition_texts(scope),
-        knowledge=checked_knowledge(scope),
-        mape=checked_mape(scope),
+        producers=spec_index.producers,
+        decisions=spec_index.decisions,
+        expectations={skill.name: _checked_expectations(spec_index, skill) for skill in spec_index.spec.skills},
+        poses=pose_condition_texts(spec_index),
+        knowledge=checked_knowledge(spec_index),
+        mape=checked_mape(spec_index),
     )
 
 
-def _checked_expectations(scope: SpecIndex, skill: Skill) -> tuple[CheckedExpectation, ...]:
+def _checked_expectations(spec_index: SpecIndex, skill: Skill) -> tuple[CheckedExpectation, ...]:
     return tuple(
         CheckedExpectation(
             text=_expectation_text(expectation, expectation.condition),
-            python=scope.python(expectation.condition, None),
+            python=spec_index.python(expectation.condition, None),
             within_s=expectation.within_s,
         )
         for expectation in skill.monitor
@@ -168,24 +168,24 @@ def _expectation_text(expectation: Expectation, condition: Condition) -> str:
     return f"{name} {expectation.expected} {value}{within}"
 
 
-def _checked_algorithm(scope: SpecIndex, algorithm: Algorithm, feedback_names: Sequence[str]) -> CheckedAlgorithm:
+def _checked_algorithm(spec_index: SpecIndex, algorithm: Algorithm, feedback_names: Sequence[str]) -> CheckedAlgorithm:
     return CheckedAlgorithm(
         algorithm=algorithm,
-        observable_when=tuple(_checked_condition(scope, condition) for condition in algorithm.observable_when),
-        accept_when=tuple(_checked_condition(scope, condition) for condition in algorithm.accept_when),
+        observable_when=tuple(_checked_condition(spec_index, condition) for condition in algorithm.observable_when),
+        accept_when=tuple(_checked_condition(spec_index, condition) for condition in algorithm.accept_when),
         identifies=tuple(
-            (entry.variable.name, _checked_identification(scope, entry)) for entry in algorithm.identifies
+            (entry.variable.name, _checked_identification(spec_index, entry)) for entry in algorithm.identifies
         ),
-        waits_for=tuple(sorted(set(scope.needs[algorithm.name]) - set(feedback_names))),
+        waits_for=tuple(sorted(set(spec_index.needs[algorithm.name]) - set(feedback_names))),
         feedback=tuple(feedback_names),
     )
 
 
-def _checked_condition(scope: SpecIndex, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
-    judgement = scope.judgements[id(condition)]
+def _checked_condition(spec_index: SpecIndex, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
+    judgement = spec_index.judgements[id(condition)]
     return CheckedCondition(
         text=condition.text,
-        python=scope.python(condition, wanted),
+        python=spec_index.python(condition, wanted),
         variables=_sorted_names(judgement.site.names),
         place=condition.place,
     )
@@ -195,11 +195,11 @@ def _sorted_names(names: tuple[Name, ...]) -> tuple[str, ...]:
     return (names[0].name,) if len(names) == 1 else tuple(sorted({name.name for name in names}))
 
 
-def _checked_identification(scope: SpecIndex, entry: Identification) -> CheckedCondition:
+def _checked_identification(spec_index: SpecIndex, entry: Identification) -> CheckedCondition:
     by = entry.by
     if isinstance(by, Condition):
-        return _checked_condition(scope, by, scope.context_types[entry.variable.name])
-    parts = [_checked_condition(scope, condition) for condition in parts_of(entry)]
+        return _checked_condition(spec_index, by, spec_index.context_types[entry.variable.name])
+    parts = [_checked_condition(spec_index, condition) for condition in parts_of(entry)]
     if isinstance(by, Members):
         members = [member.name for member, _ in by.cases]
         text = "; ".join(f"{member}: {part.text}" for member, part in zip(members, parts, strict=True))

@@ -33,42 +33,44 @@ MAX_WAITING = 5
 """The maximum number of waiting algorithms in a finding about an algorithm that never runs."""
 
 
-def cycles(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No variable must be known before it can become known; one finding per cause."""
-    if scope.lost("perception", "identifies"):
+    if spec_index.lost("perception", "identifies"):
         return
-    search = _Search(scope, faults)
-    search.run(scope.algorithms)
+    search = _Search(spec_index, faults)
+    search.run(spec_index.algorithms)
     while search.blocked:
         never_running_names = [name for name in search.blocked if not search.could_run(name)]
         if never_running_names:
-            yield from (_never_runs_finding(scope, search, name) for name in never_running_names)
+            yield from (_never_runs_finding(spec_index, search, name) for name in never_running_names)
             search.let_run(never_running_names)
             continue
         waits = search.waits()
         for component in _innermost_components(waits):
-            yield _cycle(scope, search, graph.shortest_cycle({name: waits[name] for name in component}))
+            yield _cycle(spec_index, search, graph.shortest_cycle({name: waits[name] for name in component}))
             search.reach(component)
 
 
-def feedback(scope: SpecIndex) -> Mapping[str, tuple[str, ...]]:
+def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
     """Return, for each algorithm on a cycle of needs, the variables that it reads without waiting for them."""
     needs = {
-        name: [need for producer in producers for need in scope.needs[producer]]
-        for name, producers in scope.producers.items()
+        name: [need for producer in producers for need in spec_index.needs[producer]]
+        for name, producers in spec_index.producers.items()
     }
     components = graph.strong_components(_drop_acyclic_names(needs))
     component_index_by_name = {name: index for index, component in enumerate(components) for name in component}
     feedback_by_algorithm: dict[str, tuple[str, ...]] = {}
-    for algorithm in scope.algorithms.values() if components else ():
+    for algorithm in spec_index.algorithms.values() if components else ():
         own_component_indices = {component_index_by_name.get(entry.variable.name) for entry in algorithm.identifies} - {
             None
         }
         cycle_needs = [
-            need for need in scope.needs[algorithm.name] if component_index_by_name.get(need) in own_component_indices
+            need
+            for need in spec_index.needs[algorithm.name]
+            if component_index_by_name.get(need) in own_component_indices
         ]
         feedback_by_algorithm[algorithm.name] = tuple(
-            sorted(need for need in cycle_needs if _runs_without(scope, algorithm, need))
+            sorted(need for need in cycle_needs if _runs_without(spec_index, algorithm, need))
         )
     return feedback_by_algorithm
 
@@ -109,21 +111,21 @@ class _Requirement:
         return condition_names if self.given is None else condition_names | {self.given}
 
 
-def _requirements(scope: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
+def _requirements(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
     """Yield the requirements of an algorithm. Each part of an `and` is a separate requirement.
 
     Conditions with a reported problem are left out.
     """
-    for _, tree in _sound_conditions(scope, algorithm):
+    for _, tree in _sound_conditions(spec_index, algorithm):
         parts = tree.operands if isinstance(tree, And) else (tree,)
         yield from (_Requirement((part,)) for part in parts)
     for reference in algorithm.given:
         yield _Requirement((), reference.name)
 
 
-def _sound_conditions(scope: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[Condition, Node]]:
+def _sound_conditions(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[Condition, Node]]:
     for condition in algorithm.observable_when:
-        judgement = scope.judgement(condition)
+        judgement = spec_index.judgement(condition)
         if judgement is not None and not judgement.problems:
             yield condition, spelt_out(judgement.typed.node)
 
@@ -131,28 +133,28 @@ def _sound_conditions(scope: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[
 class _Search:
     """The growing fixed point: the variables that are reached, and the algorithms that are still blocked."""
 
-    def __init__(self, scope: SpecIndex, faults: FaultyElements) -> None:
-        self._scope = scope
+    def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
+        self._spec_index = spec_index
         self._faults = faults
-        self._reached = {name for name in scope.variables if self._has_other_source(name)}
+        self._reached = {name for name in spec_index.variables if self._has_other_source(name)}
         self._readers: dict[str, list[str]] = {}
-        for name, needs in scope.needs.items():
+        for name, needs in spec_index.needs.items():
             for need in needs:
                 self._readers.setdefault(need, []).append(name)
         self.blocked: dict[str, Algorithm] = {}
 
     def _has_other_source(self, name: str) -> bool:
         """Return whether a variable may have writers other than its algorithms, or this cannot be decided."""
-        others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
-        sound = self._faults.sound("context", name) and self._scope.is_readable("context", name, "source")
-        return others or name not in self._scope.producers or not sound
+        others = any(source.name != OBSERVER for source in self._spec_index.variables[name].sources)
+        sound = self._faults.is_sound("context", name) and self._spec_index.is_readable("context", name, "source")
+        return others or name not in self._spec_index.producers or not sound
 
     def run(self, names: Iterable[str]) -> None:
         """Judge algorithms. Then judge the readers of newly reached variables again, until nothing changes."""
         waiting = list(names)[::-1]
         while waiting:
             name = waiting.pop()
-            algorithm = self._scope.algorithms[name]
+            algorithm = self._spec_index.algorithms[name]
             if self._can_run(algorithm):
                 self.blocked.pop(name, None)
                 waiting.extend(self._reach_variables(entry.variable.name for entry in algorithm.identifies))
@@ -171,7 +173,7 @@ class _Search:
 
     def could_run(self, name: str) -> bool:
         """Return whether an algorithm could run if all variables were reached."""
-        return _holds(self._scope, tuple(_requirements(self._scope, self.blocked[name])), frozenset())
+        return _holds(self._spec_index, tuple(_requirements(self._spec_index, self.blocked[name])), frozenset())
 
     def waits(self) -> Mapping[str, tuple[str, ...]]:
         """Return, for each variable that is not reached, the variables that it waits for."""
@@ -185,9 +187,9 @@ class _Search:
 
     def blocking(self, algorithm: Algorithm) -> tuple[str, ...]:
         """Return the variables that keep an algorithm from running: if some of them were reached, it could run."""
-        requirements = tuple(_requirements(self._scope, algorithm))
+        requirements = tuple(_requirements(self._spec_index, algorithm))
         unknown = self._unknown_names(algorithm)
-        failing = [requirement for requirement in requirements if not _holds(self._scope, (requirement,), unknown)]
+        failing = [requirement for requirement in requirements if not _holds(self._spec_index, (requirement,), unknown)]
         groups: list[tuple[_Requirement, ...]] = [(requirement,) for requirement in failing] or [requirements]
         return tuple(dict.fromkeys(name for group in groups for name in self._relevant_names(group, unknown)))
 
@@ -197,7 +199,7 @@ class _Search:
             return names
         others = unknown - frozenset(names)
         holds = {
-            frozenset(reached): _holds(self._scope, group, others | (frozenset(names) - frozenset(reached)))
+            frozenset(reached): _holds(self._spec_index, group, others | (frozenset(names) - frozenset(reached)))
             for size in range(len(names) + 1)
             for reached in combinations(names, size)
         }
@@ -207,10 +209,10 @@ class _Search:
         unknown = self._unknown_names(algorithm)
         if not unknown and all(type(condition.tree) is Name for condition in algorithm.observable_when):
             return True  # the common case: all needed variables are reached
-        return _holds(self._scope, tuple(_requirements(self._scope, algorithm)), unknown)
+        return _holds(self._spec_index, tuple(_requirements(self._spec_index, algorithm)), unknown)
 
     def _unknown_names(self, algorithm: Algorithm) -> frozenset[str]:
-        needs, declared = self._scope.needs[algorithm.name], self._scope.variables
+        needs, declared = self._spec_index.needs[algorithm.name], self._spec_index.variables
         return frozenset(name for name in needs if name not in self._reached and name in declared)
 
     def _reach_variables(self, names: Iterable[str]) -> list[str]:
@@ -221,7 +223,7 @@ class _Search:
         return [reader for reader in readers if reader in self.blocked]
 
 
-def _holds(scope: SpecIndex, requirements: Sequence[_Requirement], unknown: frozenset[str]) -> bool:
+def _holds(spec_index: SpecIndex, requirements: Sequence[_Requirement], unknown: frozenset[str]) -> bool:
     if any(requirement.given in unknown for requirement in requirements):
         return False
     conditions = [condition for requirement in requirements for condition in requirement.conditions]
@@ -232,12 +234,14 @@ def _holds(scope: SpecIndex, requirements: Sequence[_Requirement], unknown: froz
         if requirement.given is not None and requirement.given in read_names
     ]
     return can_hold(
-        conditions, unknown & {name for requirement in requirements for name in requirement.names}, scope.context_types
+        conditions,
+        unknown & {name for requirement in requirements for name in requirement.names},
+        spec_index.context_types,
     )
 
 
-def _runs_without(scope: SpecIndex, algorithm: Algorithm, name: str) -> bool:
-    return _holds(scope, tuple(_requirements(scope, algorithm)), frozenset({name}))
+def _runs_without(spec_index: SpecIndex, algorithm: Algorithm, name: str) -> bool:
+    return _holds(spec_index, tuple(_requirements(spec_index, algorithm)), frozenset({name}))
 
 
 def _innermost_components(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
@@ -248,8 +252,8 @@ def _innermost_components(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tupl
             yield component
 
 
-def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
-    edges = [_cycle_edge(scope, search, name, need) for name, need in pairwise((*path, path[0]))]
+def _cycle(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
+    edges = [_cycle_edge(spec_index, search, name, need) for name, need in pairwise((*path, path[0]))]
     cycle_text = " -> ".join((*path, path[0]))
     if len(path) == 1:
         message = f"context-variable '{path[0]}' waits for itself: {cycle_text}"
@@ -268,9 +272,9 @@ def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnost
     )
 
 
-def _cycle_edge(scope: SpecIndex, search: _Search, name: str, need: str) -> Related:
+def _cycle_edge(spec_index: SpecIndex, search: _Search, name: str, need: str) -> Related:
     """Return the reason why a variable waits for another one, with the place of the cause."""
-    algorithms = [scope.algorithms[producer] for producer in scope.producers[name]]
+    algorithms = [spec_index.algorithms[producer] for producer in spec_index.producers[name]]
     algorithm = next(producer for producer in algorithms if need in search.blocking(producer))
     place, reason = _place_of_need(algorithm, need)
     return Related(f"'{name}' needs '{need}': algorithm '{algorithm.name}' {reason}", place)
@@ -286,19 +290,19 @@ def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
     return given.place, "gets its value with 'given'"
 
 
-def _never_runs_finding(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
-    algorithm = scope.algorithms[name]
-    conditions = [state_condition(condition, tree) for condition, tree in _sound_conditions(scope, algorithm)]
+def _never_runs_finding(spec_index: SpecIndex, search: _Search, name: str) -> Diagnostic:
+    algorithm = spec_index.algorithms[name]
+    conditions = [state_condition(condition, tree) for condition, tree in _sound_conditions(spec_index, algorithm)]
     given_conditions = [
         StatedCondition(known(reference.name), f"given: {reference.name}", reference.place)
         for reference in algorithm.given
     ]
-    core = contradiction((*given_conditions, *conditions), scope.context_types)
+    core = contradiction((*given_conditions, *conditions), spec_index.context_types)
     variables = [
-        scope.variables[name.name]
+        spec_index.variables[name.name]
         for condition in core
         for name in names_in(condition.tree)
-        if name.name in scope.variables
+        if name.name in spec_index.variables
     ]
     return finding(
         "never-runs",
@@ -307,19 +311,19 @@ def _never_runs_finding(scope: SpecIndex, search: _Search, name: str) -> Diagnos
         path=f"perception.{name}.observable_when",
         help="change the condition, or remove the algorithm",
         related=(
-            *related_places(core, scope.context_types, dict.fromkeys(variables)),
-            *_waiting_algorithms(scope, search, algorithm),
+            *related_places(core, spec_index.context_types, dict.fromkeys(variables)),
+            *_waiting_algorithms(spec_index, search, algorithm),
         ),
     )
 
 
-def _waiting_algorithms(scope: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
+def _waiting_algorithms(spec_index: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
     """Yield the algorithms that wait for a variable of an algorithm that never runs."""
     identified = {entry.variable.name for entry in algorithm.identifies}
     others = [
         other
         for other in search.blocked.values()
-        if other is not algorithm and identified & set(scope.needs[other.name])
+        if other is not algorithm and identified & set(spec_index.needs[other.name])
     ]
     for other in others[:MAX_WAITING]:
         need = next((need for need in search.blocking(other) if need in identified), None)

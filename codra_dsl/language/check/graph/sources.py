@@ -10,15 +10,17 @@ from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import Algorithm, ObserverSetting, Reference
 
 
-def unidentified_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable is identified by an algorithm or names another writer under `source`."""
-    if scope.lost("perception", "identifies"):
+    if spec_index.lost("perception", "identifies"):
         return
     unidentified_names = [
-        name for name, variable in scope.variables.items() if name not in scope.producers and not variable.sources
+        name
+        for name, variable in spec_index.variables.items()
+        if name not in spec_index.producers and not variable.sources
     ]
-    undeclared_names = [name for name in scope.producers if not scope.declares("context", name)]
-    for variable in scope.variables.values():
+    undeclared_names = [name for name in spec_index.producers if not spec_index.declares("context", name)]
+    for variable in spec_index.variables.values():
         name = variable.name
         # an undeclared name that an algorithm identifies may be meant as this variable
         if name in unidentified_names and len(unidentified_names) <= len(undeclared_names):
@@ -26,9 +28,9 @@ def unidentified_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator
         observer_sources = [source for source in variable.sources if source.name == OBSERVER]
         other_source_count = len(variable.sources) - len(observer_sources)
         if (
-            name in scope.producers
-            or name in faults.suggested
-            or not (faults.sound("context", name) and scope.is_readable("context", name, "source"))
+            name in spec_index.producers
+            or name in faults.suggested_variables
+            or not (faults.is_sound("context", name) and spec_index.is_readable("context", name, "source"))
             or (other_source_count and not observer_sources)
         ):
             continue
@@ -44,16 +46,16 @@ def unidentified_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator
         yield finding("unidentified-variable", message, place, path=f"context.{name}", help=help)
 
 
-def observer_is_no_source(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def observer_is_no_source(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A variable that an algorithm identifies has `observer` among its sources."""
-    for name, producers in scope.producers.items():
-        variable = scope.variables.get(name)
-        if variable is None or not variable.sources or not faults.sound("context", name):
+    for name, producers in spec_index.producers.items():
+        variable = spec_index.variables.get(name)
+        if variable is None or not variable.sources or not faults.is_sound("context", name):
             continue
-        if not scope.is_readable("context", name, "source"):
+        if not spec_index.is_readable("context", name, "source"):
             continue
         if OBSERVER not in (source.name for source in variable.sources):
-            algorithm = scope.algorithms[producers[0]]
+            algorithm = spec_index.algorithms[producers[0]]
             sources = " and ".join(f"'{source.name}'" for source in variable.sources)
             message = (
                 f"context-variable '{name}' comes only from {sources}, but algorithm '{algorithm.name}' identifies it"
@@ -68,9 +70,9 @@ def observer_is_no_source(scope: SpecIndex, faults: FaultyElements) -> Iterator[
             )
 
 
-def same_rank(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def same_rank(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Alternatives have different ranks, which define the order in which they are tried."""
-    for group in scope.groups:
+    for group in spec_index.groups:
         for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
             tied_algorithms = sorted(
                 (algorithm for algorithm in group.algorithms if algorithm.rank == rank),
@@ -78,16 +80,18 @@ def same_rank(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
             )
             if (
                 len(tied_algorithms) > 1
-                and _all_declared(scope, group)
-                and _are_readable(scope, tied_algorithms, "rank")
+                and _all_declared(spec_index, group)
+                and _are_readable(spec_index, tied_algorithms, "rank")
             ):
                 yield _same_rank_finding(group, tied_algorithms, rank)
 
 
-def incomplete_first_alternative(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def incomplete_first_alternative(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The first of several alternatives identifies every variable of their tree."""
-    for group in scope.groups:
-        is_sound = _all_declared(scope, group) and _are_readable(scope, group.algorithms, "rank", "identifies")
+    for group in spec_index.groups:
+        is_sound = _all_declared(spec_index, group) and _are_readable(
+            spec_index, group.algorithms, "rank", "identifies"
+        )
         if group.variables_beyond_first and group.has_distinct_ranks and is_sound:
             first, missing = group.algorithms[0], group.variables_beyond_first[0]
             other = next(algorithm for algorithm in group.algorithms if _identifies(algorithm, missing))
@@ -103,14 +107,18 @@ def incomplete_first_alternative(scope: SpecIndex, _: FaultyElements) -> Iterato
             )
 
 
-def observers_without_algorithm(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def observers_without_algorithm(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The entries under `observers` contain only variables that an algorithm identifies."""
-    if scope.lost("perception", "identifies"):
+    if spec_index.lost("perception", "identifies"):
         return
-    for setting in scope.spec.observers:
+    for setting in spec_index.spec.observers:
         for reference in setting.identifies:
-            variable = scope.variables.get(reference.name)
-            if variable is None or reference.name in scope.producers or reference.name in faults.suggested:
+            variable = spec_index.variables.get(reference.name)
+            if (
+                variable is None
+                or reference.name in spec_index.producers
+                or reference.name in faults.suggested_variables
+            ):
                 continue
             if any(source.name != OBSERVER for source in variable.sources):
                 message = f"'{reference.name}' in observer '{setting.name}' has no algorithm that identifies it"
@@ -118,12 +126,12 @@ def observers_without_algorithm(scope: SpecIndex, faults: FaultyElements) -> Ite
                 yield finding("observer-without-algorithm", message, reference.place, path=path, help=help)
 
 
-def variables_in_two_observers(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def variables_in_two_observers(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Each variable is in at most one observer, since a tree has one name, period and priority."""
-    for setting in scope.spec.observers:
+    for setting in spec_index.spec.observers:
         reported: set[str] = set()
         for reference in setting.identifies:
-            owner, first = scope.claims[reference.name]
+            owner, first = spec_index.claims[reference.name]
             if owner.name != setting.name and owner.name not in reported:
                 reported.add(owner.name)
                 message = f"'{reference.name}' in observer '{setting.name}' is also in observer '{owner.name}'"
@@ -139,45 +147,45 @@ def variables_in_two_observers(scope: SpecIndex, _: FaultyElements) -> Iterator[
                 )
 
 
-def observers_that_mix(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def observers_that_mix(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Trees of different algorithms are joined only if they have the same set of conditions."""
-    for setting in scope.spec.observers:
-        groups = _groups_of_observer(scope, setting)
+    for setting in spec_index.spec.observers:
+        groups = _groups_of_observer(spec_index, setting)
         incompatible_groups = (group for group in groups[1:] if not _can_join(groups[0], group))
         incompatible_group = next(incompatible_groups, None)
-        if incompatible_group is not None and _is_sound_observer(scope, faults, setting, groups):
+        if incompatible_group is not None and _is_sound_observer(spec_index, faults, setting, groups):
             yield _mixed_trees_finding(setting, groups[0], incompatible_group)
 
 
-def observers_that_split(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def observers_that_split(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The entry of an observer contains all variables of its tree."""
-    for setting in scope.spec.observers:
-        groups = _groups_of_observer(scope, setting)
-        if not _is_sound_observer(scope, faults, setting, groups) or any(
+    for setting in spec_index.spec.observers:
+        groups = _groups_of_observer(spec_index, setting)
+        if not _is_sound_observer(spec_index, faults, setting, groups) or any(
             not _can_join(groups[0], group) for group in groups[1:]
         ):
             continue
         observer_variable_names = {reference.name for reference in setting.identifies}
         for group in groups:
             missing_names = [
-                name for name in group.variables if name not in observer_variable_names and name in scope.variables
+                name for name in group.variables if name not in observer_variable_names and name in spec_index.variables
             ]
-            claiming_settings = [scope.claims[name][0] for name in missing_names if name in scope.claims]
+            claiming_settings = [spec_index.claims[name][0] for name in missing_names if name in spec_index.claims]
             is_claimed_later = any(other.place.span > setting.place.span for other in claiming_settings)
             if missing_names and not is_claimed_later:
-                yield _split_tree_finding(scope, setting, group, missing_names[0])
+                yield _split_tree_finding(spec_index, setting, group, missing_names[0])
 
 
-def observer_names_taken(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def observer_names_taken(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No observer has the name that another tree gets from its first algorithm."""
-    if scope.lost("observers", "identifies"):
+    if spec_index.lost("observers", "identifies"):
         return
     first_algorithms_of_unnamed_trees = {
         group.algorithms[0].name.casefold(): group.algorithms[0]
-        for group in scope.groups
-        if not any(name in scope.claims for name in group.variables)
+        for group in spec_index.groups
+        if not any(name in spec_index.claims for name in group.variables)
     }
-    for setting in scope.spec.observers:
+    for setting in spec_index.spec.observers:
         other = first_algorithms_of_unnamed_trees.get(setting.name.casefold())
         if other is not None:
             message = f"observer '{setting.name}' has the name of the tree of algorithm '{other.name}'"
@@ -242,9 +250,9 @@ def _mixed_trees_finding(setting: ObserverSetting, first: Group, other: Group) -
     )
 
 
-def _split_tree_finding(scope: SpecIndex, setting: ObserverSetting, group: Group, missing: str) -> Diagnostic:
+def _split_tree_finding(spec_index: SpecIndex, setting: ObserverSetting, group: Group, missing: str) -> Diagnostic:
     algorithm = next(candidate for candidate in group.algorithms if _identifies(candidate, missing))
-    owner = scope.claims[missing][0].name if missing in scope.claims else None
+    owner = spec_index.claims[missing][0].name if missing in spec_index.claims else None
     where_text = "" if owner is None else f"; it is in observer '{owner}'"
     message = f"observer '{setting.name}' leaves out '{missing}', which algorithm '{algorithm.name}' identifies as well"
     return finding(
@@ -269,37 +277,37 @@ def _identifying_reference(algorithm: Algorithm, name: str) -> Reference:
     return next(entry.variable for entry in algorithm.identifies if entry.variable.name == name)
 
 
-def _groups_of_observer(scope: SpecIndex, setting: ObserverSetting) -> tuple[Group, ...]:
+def _groups_of_observer(spec_index: SpecIndex, setting: ObserverSetting) -> tuple[Group, ...]:
     """Return the groups whose variables an observer contains, in the order of these variables."""
-    groups = (scope.group_of.get(reference.name) for reference in setting.identifies)
+    groups = (spec_index.group_of.get(reference.name) for reference in setting.identifies)
     return tuple(dict.fromkeys(group for group in groups if group is not None))
 
 
-def _all_declared(scope: SpecIndex, group: Group) -> bool:
+def _all_declared(spec_index: SpecIndex, group: Group) -> bool:
     """Return whether all variables of a group are declared; if not, the group may not be the intended one."""
-    return all(scope.declares("context", name) for name in group.variables)
+    return all(spec_index.declares("context", name) for name in group.variables)
 
 
 def _is_sound_observer(
-    scope: SpecIndex, faults: FaultyElements, setting: ObserverSetting, groups: Iterable[Group]
+    spec_index: SpecIndex, faults: FaultyElements, setting: ObserverSetting, groups: Iterable[Group]
 ) -> bool:
     """Return whether there is no finding about an observer and the algorithms of its trees."""
-    shared = any(scope.claims[reference.name][0].name != setting.name for reference in setting.identifies)
-    is_readable = scope.is_readable("observers", setting.name, "identifies")
-    if shared or not is_readable or not faults.sound("observers", setting.name):
+    shared = any(spec_index.claims[reference.name][0].name != setting.name for reference in setting.identifies)
+    is_readable = spec_index.is_readable("observers", setting.name, "identifies")
+    if shared or not is_readable or not faults.is_sound("observers", setting.name):
         return False
     return all(
-        _all_declared(scope, group)
-        and _are_readable(scope, group.algorithms, *NEED_KEYS, "identifies", "rank")
+        _all_declared(spec_index, group)
+        and _are_readable(spec_index, group.algorithms, *NEED_KEYS, "identifies", "rank")
         and group.has_distinct_ranks
         and not group.variables_beyond_first
-        and all(faults.sound("perception", algorithm.name) for algorithm in group.algorithms)
+        and all(faults.is_sound("perception", algorithm.name) for algorithm in group.algorithms)
         for group in groups
     )
 
 
-def _are_readable(scope: SpecIndex, algorithms: Iterable[Algorithm], *keys: str) -> bool:
-    return all(scope.is_readable("perception", algorithm.name, *keys) for algorithm in algorithms)
+def _are_readable(spec_index: SpecIndex, algorithms: Iterable[Algorithm], *keys: str) -> bool:
+    return all(spec_index.is_readable("perception", algorithm.name, *keys) for algorithm in algorithms)
 
 
 def _can_join(one: Group, other: Group) -> bool:

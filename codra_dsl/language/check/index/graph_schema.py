@@ -227,7 +227,7 @@ class DeclaredGraph:
         is_step = task is not None and word in STATES
         return task if is_step and task is not None and origin.name in (task.origin.name, "") else None
 
-    def starts_with(self, edge: EdgeType) -> bool:
+    def exists_initially(self, edge: EdgeType) -> bool:
         """Return whether an edge exists from the start.
 
         It does if it leads from one single node to another, and has a pose or no writer.
@@ -381,11 +381,11 @@ class DeclaredGraph:
         # the type is not declared, but a node has it
         return next(node.place for node in self.spec.nodes if node.type.name == element.name)
 
-    def is_there(self, path: Path) -> bool:
+    def always_exists(self, path: Path) -> bool:
         """Return whether every edge of a path exists from the start and has no writer that could remove it."""
         return all(
             any(
-                self.starts_with(edge) and not self.writers(KnowledgeElement("edges", edge.name))
+                self.exists_initially(edge) and not self.writers(KnowledgeElement("edges", edge.name))
                 for edge in self.edges_between(origin, link.edge, target)
             )
             for origin, link, target in path.steps()

@@ -67,13 +67,13 @@ class FaultyElements:
 
     Attributes:
         elements: the section and the name of each element with an error.
-        suggested: the context-variables suggested for unknown names. Checks treat them as used and as identified.
+        suggested_variables: the variables suggested for unknown names, which checks treat as used and identified.
     """
 
     elements: frozenset[tuple[str, str]] = frozenset()
-    suggested: frozenset[str] = frozenset()
+    suggested_variables: frozenset[str] = frozenset()
 
-    def sound(self, section: str, name: str) -> bool:
+    def is_sound(self, section: str, name: str) -> bool:
         """Return whether an element has no reported error."""
         return (section, name) not in self.elements
 
@@ -139,12 +139,12 @@ class SpecIndex:
         return _by_name(self.spec.agents)
 
     @cached_property
-    def world(self) -> DeclaredGraph:
+    def declared_graph(self) -> DeclaredGraph:
         """The declared knowledge graph."""
         return DeclaredGraph(self.spec)
 
     @cached_property
-    def book(self) -> ParsedRules:
+    def parsed_rules(self) -> ParsedRules:
         """The parsed fuzzy rules."""
         return ParsedRules(self.spec)
 
@@ -196,7 +196,7 @@ class SpecIndex:
             "context": frozenset(name for name, variable in self.variables.items() if variable.pose_condition is None),
             "resources": frozenset(self.resources),
             "agents": frozenset(self.agents),
-            **self.world.sections,
+            **self.declared_graph.sections,
             "skills": frozenset(skill.name for skill in self.spec.skills),
             "perception": frozenset(self.algorithms),
             "observers": frozenset(observer.name for observer in self.spec.observers),
@@ -285,11 +285,11 @@ class SpecIndex:
     def context_types(self) -> Types:
         """The type of each context-variable, and of each name in a pose condition; None if the declaration is wrong."""
         trees = (condition.tree for condition in self.spec.pose_conditions)
-        pose_condition_types = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
+        pose_types = {name.name: self.declared_graph.read_type(name.name) for tree in trees for name in names_in(tree)}
         damaged_types = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return (
             damaged_types
-            | pose_condition_types
+            | pose_types
             | {
                 name: declared_type(variable.type, variable.valid_for_s)
                 if self.is_readable("context", name, *TYPE_KEYS)
@@ -358,13 +358,13 @@ class SpecIndex:
     def read_by_loops(self) -> frozenset[str]:
         """The variables that rules and conditions of loops read; for each rate also the variable whose rate it is."""
         conditions = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
-        return self.book.followed(conditions)
+        return self.parsed_rules.followed(conditions)
 
     @cached_property
     def waking_variables(self) -> frozenset[str]:
         """The variables that wake agents."""
         names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
-        elements = (self.world.read(name) for name in names)
+        elements = (self.declared_graph.read(name) for name in names)
         return frozenset(element.name for element in elements if element is not None and element.section == "context")
 
     @cached_property
@@ -411,7 +411,7 @@ class SpecIndex:
                 (
                     type(entry.by),
                     id(self.context_types.get(entry.variable.name)),
-                    entry.variable.name in self.variables and faults.sound("context", entry.variable.name),
+                    entry.variable.name in self.variables and faults.is_sound("context", entry.variable.name),
                     *[id(condition.tree) for condition in parts_of(entry)],
                 )
                 for entry in algorithm.identifies
@@ -455,7 +455,7 @@ class SpecIndex:
         if site.role is Role.OBSERVABLE_WHEN or site.role in LOOP_ROLES:
             readable_types = self.context_types
         elif site.role in KNOWLEDGE_ROLES:
-            context_types, read_type = self.context_types, self.world.read_type
+            context_types, read_type = self.context_types, self.declared_graph.read_type
             readable_types = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:
             readable_types = {site.variable: wanted}

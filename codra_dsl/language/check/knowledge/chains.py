@@ -25,20 +25,20 @@ from codra_dsl.language.expression import Path
 from codra_dsl.language.model import Agent, AgentRule, EdgeType, Task, TaskState
 
 
-def unreachable_rules(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def unreachable_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The `before` patterns of each rule, and the `wakes` patterns of each agent, can become true."""
-    if not is_knowledge_checkable(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    rule_dependencies = _RuleDependencies(scope.world)
+    rule_dependencies = _RuleDependencies(spec_index.declared_graph)
     stuck_rules = [
         rule
         for rule in rule_dependencies.rules
         if rule_dependencies.impossible_pattern(rule, rule_dependencies.all_rule_names) is not None
     ]
     for rule in stuck_rules:
-        yield _rule_finding(scope.world, rule, rule_dependencies)
-    for agent in scope.spec.agents:
-        yield from _wakes_findings(scope.world, agent, rule_dependencies)
+        yield _rule_finding(spec_index.declared_graph, rule, rule_dependencies)
+    for agent in spec_index.spec.agents:
+        yield from _wakes_findings(spec_index.declared_graph, agent, rule_dependencies)
     yield from _cycle_findings(rule_dependencies, frozenset(rule.name for rule in stuck_rules))
 
 
@@ -81,13 +81,13 @@ _RuleNames = frozenset[str]
 class _RuleDependencies:
     """Finds the rules that make patterns of other rules true."""
 
-    world: DeclaredGraph
+    declared_graph: DeclaredGraph
     _achievers_by_pattern: dict[int, tuple[tuple[_Rule, ...], ...] | None] = field(default_factory=dict)
 
     @cached_property
     def rules(self) -> tuple[_Rule, ...]:
         """All rules, in file order."""
-        return tuple(_Rule(agent, rule) for agent in self.world.spec.agents for rule in agent.conduct.rules)
+        return tuple(_Rule(agent, rule) for agent in self.declared_graph.spec.agents for rule in agent.conduct.rules)
 
     @cached_property
     def all_rule_names(self) -> _RuleNames:
@@ -136,7 +136,7 @@ class _RuleDependencies:
             achievers = self._achievers_of_condition(pattern)
             return None if achievers is None else (achievers,)
         if pattern.tree.negated:
-            return None if self.world.is_there(pattern.tree) else ()
+            return None if self.declared_graph.always_exists(pattern.tree) else ()
         achievers_of_steps = [self._achievers_of_step(step) for step in steps(pattern)]
         return (
             None
@@ -146,7 +146,7 @@ class _RuleDependencies:
 
     def _achievers_of_step(self, step: Step) -> tuple[_Rule, ...] | None:
         """Return the rules of which one must act before an edge exists; () if the edge may exist without a rule."""
-        task = self.world.task_of(step.origin, step.link.edge, step.target)
+        task = self.declared_graph.task_of(step.origin, step.link.edge, step.target)
         if task is not None:
             if step.link.edge == TaskState.ABORTED:  # a deadline can always abort a task
                 return ()
@@ -157,22 +157,22 @@ class _RuleDependencies:
         if step.link.edge in {state.value for state in TaskState}:
             return ()
         achievers_of_edges: list[_Rule] = []
-        for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
-            names = [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
+        for edge in self.declared_graph.edges_between(step.origin, step.link.edge, step.target):
+            names = [writer.name for writer in self.declared_graph.writers(KnowledgeElement("edges", edge.name))]
             achievers = self._achievers(
-                names, _make_edge_filter(self.world, edge), lambda effect: self._can_be_same_edge(effect, step)
+                names, _make_edge_filter(self.declared_graph, edge), lambda effect: self._can_be_same_edge(effect, step)
             )
-            if self.world.starts_with(edge) or achievers == ():
+            if self.declared_graph.exists_initially(edge) or achievers == ():
                 return ()
             achievers_of_edges += achievers or ()
         return tuple(dict.fromkeys(achievers_of_edges)) or None
 
     def _is_task_state(self, step: Step, task: Task, state: str) -> bool:
-        named_task = self.world.task_of(step.origin, step.link.edge, step.target)
+        named_task = self.declared_graph.task_of(step.origin, step.link.edge, step.target)
         return named_task is task and step.link.edge == state
 
     def _can_be_same_edge(self, effect: Step, step: Step) -> bool:
-        may_be = self.world.may_be
+        may_be = self.declared_graph.may_be
         return may_be(effect.origin, step.origin) and may_be(effect.target, step.target)
 
     def _achievers(
@@ -201,18 +201,20 @@ class _RuleDependencies:
         """Return the rules of which one must act before a condition over one value can hold; () if none is required."""
         names = {name.name for name in names_read(pattern)}
         name = names.pop() if len(names) == 1 else ""
-        element = self.world.read(name) if name else None
+        element = self.declared_graph.read(name) if name else None
         if element is None or any(
-            value.name == element.attribute for node in self.world.spec.nodes for value in node.values
+            value.name == element.attribute for node in self.declared_graph.spec.nodes for value in node.values
         ):
             return ()
-        types = {name: self.world.read_type(name)}
+        types = {name: self.declared_graph.read_type(name)}
         if not can_hold([pattern.tree], (), types):  # reported as a contradiction
             return ()
-        if element.section == "context" and not self.world.writers(element):  # an observer may identify it at any time
+        if element.section == "context" and not self.declared_graph.writers(
+            element
+        ):  # an observer may identify it at any time
             return ()
         achievers: list[_Rule] = []
-        for writer in self.world.writers(element):
+        for writer in self.declared_graph.writers(element):
             effects = [
                 (rule, effect)
                 for rule in self.rules
@@ -229,28 +231,30 @@ class _RuleDependencies:
         """Return the names of the writers of the elements in a pattern."""
         names: list[str] = []
         for step in steps(pattern):
-            task = self.world.task_of(step.origin, step.link.edge, step.target)
+            task = self.declared_graph.task_of(step.origin, step.link.edge, step.target)
             names += state_writers(task, step.link.edge) if task is not None else ()
-            for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
-                names += [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
+            for edge in self.declared_graph.edges_between(step.origin, step.link.edge, step.target):
+                names += [writer.name for writer in self.declared_graph.writers(KnowledgeElement("edges", edge.name))]
         for name in names_read(pattern):
-            element = self.world.read(name.name)
-            names += [writer.name for writer in self.world.writers(element)] if element is not None else ()
+            element = self.declared_graph.read(name.name)
+            names += [writer.name for writer in self.declared_graph.writers(element)] if element is not None else ()
         return dict.fromkeys(names)
 
 
-def _make_edge_filter(world: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
+def _make_edge_filter(declared_graph: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
     """Return a function that decides whether a step of a path can be an edge of this type."""
-    return lambda step: edge in world.edges_between(step.origin, step.link.edge, step.target)
+    return lambda step: edge in declared_graph.edges_between(step.origin, step.link.edge, step.target)
 
 
-def _rule_finding(world: DeclaredGraph, rule: _Rule, rule_dependencies: _RuleDependencies) -> Diagnostic:
+def _rule_finding(declared_graph: DeclaredGraph, rule: _Rule, rule_dependencies: _RuleDependencies) -> Diagnostic:
     pattern = rule_dependencies.impossible_pattern(rule, rule_dependencies.all_rule_names)
     assert pattern is not None
-    return _pattern_finding(world, pattern, rule_dependencies, f"{rule.label} never begins")
+    return _pattern_finding(declared_graph, pattern, rule_dependencies, f"{rule.label} never begins")
 
 
-def _wakes_findings(world: DeclaredGraph, agent: Agent, rule_dependencies: _RuleDependencies) -> Iterator[Diagnostic]:
+def _wakes_findings(
+    declared_graph: DeclaredGraph, agent: Agent, rule_dependencies: _RuleDependencies
+) -> Iterator[Diagnostic]:
     """Yield the findings about patterns that never wake an agent."""
     wake_patterns = [
         Pattern(agent, Role.WAKES, None, condition, condition.tree)
@@ -259,11 +263,13 @@ def _wakes_findings(world: DeclaredGraph, agent: Agent, rule_dependencies: _Rule
     ]
     for pattern in wake_patterns:
         if not rule_dependencies.is_possible(pattern, rule_dependencies.all_rule_names):
-            yield _pattern_finding(world, pattern, rule_dependencies, f"this pattern never wakes agent '{agent.name}'")
+            yield _pattern_finding(
+                declared_graph, pattern, rule_dependencies, f"this pattern never wakes agent '{agent.name}'"
+            )
 
 
 def _pattern_finding(
-    world: DeclaredGraph, pattern: Pattern, rule_dependencies: _RuleDependencies, subject: str
+    declared_graph: DeclaredGraph, pattern: Pattern, rule_dependencies: _RuleDependencies, subject: str
 ) -> Diagnostic:
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
         message = f"{subject}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
@@ -275,7 +281,7 @@ def _pattern_finding(
     related = tuple(
         Related("declared here", edge.place)
         for step in steps(pattern)
-        for edge in world.edges_between(step.origin, step.link.edge, step.target)
+        for edge in declared_graph.edges_between(step.origin, step.link.edge, step.target)
     )
     place = pattern.condition.place
     return finding("unreachable-rule", message, place, path=pattern.path, help=help, related=related)

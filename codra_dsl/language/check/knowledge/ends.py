@@ -15,38 +15,40 @@ from codra_dsl.language.model import Attribute, Kind, NodeElement, StartingValue
 from codra_dsl.language.units import convert, parse_unit
 
 
-def wrong_ends(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def wrong_ends(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """An edge in a pattern connects nodes that its declaration allows as its ends."""
-    if not is_knowledge_checkable(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    world = scope.world
-    for pattern in patterns(scope):
+    declared_graph = spec_index.declared_graph
+    for pattern in patterns(spec_index):
         for step in steps(pattern):
-            if step.link.edge in STATES and world.task_of(step.origin, step.link.edge, step.target) is None:
-                yield from _state_without_task_findings(world, step)
-            elif step.link.edge not in STATES and not world.edges_between(step.origin, step.link.edge, step.target):
-                yield _wrong_ends_finding(world, step)
+            if step.link.edge in STATES and declared_graph.task_of(step.origin, step.link.edge, step.target) is None:
+                yield from _state_without_task_findings(declared_graph, step)
+            elif step.link.edge not in STATES and not declared_graph.edges_between(
+                step.origin, step.link.edge, step.target
+            ):
+                yield _wrong_ends_finding(declared_graph, step)
         for name in names_read(pattern):
             function, _, camera = reads_of(name.name)
-            kind = world.types.get(world.type_of(camera)) if function == "in_view" else None
+            kind = declared_graph.types.get(declared_graph.type_of(camera)) if function == "in_view" else None
             if function == "in_view" and (kind is None or kind.view is None):
                 message = f"agent '{pattern.agent.name}' uses in_view() with '{camera}', which has no view"
                 place = pattern.condition.place_of(name)
-                help = f"give type '{world.type_of(camera)}' a 'view'"
+                help = f"give type '{declared_graph.type_of(camera)}' a 'view'"
                 yield finding("wrong-ends", message, place, path=pattern.path, help=help)
 
 
-def _state_without_task_findings(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
+def _state_without_task_findings(declared_graph: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
     """Yield the finding about a task state on an edge that is not the edge of a task.
 
     `some task` and `anything` match any task, so such a target is no mistake.
     """
-    task = world.tasks.get(step.target.name)
+    task = declared_graph.tasks.get(step.target.name)
     if not step.target.name and step.target.type in ("", "task"):
         return
     place = step.pattern.condition.place_of(step.link)
     if task is None:
-        reversed_task = world.tasks.get(step.origin.name)
+        reversed_task = declared_graph.tasks.get(step.origin.name)
         reversed_edge_help = (
             f"write {reversed_task.origin.name} -{step.link.edge}-> {reversed_task.name}"
             if reversed_task is not None
@@ -62,14 +64,14 @@ def _state_without_task_findings(world: DeclaredGraph, step: Step) -> Iterator[D
     yield finding("wrong-ends", message, place, path=step.pattern.path, help=help, related=related)
 
 
-def _wrong_ends_finding(world: DeclaredGraph, step: Step) -> Diagnostic:
-    edges = world.edges_of_word(step.link.edge)
+def _wrong_ends_finding(declared_graph: DeclaredGraph, step: Step) -> Diagnostic:
+    edges = declared_graph.edges_of_word(step.link.edge)
     origins = " or ".join(dict.fromkeys(f"'{origin.name}'" for edge in edges for origin in edge.origins))
     targets = " or ".join(dict.fromkeys(f"'{target.name}'" for edge in edges for target in edge.targets))
-    is_reversed = any(world.leads(edge, step.target, step.origin) for edge in edges)
+    is_reversed = any(declared_graph.leads(edge, step.target, step.origin) for edge in edges)
     help = f"write {step.target} -{step.link.edge}-> {step.origin}" if is_reversed else ""
-    similar_name = suggest(step.link.edge, (name for name in world.edges if name != step.link.edge))
-    if not help and similar_name and world.leads(world.edges[similar_name], step.origin, step.target):
+    similar_name = suggest(step.link.edge, (name for name in declared_graph.edges if name != step.link.edge))
+    if not help and similar_name and declared_graph.leads(declared_graph.edges[similar_name], step.origin, step.target):
         help = f"did you mean '{similar_name}'?"
     return finding(
         "wrong-ends",
@@ -82,12 +84,12 @@ def _wrong_ends_finding(world: DeclaredGraph, step: Step) -> Diagnostic:
     )
 
 
-def wrong_starting_values(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def wrong_starting_values(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """An initial value of a node fits the type and the unit of its attribute, and is in the attribute's range."""
-    if not is_knowledge_checkable(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    for node in scope.spec.nodes:
-        kind = scope.world.types.get(node.type.name)
+    for node in spec_index.spec.nodes:
+        kind = spec_index.declared_graph.types.get(node.type.name)
         attributes = {attribute.name: attribute for attribute in kind.attributes} if kind is not None else {}
         for value in node.values:
             attribute = attributes.get(value.name)

@@ -15,24 +15,26 @@ from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import Agent, Task, TaskState
 
 
-def waiting_loops(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def waiting_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Tasks do not wait for each other: their executors do not request each other's tasks in a cycle."""
-    if not is_knowledge_checkable(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    world = scope.world
+    declared_graph = spec_index.declared_graph
     requested_names = {
-        task.name: tuple(other_task.name for other_task in scope.spec.tasks if _may_wait_for(world, task, other_task))
-        for task in scope.spec.tasks
+        task.name: tuple(
+            other_task.name for other_task in spec_index.spec.tasks if _may_wait_for(declared_graph, task, other_task)
+        )
+        for task in spec_index.spec.tasks
     }
     for component in graph.strong_components(requested_names):
         component_requests = {
             name: tuple(requested_name for requested_name in requested_names[name] if requested_name in component)
             for name in component
         }
-        yield _waiting_loop_finding(world, graph.shortest_cycle(component_requests))
+        yield _waiting_loop_finding(declared_graph, graph.shortest_cycle(component_requests))
 
 
-def _may_wait_for(world: DeclaredGraph, task: Task, other_task: Task) -> bool:
+def _may_wait_for(declared_graph: DeclaredGraph, task: Task, other_task: Task) -> bool:
     """Return whether the executor of a task may request another task while it executes the first.
 
     This is true of every task that the executor may request, with one exception: the executor has rules that request
@@ -40,33 +42,33 @@ def _may_wait_for(world: DeclaredGraph, task: Task, other_task: Task) -> bool:
     """
     if task.by.name not in (requester.name for requester in other_task.requesters):
         return False
-    agent = world.agents.get(task.by.name)
+    agent = declared_graph.agents.get(task.by.name)
     if agent is None:
         return True
     requesting_rule_names = _names_of_rules_about_task(
-        world, agent, other_task, (Role.DURING, Role.AFTER), (TaskState.WANTS,)
+        declared_graph, agent, other_task, (Role.DURING, Role.AFTER), (TaskState.WANTS,)
     )
     accepting_rule_names = _names_of_rules_about_task(
-        world, agent, task, (Role.BEFORE, Role.DURING), (TaskState.WANTS, TaskState.IS)
+        declared_graph, agent, task, (Role.BEFORE, Role.DURING), (TaskState.WANTS, TaskState.IS)
     )
     return not requesting_rule_names or not accepting_rule_names or bool(requesting_rule_names & accepting_rule_names)
 
 
 def _names_of_rules_about_task(
-    world: DeclaredGraph, agent: Agent, task: Task, roles: tuple[Role, ...], states: tuple[TaskState, ...]
+    declared_graph: DeclaredGraph, agent: Agent, task: Task, roles: tuple[Role, ...], states: tuple[TaskState, ...]
 ) -> frozenset[str]:
     """Return the names of an agent's rules with a task in one of these states in a pattern with one of these roles."""
     rule_names = set()
     for pattern in patterns_of(agent):
         for step in steps(pattern) if pattern.role in roles else ():
-            named_task = world.task_of(step.origin, step.link.edge, step.target)
+            named_task = declared_graph.task_of(step.origin, step.link.edge, step.target)
             if pattern.rule is not None and named_task is task and step.link.edge in states:
                 rule_names.add(pattern.rule.name)
     return frozenset(rule_names)
 
 
-def _waiting_loop_finding(world: DeclaredGraph, cycle: tuple[str, ...]) -> Diagnostic:
-    tasks = [world.tasks[name] for name in cycle]
+def _waiting_loop_finding(declared_graph: DeclaredGraph, cycle: tuple[str, ...]) -> Diagnostic:
+    tasks = [declared_graph.tasks[name] for name in cycle]
     first_task = tasks[0]
     cycle_text = " -> ".join((*cycle, cycle[0]))
     if len(tasks) == 1:

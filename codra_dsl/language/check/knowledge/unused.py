@@ -11,17 +11,17 @@ from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic
 
 
-def unused_types(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def unused_types(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every type has an initial node, or an agent may insert one. Types of parts may be for other specs."""
-    if not is_knowledge_checkable(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    used_type_names = {node.type.name for node in scope.spec.nodes}
-    for node_type in scope.spec.types:
-        is_in_own_file = node_type.place.span.file == scope.spec.file
+    used_type_names = {node.type.name for node in spec_index.spec.nodes}
+    for node_type in spec_index.spec.types:
+        is_in_own_file = node_type.place.span.file == spec_index.spec.file
         if (
             is_in_own_file
             and node_type.name not in used_type_names
-            and not scope.world.writers(KnowledgeElement("types", node_type.name))
+            and not spec_index.declared_graph.writers(KnowledgeElement("types", node_type.name))
         ):
             message = f"no node has type '{node_type.name}', and no agent may insert one"
             help = "use it as the type of a node, name an agent that inserts such nodes under 'source', or remove it"

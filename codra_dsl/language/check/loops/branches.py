@@ -99,22 +99,22 @@ def leaves(forest: Forest) -> Mapping[str, TreeNode]:
     return first_leaves
 
 
-def tree_files(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def tree_files(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Yield the findings about the files of trees."""
-    for tree in scope.spec.trees:
-        yield from scope.forests.get(tree.name, UNREAD)[1]
+    for tree in spec_index.spec.trees:
+        yield from spec_index.forests.get(tree.name, UNREAD)[1]
 
 
-def unmatched_branches(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def unmatched_branches(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every action of a course has a branch, every branch has an action, and one entry selects all of them."""
     courses = [
         (adaptation.name, adaptation.does)
-        for adaptation in scope.spec.adaptation
+        for adaptation in spec_index.spec.adaptation
         if isinstance(adaptation.does, Course)
     ]
-    for tree in scope.spec.trees:
-        forest = _sound_forest(scope, faults, tree)
-        if forest is None or not scope.is_readable("trees", tree.name, "course"):
+    for tree in spec_index.spec.trees:
+        forest = _sound_forest(spec_index, faults, tree)
+        if forest is None or not spec_index.is_readable("trees", tree.name, "course"):
             continue
         yield from _wrong_branch_findings(tree, forest.forest)
         yield from _findings_of_branches_without_action(
@@ -125,9 +125,9 @@ def unmatched_branches(scope: SpecIndex, faults: FaultyElements) -> Iterator[Dia
                 yield from _findings_of_actions_without_branch(tree, name, course)
 
 
-def _sound_forest(scope: SpecIndex, faults: FaultyElements, tree: TreeElement) -> CheckedForest | None:
-    forest, findings = scope.forests.get(tree.name, UNREAD)
-    return None if has_errors(findings) or not faults.sound("trees", tree.name) else forest
+def _sound_forest(spec_index: SpecIndex, faults: FaultyElements, tree: TreeElement) -> CheckedForest | None:
+    forest, findings = spec_index.forests.get(tree.name, UNREAD)
+    return None if has_errors(findings) or not faults.is_sound("trees", tree.name) else forest
 
 
 def _wrong_branch_findings(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
@@ -185,12 +185,12 @@ def _branch_finding(message: str, place: Place, path: str, help: str, related: t
     return finding("unmatched-branch", message, place, path=path, help=help, related=related)
 
 
-def idle_leaves(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def idle_leaves(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """For every leaf, its tree states which tasks the leaf hands over, and the tree's agent may request these tasks."""
-    tasks = {task.name: task for task in scope.spec.tasks}
-    for tree in scope.spec.trees:
-        forest = _sound_forest(scope, faults, tree)
-        if forest is None or not scope.is_readable("trees", tree.name, "leaves"):
+    tasks = {task.name: task for task in spec_index.spec.tasks}
+    for tree in spec_index.spec.trees:
+        forest = _sound_forest(spec_index, faults, tree)
+        if forest is None or not spec_index.is_readable("trees", tree.name, "leaves"):
             continue
         forest_leaves = leaves(forest.forest)
         leaf_entries = {entry.leaf.name: entry for entry in tree.leaves}

@@ -19,23 +19,23 @@ from codra_dsl.language.fuzzy.model import propositions
 from codra_dsl.language.model import ADAPTER, Adaptation, Condition, Course, Parameter, weight_name
 
 
-def self_defeating_adaptations(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def self_defeating_adaptations(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every adaptation can set its variable, and has a stable value or action, which it does not change again."""
-    findings = list(_never_set_findings(scope, faults))
+    findings = list(_never_set_findings(spec_index, faults))
     yield from findings
-    yield from _unstable_course_findings(scope, faults)
+    yield from _unstable_course_findings(spec_index, faults)
     faulty_adaptations = frozenset(("adaptation", diagnostic.path.split(".")[1]) for diagnostic in findings)
     yield from _unstable_parameter_findings(
-        scope, FaultyElements(faults.elements | faulty_adaptations, faults.suggested)
+        spec_index, FaultyElements(faults.elements | faulty_adaptations, faults.suggested_variables)
     )
 
 
-def _never_set_findings(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def _never_set_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Yield findings about variables that only adaptations set and that wait for themselves; one for each cycle."""
     adaptations_and_trees = {
         name: (adaptation, tree)
-        for adaptation, name, tree in adapted_variables(scope, faults)
-        if [source.name for source in scope.variables[name].sources] == [ADAPTER]
+        for adaptation, name, tree in adapted_variables(spec_index, faults)
+        if [source.name for source in spec_index.variables[name].sources] == [ADAPTER]
     }
     needs = {
         name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in adaptations_and_trees.items()
@@ -45,7 +45,7 @@ def _never_set_findings(scope: SpecIndex, faults: FaultyElements) -> Iterator[Di
     unknown_names = frozenset(adaptations_and_trees)
     while True:
         while known_names := {
-            name for name in unknown_names if can_hold([self_equalities[name]], unknown_names, scope.context_types)
+            name for name in unknown_names if can_hold([self_equalities[name]], unknown_names, spec_index.context_types)
         }:
             unknown_names -= known_names
         awaited_names = {
@@ -67,10 +67,10 @@ def _never_set_findings(scope: SpecIndex, faults: FaultyElements) -> Iterator[Di
         unknown_names -= set(waiting_cycle)
 
 
-def _unstable_parameter_findings(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    for adaptation, name, tree in adapted_variables(scope, faults):
+def _unstable_parameter_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    for adaptation, name, tree in adapted_variables(spec_index, faults):
         has_undelayed_feedback = adaptation.dwell_s == 0.0 and name in {read_name.name for read_name in names_in(tree)}
-        if has_undelayed_feedback and not can_hold([_equality(tree, _name_node(name))], (), scope.context_types):
+        if has_undelayed_feedback and not can_hold([_equality(tree, _name_node(name))], (), spec_index.context_types):
             message = (
                 f"adaptation '{adaptation.name}' never becomes stable: "
                 f"for every value of '{name}', it sets another value"
@@ -79,13 +79,14 @@ def _unstable_parameter_findings(scope: SpecIndex, faults: FaultyElements) -> It
             yield _self_defeating_finding(adaptation, "value", message, help)
 
 
-def _unstable_course_findings(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    for adaptation in scope.spec.adaptation:
+def _unstable_course_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    for adaptation in spec_index.spec.adaptation:
         course = adaptation.does
-        if isinstance(course, Course) and course.always and faults.sound("adaptation", adaptation.name):
-            trees = [_sound_tree(scope, rule.condition) for rule in course.always]
+        if isinstance(course, Course) and course.always and faults.is_sound("adaptation", adaptation.name):
+            trees = [_sound_tree(spec_index, rule.condition) for rule in course.always]
             if not any(
-                _can_be_stable(scope, adaptation.name, course, trees, reference.name) for reference in course.choose
+                _can_be_stable(spec_index, adaptation.name, course, trees, reference.name)
+                for reference in course.choose
             ):
                 message = f"adaptation '{adaptation.name}' never becomes stable: hard rules replace each of its actions"
                 yield _self_defeating_finding(
@@ -93,12 +94,12 @@ def _unstable_course_findings(scope: SpecIndex, faults: FaultyElements) -> Itera
                 )
 
 
-def _can_be_stable(scope: SpecIndex, name: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
+def _can_be_stable(spec_index: SpecIndex, name: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
     """Return whether an action may stay chosen.
 
     This is so if, while the action is chosen, no hard rule holds, or the first rule that holds chooses the same action.
     """
-    types = scope.context_types
+    types = spec_index.context_types
     conditions = [Truth(start=0, end=0, value=True) if tree is None else tree for tree in trees]
     chosen_condition = _equality(_name_node(name), Text(start=0, end=0, value=action))
     if None in trees or not implies([chosen_condition], [_disjunction(conditions)], types):
@@ -110,17 +111,17 @@ def _can_be_stable(scope: SpecIndex, name: str, course: Course, trees: Sequence[
     )
 
 
-def adapted_variables(scope: SpecIndex, faults: FaultyElements) -> Iterator[tuple[Adaptation, str, Node]]:
+def adapted_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[tuple[Adaptation, str, Node]]:
     """Yield each sound adaptation that sets a variable, with the variable's name and the expression for the value."""
-    for adaptation in scope.spec.adaptation:
-        if isinstance(adaptation.does, Parameter) and faults.sound("adaptation", adaptation.name):
-            name, tree = adaptation.does.variable.name, _sound_tree(scope, adaptation.does.value)
-            if name in scope.variables and faults.sound("context", name) and tree is not None:
+    for adaptation in spec_index.spec.adaptation:
+        if isinstance(adaptation.does, Parameter) and faults.is_sound("adaptation", adaptation.name):
+            name, tree = adaptation.does.variable.name, _sound_tree(spec_index, adaptation.does.value)
+            if name in spec_index.variables and faults.is_sound("context", name) and tree is not None:
                 yield adaptation, name, tree
 
 
-def _sound_tree(scope: SpecIndex, condition: Condition) -> Node | None:
-    judgement = scope.judgement(condition)
+def _sound_tree(spec_index: SpecIndex, condition: Condition) -> Node | None:
+    judgement = spec_index.judgement(condition)
     return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 
@@ -142,19 +143,19 @@ def _self_defeating_finding(adaptation: Adaptation, key: str, message: str, help
     return finding("self-defeating-adaptation", message, place, path=path, help=help)
 
 
-def adaptation_feedback(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def adaptation_feedback(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No adaptation depends on a value that it sets or chooses itself; one finding for each cycle."""
-    dependencies = _dependencies(scope)
+    dependencies = _dependencies(spec_index)
     dependency_names = {name: tuple(places) for name, places in dependencies.items()}
     reported_names: set[str] = set()
-    for adaptation in scope.spec.adaptation:
+    for adaptation in spec_index.spec.adaptation:
         target, verb = (
             _written_variable(adaptation),
             "sets" if isinstance(adaptation.does, Parameter) else "chooses",
         )
         feedback_cycle = graph.cycle_through(dependency_names, target) if target not in reported_names else ()
         reported_names.update(feedback_cycle)
-        if not feedback_cycle or not faults.sound("adaptation", adaptation.name):
+        if not feedback_cycle or not faults.is_sound("adaptation", adaptation.name):
             continue
         path = (*feedback_cycle, target)
         first, *others = [(name, dependency, dependencies[name][dependency]) for name, dependency in pairwise(path)]
@@ -173,22 +174,22 @@ def _written_variable(adaptation: Adaptation) -> str:
     return adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else adaptation.name
 
 
-def _dependencies(scope: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
+def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
     """Return, for each variable that loops compute, set or choose, its dependencies, each with its first place."""
     dependencies: dict[str, dict[str, Place]] = {}
-    for section, output in scope.book.outputs:
+    for section, output in spec_index.parsed_rules.outputs:
         name = output.name if section == "metrics" else weight_name(output.name)
-        for rule in scope.book.rules[section, output.name]:
+        for rule in spec_index.parsed_rules.rules[section, output.name]:
             for proposition in propositions(rule.rule.antecedent) if rule.rule is not None else ():
                 dependencies.setdefault(name, {}).setdefault(proposition.variable, rule.phrase.place)
-    for variable in scope.spec.context:
+    for variable in spec_index.spec.context:
         if variable.rate is not None:
             dependencies.setdefault(variable.name, {})[variable.rate.of.name] = variable.rate.of.place
-    for adaptation in scope.spec.adaptation:
+    for adaptation in spec_index.spec.adaptation:
         own_dependencies = dependencies.setdefault(_written_variable(adaptation), {})
         for action in adaptation.does.choose if isinstance(adaptation.does, Course) else ():
             own_dependencies.setdefault(weight_name(action.name), action.place)
-    for site in scope.sites:
+    for site in spec_index.sites:
         if site.owner[0] == "adaptation":
             for read_name in site.names:
                 dependencies[site.variable or site.owner[1]].setdefault(

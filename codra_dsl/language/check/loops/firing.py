@@ -85,15 +85,15 @@ def can_fire(antecedent: Antecedent, combination: Combination) -> bool:
     return antecedent.term in cell.active_terms if negation_count == 0 else antecedent.term not in cell.full_terms
 
 
-def uncovered_ranges(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def uncovered_ranges(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """If a number has several terms, they cover its range together. Each term holds somewhere in the range."""
-    for variable in scope.spec.context:
-        is_readable = faults.sound("context", variable.name) and scope.is_readable(
+    for variable in spec_index.spec.context:
+        is_readable = faults.is_sound("context", variable.name) and spec_index.is_readable(
             "context", variable.name, "terms", "range"
         )
         if not variable.terms or variable.is_derived or not is_readable or variable.type.range is None:
             continue
-        variable_cells = range_cells(variable, scope.book.terms(variable))
+        variable_cells = range_cells(variable, spec_index.parsed_rules.terms(variable))
         place, path = variable.places.get("terms", variable.place), f"context.{variable.name}.terms"
         for term in variable.terms:
             if not any(term.name in cell.active_terms for cell in variable_cells):
@@ -106,16 +106,16 @@ def uncovered_ranges(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagn
             yield finding("uncovered-range", message, place, path=path, help="let neighbouring terms overlap")
 
 
-def idle_rules(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def idle_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every rule can fire, and in every case some rule fires."""
-    for section, output in scope.book.outputs:
-        parsed_rules = scope.book.rules[section, output.name]
+    for section, output in spec_index.parsed_rules.outputs:
+        parsed_rules = spec_index.parsed_rules.rules[section, output.name]
         rules = [parsed_rule.rule for parsed_rule in parsed_rules if parsed_rule.rule is not None]
-        if not faults.sound(section, output.name) or len(rules) < len(parsed_rules) or not rules:
+        if not faults.is_sound(section, output.name) or len(rules) < len(parsed_rules) or not rules:
             continue
         if any(parsed_rule.problems for parsed_rule in parsed_rules):
             continue
-        combinations = list(_combinations(scope, faults, scope.book.named(section, output.name)))
+        combinations = list(_combinations(spec_index, faults, spec_index.parsed_rules.named(section, output.name)))
         if not combinations:
             continue
         yield from _never_firing_findings(section, output, parsed_rules, combinations)
@@ -125,13 +125,13 @@ def idle_rules(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]
 _VARIABLE_KEYS = ("type", "range", "values", "terms")
 
 
-def _combinations(scope: SpecIndex, faults: FaultyElements, names: tuple[str, ...]) -> Iterator[Combination]:
-    variables = [scope.book.variables[name] for name in names]
-    if any(range_of(variable) is None or not faults.sound("context", variable.name) for variable in variables):
+def _combinations(spec_index: SpecIndex, faults: FaultyElements, names: tuple[str, ...]) -> Iterator[Combination]:
+    variables = [spec_index.parsed_rules.variables[name] for name in names]
+    if any(range_of(variable) is None or not faults.is_sound("context", variable.name) for variable in variables):
         return
-    if not all(scope.is_readable("context", name, *_VARIABLE_KEYS) for name in names):
+    if not all(spec_index.is_readable("context", name, *_VARIABLE_KEYS) for name in names):
         return
-    cells_of_variables = [range_cells(variable, scope.book.terms(variable)) for variable in variables]
+    cells_of_variables = [range_cells(variable, spec_index.parsed_rules.terms(variable)) for variable in variables]
     combination_count = 1
     for variable_cells in cells_of_variables:
         combination_count *= len(variable_cells)
@@ -174,11 +174,11 @@ def _silent_combination_findings(
         yield finding("silent-combination", message, place, path=f"{section}.{output.name}.rules", help=help)
 
 
-def contradictory_rules(scope: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def contradictory_rules(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No two rules of an output have the same condition."""
-    for section, output in scope.book.outputs:
+    for section, output in spec_index.parsed_rules.outputs:
         first_rules: dict[object, ParsedRule] = {}
-        for number, parsed_rule in enumerate(scope.book.rules[section, output.name]):
+        for number, parsed_rule in enumerate(spec_index.parsed_rules.rules[section, output.name]):
             if parsed_rule.rule is None:
                 continue
             other = first_rules.setdefault(_antecedent_key(parsed_rule.rule.antecedent), parsed_rule)

@@ -20,16 +20,18 @@ _END_NAME = "the end of the range"
 """A name that no condition can have."""
 
 
-def values_leaving_range(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The value that an adaptation sets is in the range of the variable, as far as the ranges of its inputs show."""
-    for adaptation, name, tree in adapted_variables(scope, faults):
-        variable_type, variable = scope.context_types[name], scope.variables[name]
+    for adaptation, name, tree in adapted_variables(spec_index, faults):
+        variable_type, variable = spec_index.context_types[name], spec_index.variables[name]
         if variable_type is None or variable_type.range is None or not isinstance(adaptation.does, Parameter):
             continue
         low, high = (f"{end:g}" if end else "0" for end in variable_type.range)
         unit_text = "" if variable.type.unit is None else f" {variable_type.unit}"
         for branch, assumptions in _choice_branches(tree, ()):
-            side_texts = [_SIDE_TEXTS[operator] for operator in _exit_sides(scope, variable_type, branch, assumptions)]
+            side_texts = [
+                _SIDE_TEXTS[operator] for operator in _exit_sides(spec_index, variable_type, branch, assumptions)
+            ]
             if side_texts:
                 sides_text = " or ".join(side_texts).format(low=f"{low}{unit_text}", high=f"{high}{unit_text}")
                 yield finding(
@@ -56,14 +58,14 @@ def _choice_branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[
 
 
 def _exit_sides(
-    scope: SpecIndex, variable_type: Type, branch: Node, assumptions: Sequence[Node]
+    spec_index: SpecIndex, variable_type: Type, branch: Node, assumptions: Sequence[Node]
 ) -> Iterator[Comparison]:
     """Yield the sides on which a value can leave the range of its variable.
 
     If a name in the value has no range, or occurs twice, a side is yielded only if the value is certainly on this side
     of the range.
     """
-    types = scope.context_types
+    types = spec_index.context_types
     occurrences = [occurrence.name for occurrence in names_in(branch)]
     names = set(occurrences)
     is_exact = len(names) == len(occurrences)

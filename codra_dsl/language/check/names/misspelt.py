@@ -13,7 +13,7 @@ from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 
 
 def find_misspelt_declarations(
-    scope: SpecIndex,
+    spec_index: SpecIndex,
     unknown_mentions: Iterable[Sequence[Mention]],
     declared_names: Iterable[str],
     used_names: Iterable[str],
@@ -21,7 +21,7 @@ def find_misspelt_declarations(
     """Return, for unknown names, the misspelt declarations that cause them.
 
     Args:
-        scope: the spec.
+        spec_index: the spec.
         unknown_mentions: the mentions of each unknown name.
         declared_names: all declared names.
         used_names: all names that are used, unknown or not.
@@ -33,12 +33,14 @@ def find_misspelt_declarations(
     used_name_set, declarations = frozenset(used_names), list(declared_names)
     unused_names = [name for name in declarations if name not in used_name_set]
     return (
-        misspelt_declarations(use_counts, unused_names, declarations, scope.vocabulary, suggest) if unused_names else {}
+        misspelt_declarations(use_counts, unused_names, declarations, spec_index.vocabulary, suggest)
+        if unused_names
+        else {}
     )
 
 
 def misspelt_finding(
-    scope: SpecIndex,
+    spec_index: SpecIndex,
     owner: Owner,
     declared_name: str,
     mentions: Sequence[Mention],
@@ -50,7 +52,7 @@ def misspelt_finding(
 ) -> Diagnostic:
     """Return the finding about a misspelt declaration, and record its correction."""
     intended_name = mentions[0].name
-    scope.corrections.add_misspelt_declaration(owner, declared_name, intended_name)
+    spec_index.corrections.add_misspelt_declaration(owner, declared_name, intended_name)
     first_mentions = _first_mentions(mentions)
     uses_text = (
         f", used {len(first_mentions)} times," if len(first_mentions) > 1 else f", which {mentions[0].user} uses,"

@@ -28,44 +28,48 @@ MAX_RELATED_PLACES = 5
 """The maximum number of further members in a finding."""
 
 
-def never_holding(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def never_holding(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Some result can be accepted, and each value that has a condition can follow from an accepted result."""
-    yield from _once_per_shape(scope, faults, _never_holding_findings)
+    yield from _once_per_shape(spec_index, faults, _never_holding_findings)
 
 
-def _never_holding_findings(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
-    accepted = tuple(_sound_conditions(scope, algorithm.accept_when))
-    types = scope.returned_types[algorithm.name]
+def _never_holding_findings(
+    spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm
+) -> Iterator[Diagnostic]:
+    accepted = tuple(_sound_conditions(spec_index, algorithm.accept_when))
+    types = spec_index.returned_types[algorithm.name]
     core = contradiction(accepted, types)
     if core:
         yield _never_holds_finding(algorithm, "accept_when", "rejects every result", core, types)
         return
     for entry in algorithm.identifies:
-        if faults.sound("context", entry.variable.name) and entry.variable.name in scope.variables:
-            yield from _never_identified(scope, algorithm, entry, accepted)
+        if faults.is_sound("context", entry.variable.name) and entry.variable.name in spec_index.variables:
+            yield from _never_identified(spec_index, algorithm, entry, accepted)
 
 
-def always_holding(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def always_holding(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every condition is false for some value; otherwise it has no effect."""
-    for algorithm in scope.algorithms.values():
-        if not faults.sound("perception", algorithm.name):
+    for algorithm in spec_index.algorithms.values():
+        if not faults.is_sound("perception", algorithm.name):
             continue
-        context_types = scope.context_types
-        for condition in _parts_of_conditions(scope, algorithm.observable_when):
+        context_types = spec_index.context_types
+        for condition in _parts_of_conditions(spec_index, algorithm.observable_when):
             if always_holds(condition.tree, context_types):
-                variables = [scope.variables[name] for name in _names(condition) if name in scope.variables]
+                variables = [spec_index.variables[name] for name in _names(condition) if name in spec_index.variables]
                 yield _always_holds_finding(algorithm, "observable_when", condition, context_types, variables)
-    yield from _once_per_shape(scope, faults, _always_holding_findings)
+    yield from _once_per_shape(spec_index, faults, _always_holding_findings)
 
 
-def _always_holding_findings(scope: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
-    returned_types = scope.returned_types[algorithm.name]
+def _always_holding_findings(
+    spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm
+) -> Iterator[Diagnostic]:
+    returned_types = spec_index.returned_types[algorithm.name]
     optional_names = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
-    for condition in _parts_of_conditions(scope, algorithm.accept_when):
+    for condition in _parts_of_conditions(spec_index, algorithm.accept_when):
         if always_holds(condition.tree, returned_types, optional_names=optional_names):
             yield _always_holds_finding(algorithm, "accept_when", condition, returned_types, algorithm.returns)
     for entry in algorithm.identifies:
-        for condition in _true_conditions(scope, faults, entry):
+        for condition in _true_conditions(spec_index, faults, entry):
             if always_holds(condition.tree, returned_types, optional_names=optional_names):
                 key = f"identifies.{entry.variable.name}"
                 yield _always_holds_finding(algorithm, key, condition, returned_types, algorithm.returns)
@@ -76,7 +80,7 @@ CONDITION_CHECKS = (never_holding, always_holding)
 
 
 def _once_per_shape(
-    scope: SpecIndex,
+    spec_index: SpecIndex,
     faults: FaultyElements,
     rule: Callable[[SpecIndex, FaultyElements, Algorithm], Iterable[Diagnostic]],
 ) -> Iterator[Diagnostic]:
@@ -85,27 +89,27 @@ def _once_per_shape(
     Many algorithms of a large spec are alike: if one of them has no finding, all others with the same shape have none.
     """
     clean_shapes: set[object] = set()
-    for algorithm in scope.algorithms.values():
-        if faults.sound("perception", algorithm.name):
-            shape = scope.shape_over_results(algorithm, faults)
-            findings = () if shape in clean_shapes else tuple(rule(scope, faults, algorithm))
+    for algorithm in spec_index.algorithms.values():
+        if faults.is_sound("perception", algorithm.name):
+            shape = spec_index.shape_over_results(algorithm, faults)
+            findings = () if shape in clean_shapes else tuple(rule(spec_index, faults, algorithm))
             yield from findings
             if not findings:
                 clean_shapes.add(shape)
 
 
-def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
+def _sound_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions without a problem."""
     for condition in conditions:
-        judgement = scope.judgement(condition)
+        judgement = spec_index.judgement(condition)
         if judgement is not None and not judgement.problems:
             yield state_condition(condition, spelt_out(judgement.typed.node))
 
 
-def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
+def _parts_of_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions of a list, except plain names and negated names. Each part of an `and` is separate."""
     for condition in conditions:
-        for stated_condition in _sound_conditions(scope, [condition]):
+        for stated_condition in _sound_conditions(spec_index, [condition]):
             for part in stated_condition.parts or (stated_condition,):
                 if not isinstance(part.tree.operand if isinstance(part.tree, Not) else part.tree, Name):
                     yield part
@@ -115,15 +119,17 @@ def _names(condition: StatedCondition) -> Iterable[str]:
     return dict.fromkeys(name.name for name in names_in(condition.tree))
 
 
-def _true_conditions(scope: SpecIndex, faults: FaultyElements, entry: Identification) -> Iterator[StatedCondition]:
+def _true_conditions(spec_index: SpecIndex, faults: FaultyElements, entry: Identification) -> Iterator[StatedCondition]:
     """Yield the condition under which a bool is True, except literals and plain names, which are intended."""
-    variable = scope.variables.get(entry.variable.name)
+    variable = spec_index.variables.get(entry.variable.name)
     by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
-    if variable is None or not faults.sound("context", variable.name) or not isinstance(by, Condition):
+    if variable is None or not faults.is_sound("context", variable.name) or not isinstance(by, Condition):
         return
-    if _is_bool(scope, entry):
+    if _is_bool(spec_index, entry):
         yield from (
-            condition for condition in _sound_conditions(scope, [by]) if not isinstance(condition.tree, (Truth, Name))
+            condition
+            for condition in _sound_conditions(spec_index, [by])
+            if not isinstance(condition.tree, (Truth, Name))
         )
 
 
@@ -146,14 +152,14 @@ def _always_holds_finding(
 
 
 def _never_identified(
-    scope: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[StatedCondition, ...]
+    spec_index: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[StatedCondition, ...]
 ) -> Iterator[Diagnostic]:
     """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
-    types = scope.returned_types[algorithm.name]
+    types = spec_index.returned_types[algorithm.name]
     earlier_conditions: dict[str, tuple[str, StatedCondition]] = {}
     shadowed_values: dict[tuple[str, ...], list[tuple[str, StatedCondition]]] = {}
-    for value, condition in _values(scope, entry):
-        for stated_condition in _sound_conditions(scope, [condition]):
+    for value, condition in _values(spec_index, entry):
+        for stated_condition in _sound_conditions(spec_index, [condition]):
             if isinstance(stated_condition.tree, Truth) and not stated_condition.tree.value:
                 continue
             core = contradiction((*accepted, stated_condition), types)
@@ -186,7 +192,7 @@ def _never_identified(
             yield _shadowed_value_finding(algorithm, entry, values, [earlier_conditions[name] for name in names])
 
 
-def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Condition]]:
+def _values(spec_index: SpecIndex, entry: Identification) -> Iterator[tuple[str, Condition]]:
     """Yield the values of a variable with their conditions, in the order in which they are tried."""
     by = entry.by
     if isinstance(by, Members):
@@ -195,12 +201,12 @@ def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Cond
         yield "true", by.enter
         if by.leave is not None:
             yield "false", by.leave
-    elif _is_bool(scope, entry):
+    elif _is_bool(spec_index, entry):
         yield "true", by
 
 
-def _is_bool(scope: SpecIndex, entry: Identification) -> bool:
-    declared = scope.context_types.get(entry.variable.name)
+def _is_bool(spec_index: SpecIndex, entry: Identification) -> bool:
+    declared = spec_index.context_types.get(entry.variable.name)
     return declared is not None and declared.kind is Kind.BOOL
 
 

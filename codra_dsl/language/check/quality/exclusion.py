@@ -16,19 +16,19 @@ MAX_STEPS = 100_000
 """The maximum number of evaluated algorithms. After this number, the search stops."""
 
 
-def excluded_previews(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def excluded_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill previews can be observed after other skills have changed its other variables.
 
     Let a skill preview `x` and `y`, and let other skills make `x` become V. Then `y` is excluded if every algorithm for
     `y` has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and
     the skills that make `x` become V have previewed `y` before, then `y` counts as known.
     """
-    if scope.lost("perception", *NEED_KEYS, "identifies") or scope.lost("skills", "preview", "monitor"):
+    if spec_index.lost("perception", *NEED_KEYS, "identifies") or spec_index.lost("skills", "preview", "monitor"):
         return
-    achievers_by_variable = _achievers_by_variable(scope, faults)
-    search = _Search(scope, faults)
+    achievers_by_variable = _achievers_by_variable(spec_index, faults)
+    search = _Search(spec_index, faults)
     reported_pairs: set[tuple[str, str]] = set()
-    for skill in scope.spec.skills:
+    for skill in spec_index.spec.skills:
         for state in skill.preview:
             achievers = achievers_by_variable.get(state.name, [])
             if any(achiever is not skill for achiever, _ in achievers):
@@ -36,7 +36,7 @@ def excluded_previews(scope: SpecIndex, faults: FaultyElements) -> Iterator[Diag
                 for preview in skill.preview:
                     exclusion = exclusions.get(preview.name)
                     is_new = (state.name, preview.name) not in reported_pairs
-                    if exclusion is not None and is_new and not _is_kept(scope, preview.name, achievers):
+                    if exclusion is not None and is_new and not _is_kept(spec_index, preview.name, achievers):
                         reported_pairs.add((state.name, preview.name))
                         yield _exclusion_finding(skill, state, preview, achievers, exclusion)
 
@@ -59,22 +59,24 @@ class _Exclusion:
     cause: str | None
 
 
-def _achievers_by_variable(scope: SpecIndex, faults: FaultyElements) -> Mapping[str, list[tuple[Skill, Expectation]]]:
+def _achievers_by_variable(
+    spec_index: SpecIndex, faults: FaultyElements
+) -> Mapping[str, list[tuple[Skill, Expectation]]]:
     """Return, for each variable, the skills that make the variable become a value, with their expectations."""
     achievers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
-    for skill in scope.spec.skills:
+    for skill in spec_index.spec.skills:
         for expectation in skill.monitor:
             name, condition = expectation.variable.name, expectation.condition
-            if expectation.expected is Expected.BECOMES and condition is not None and faults.sound("context", name):
-                judgement = scope.judgement(condition)
-                if judgement is not None and not judgement.problems and name in scope.variables:
+            if expectation.expected is Expected.BECOMES and condition is not None and faults.is_sound("context", name):
+                judgement = spec_index.judgement(condition)
+                if judgement is not None and not judgement.problems and name in spec_index.variables:
                     achievers_by_variable.setdefault(name, []).append((skill, expectation))
     return achievers_by_variable
 
 
-def _is_kept(scope: SpecIndex, name: str, achievers: _Achievers) -> bool:
+def _is_kept(spec_index: SpecIndex, name: str, achievers: _Achievers) -> bool:
     """Return whether the value of a variable is kept, and all makers preview the variable before."""
-    keeps = scope.variables[name].when_unobservable is WhenUnobservable.KEEP
+    keeps = spec_index.variables[name].when_unobservable is WhenUnobservable.KEEP
     return keeps and all(any(reference.name == name for reference in achiever.preview) for achiever, _ in achievers)
 
 
@@ -104,13 +106,13 @@ class _Search:
     The value prevents this directly, or through variables that are forgotten.
     """
 
-    def __init__(self, scope: SpecIndex, faults: FaultyElements) -> None:
-        self._scope = scope
+    def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
+        self._spec_index = spec_index
         self._faults = faults
         self._steps_left = MAX_STEPS
         self._exclusions: dict[str, Mapping[str, _Exclusion]] = {}
         self._readers: dict[str, list[str]] = {}
-        for name, needs in scope.needs.items():
+        for name, needs in spec_index.needs.items():
             for need in needs:
                 self._readers.setdefault(need, []).append(name)
 
@@ -138,14 +140,14 @@ class _Search:
             exclusion = (
                 None
                 if reader in exclusion_by_algorithm
-                else self._exclusion(self._scope.algorithms[reader], fact, unknown_names)
+                else self._exclusion(self._spec_index.algorithms[reader], fact, unknown_names)
             )
             if exclusion is None:
                 continue
             exclusion_by_algorithm[reader] = exclusion
             for entry in exclusion.algorithm.identifies:
                 variable = entry.variable.name
-                producers = self._scope.producers[variable]
+                producers = self._spec_index.producers[variable]
                 if (
                     variable != name
                     and variable not in exclusions
@@ -154,22 +156,22 @@ class _Search:
                     if self._has_other_sources(variable):
                         continue
                     exclusions[variable] = exclusion_by_algorithm[producers[0]]
-                    if self._scope.variables[variable].when_unobservable is WhenUnobservable.FORGET:
+                    if self._spec_index.variables[variable].when_unobservable is WhenUnobservable.FORGET:
                         unknown_names.add(variable)
                         readers += self._readers.get(variable, ())
         return exclusions if self._steps_left > 0 else {}
 
     def _has_other_sources(self, name: str) -> bool:
-        variable = self._scope.variables.get(name)
-        if variable is None or not self._faults.sound("context", name):
+        variable = self._spec_index.variables.get(name)
+        if variable is None or not self._faults.is_sound("context", name):
             return True
         keys = ("source", "when_unobservable")
         has_other_source = any(source.name != OBSERVER for source in variable.sources)
-        return has_other_source or not self._scope.is_readable("context", name, *keys)
+        return has_other_source or not self._spec_index.is_readable("context", name, *keys)
 
     def _exclusion(self, algorithm: Algorithm, fact: Node, unknown_names: set[str]) -> _Exclusion | None:
         """Return why an algorithm cannot run while a fact holds and some variables are unknown; None if it can run."""
-        if not self._faults.sound("perception", algorithm.name):
+        if not self._faults.is_sound("perception", algorithm.name):
             return None
         for reference in algorithm.given:
             if reference.name in unknown_names:
@@ -178,7 +180,7 @@ class _Search:
             (condition, tree) for condition in algorithm.observable_when if (tree := self._sound_tree(condition))
         ]
         trees = [tree for _, tree in conditions]
-        types = self._scope.context_types
+        types = self._spec_index.context_types
         if can_hold([fact, *trees], unknown_names, types):
             return None
         for condition, tree in conditions:
@@ -193,7 +195,7 @@ class _Search:
         return _Exclusion(algorithm, " and ".join(condition.text for condition, _ in conditions), place, None)
 
     def _sound_tree(self, condition: Condition) -> Node | None:
-        judgement = self._scope.judgement(condition)
+        judgement = self._spec_index.judgement(condition)
         return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 

@@ -39,7 +39,7 @@ class LiteralHelp:
         return quoting_fix(name, mentions[0].place, self.condition) if is_only_mention and self.condition else None
 
 
-def intended_literal_help(scope: SpecIndex, site: Site, name: str) -> LiteralHelp | None:
+def intended_literal_help(spec_index: SpecIndex, site: Site, name: str) -> LiteralHelp | None:
     """Return the help for a name that was intended as a literal: a member without quotes, or `yes`."""
     is_whole_condition = isinstance(site.condition.tree, Name)
     truth_value = truth_value_of(name)
@@ -49,13 +49,17 @@ def intended_literal_help(scope: SpecIndex, site: Site, name: str) -> LiteralHel
         return LiteralHelp(
             f"write '{truth_value}' including the quotes" if site.variable else f"write a condition: x == {truth_value}"
         )
-    readable_types: Types = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
+    readable_types: Types = spec_index.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
     if site.role in KNOWLEDGE_ROLES:
-        readable_types = {read_name.name: scope.world.read_type(read_name.name) for read_name in site.names}
-    types = [readable_types.get(read_name.name) or scope.context_types.get(read_name.name) for read_name in site.names]
+        readable_types = {
+            read_name.name: spec_index.declared_graph.read_type(read_name.name) for read_name in site.names
+        }
+    types = [
+        readable_types.get(read_name.name) or spec_index.context_types.get(read_name.name) for read_name in site.names
+    ]
     enum_values = [
         value_type.values
-        for value_type in (*types, scope.wanted(site))
+        for value_type in (*types, spec_index.wanted(site))
         if value_type is not None and value_type.kind is Kind.ENUM
     ]
     if not any(name in values for values in enum_values):
@@ -65,20 +69,20 @@ def intended_literal_help(scope: SpecIndex, site: Site, name: str) -> LiteralHel
     return LiteralHelp(f'put the member in quotes: "{name}"', condition=site.condition)
 
 
-def compared_literal_help(scope: SpecIndex, mention: Mention) -> str | None:
+def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None:
     """Return the help for an undeclared name that is compared as a literal, or is a member of some enum."""
     site = mention.site
     if site is None or site.condition.tree is None:
         return None
     reads_context = site.role in CONTEXT_ROLES
-    readable_types = scope.context_types if reads_context else _readable_types(scope, site)
+    readable_types = spec_index.context_types if reads_context else _readable_types(spec_index, site)
     if isinstance(site.condition.tree, Name):
         owners = (
             name
             for name, value_type in readable_types.items()
             if value_type is not None and mention.name in value_type.values
         )
-        owner = scope.owner_of_member.get(mention.name) if reads_context else next(owners, None)
+        owner = spec_index.owner_of_member.get(mention.name) if reads_context else next(owners, None)
         return f'write {owner} == "{mention.name}"' if owner else None
     side_pairs = (
         side_pair for node in walk(site.condition.tree) for _, *link in links(node) for side_pair in (link, link[::-1])
@@ -94,8 +98,8 @@ def compared_literal_help(scope: SpecIndex, mention: Mention) -> str | None:
     return f'put the text in quotes: "{mention.name}"' if kinds == {Kind.STR} else None
 
 
-def _readable_types(scope: SpecIndex, site: Site) -> Types:
+def _readable_types(spec_index: SpecIndex, site: Site) -> Types:
     """Return the types of the names that can be read in a condition over results or in an expectation's condition."""
     if site.role is Role.MONITOR:
-        return {site.variable or "": scope.wanted(site)}
-    return scope.returned_types[site.owner[1]]
+        return {site.variable or "": spec_index.wanted(site)}
+    return spec_index.returned_types[site.owner[1]]
