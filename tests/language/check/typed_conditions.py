@@ -248,7 +248,7 @@ class TooCloseError(Exception):
 
 @dataclass(frozen=True)
 class Exact:
-    """A number in base units; `sure` if floating point gives it without rounding."""
+    """A number in base units; `is_unrounded` if floating point gives it without rounding."""
 
     number: Fraction
     is_unrounded: bool

@@ -60,7 +60,7 @@ class _Rule:
         return f"rule '{self.rule.name}' of agent '{self.agent.name}'"
 
     @cached_property
-    def before(self) -> tuple[Pattern, ...]:
+    def before_patterns(self) -> tuple[Pattern, ...]:
         """The patterns that must be true before the rule begins."""
         return tuple(pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is Role.BEFORE)
 
@@ -107,7 +107,9 @@ class _RuleDependencies:
 
     def impossible_pattern(self, rule: _Rule, startable_names: _RuleNames) -> Pattern | None:
         """Return the first `before` pattern that cannot become true if only the rules `startable_names` can begin."""
-        return next((pattern for pattern in rule.before if not self.is_possible(pattern, startable_names)), None)
+        return next(
+            (pattern for pattern in rule.before_patterns if not self.is_possible(pattern, startable_names)), None
+        )
 
     def is_possible(self, pattern: Pattern, startable_names: _RuleNames) -> bool:
         """Return whether a pattern can become true if only the rules in `startable_names` can begin."""
@@ -317,7 +319,9 @@ def _awaited_names(
     rule_dependencies: _RuleDependencies, rule: _Rule, startable_names: _RuleNames, waiting_names: Iterable[str]
 ) -> tuple[str, ...]:
     """Return the names among `waiting_names` of the rules that a rule waits for."""
-    unmet_patterns = [pattern for pattern in rule.before if not rule_dependencies.is_possible(pattern, startable_names)]
+    unmet_patterns = [
+        pattern for pattern in rule.before_patterns if not rule_dependencies.is_possible(pattern, startable_names)
+    ]
     return tuple(
         dict.fromkeys(
             achiever.name
