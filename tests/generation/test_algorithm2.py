@@ -14,7 +14,7 @@ from codra_dsl.generation.build_plan import BuildPlan, Edge, EdgeKind, Node, Nod
 from codra_dsl.generation.build_plan.names import ENTRY_NAMES, MODULE_NAMES, module_name, python_name
 from codra_dsl.language.check.checked.spec import CheckedSpec
 from codra_dsl.language.model import ObserverSetting, Use
-from tests.language.check.checked_specs import Pi, checked_spec, condition, place, setting, skill, variable
+from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, condition, place, setting, skill, variable
 
 # The oracle is P1's Algorithm 2 as printed: a recursion that processes one variable at a time.
 
@@ -73,12 +73,14 @@ def specs(draw: st.DrawFn) -> CheckedSpec:
     """Return specs with alternatives, joined and named trees, feedback, skills, and variables from other sources."""
     count = draw(st.integers(1, 6))
     earlier = [f"given_{number}" for number in range(draw(st.integers(0, 2)))]
-    algorithms, settings = list[Pi](), list[ObserverSetting]()
+    algorithms, settings = list[ShortAlgorithm](), list[ObserverSetting]()
     for group in range(count):
         variables = [f"v{group}_{number}" for number in range(draw(st.integers(1, 3)))]
         feedback = draw(name_lists([f"v{other}_0" for other in range(group, count)], 1))
         needs = draw(name_lists(earlier, 3))
-        first = Pi(name=f"pi_{group}_1", identifies=variables, needs=needs, given=feedback, feedback=feedback)
+        first = ShortAlgorithm(
+            name=f"pi_{group}_1", identifies=variables, needs=needs, given=feedback, feedback=feedback
+        )
         algorithms.append(first)
         joined = draw(st.booleans())
         if joined:
@@ -87,7 +89,9 @@ def specs(draw: st.DrawFn) -> CheckedSpec:
         for rank in range(2, 2 if joined else 2 + draw(st.integers(0, 2))):
             fewer = draw(st.lists(st.sampled_from(variables), unique=True, min_size=1))
             algorithms.append(
-                Pi(name=f"pi_{group}_{rank}", identifies=fewer, needs=draw(name_lists(earlier, 2)), rank=rank)
+                ShortAlgorithm(
+                    name=f"pi_{group}_{rank}", identifies=fewer, needs=draw(name_lists(earlier, 2)), rank=rank
+                )
             )
         if joined or draw(st.booleans()):
             settings.append(setting(f"tree_{group}", *variables))
@@ -126,12 +130,14 @@ def lab() -> CheckedSpec:
     """Return a spec of two machines as in P1, Figure 4: distance, view, lid, and a second way to see the lid."""
     return checked_spec(
         [
-            Pi(name="localize_lid", identifies=["open", "locked"], needs=["near", "base_in_view", "lid_in_view"]),
-            Pi(name="feel_lid", identifies=["open"], needs=["arm_at_lid"], rank=2),
-            Pi(name="find_in_view", identifies=["base_in_view", "lid_in_view"], needs=["near"]),
-            Pi(name="measure_distance", identifies=["near", "in_reach"], needs=["robot_is_localized"]),
-            Pi(name="read_label", identifies=["labelled"], needs=["near"]),
-            Pi(name="read_lamp", identifies=["lamp_on"], needs=["near"]),
+            ShortAlgorithm(
+                name="localize_lid", identifies=["open", "locked"], needs=["near", "base_in_view", "lid_in_view"]
+            ),
+            ShortAlgorithm(name="feel_lid", identifies=["open"], needs=["arm_at_lid"], rank=2),
+            ShortAlgorithm(name="find_in_view", identifies=["base_in_view", "lid_in_view"], needs=["near"]),
+            ShortAlgorithm(name="measure_distance", identifies=["near", "in_reach"], needs=["robot_is_localized"]),
+            ShortAlgorithm(name="read_label", identifies=["labelled"], needs=["near"]),
+            ShortAlgorithm(name="read_lamp", identifies=["lamp_on"], needs=["near"]),
         ],
         skills=[skill("open_lid", ["locked"], ["open"]), skill("read", ["lamp_on"])],
         observers=[setting("lid", "open", "locked", period_s=2.0, priority=5), setting("face", "labelled", "lamp_on")],
@@ -168,7 +174,12 @@ def test_trees_are_joined_where_observers_names_their_variables_together() -> No
 
 def test_trees_are_separate_unless_observers_joins_them() -> None:
     apart = plan(
-        checked_spec([Pi(name="p", identifies=["a"], needs=["x"]), Pi(name="q", identifies=["b"], needs=["x"])])
+        checked_spec(
+            [
+                ShortAlgorithm(name="p", identifies=["a"], needs=["x"]),
+                ShortAlgorithm(name="q", identifies=["b"], needs=["x"]),
+            ]
+        )
     )
 
     assert [algorithms_of(tree) for tree in apart.forest] == [[["p"]], [["q"]]]
@@ -190,7 +201,8 @@ def test_trees_come_after_the_trees_that_they_need() -> None:
 
 def test_a_variable_identified_with_a_needed_one_is_in_force_and_an_unreached_one_is_not() -> None:
     spec = checked_spec(
-        [Pi(name="p", identifies=["a", "beside"]), Pi(name="q", identifies=["unwanted"])], skills=[skill("s", ["a"])]
+        [ShortAlgorithm(name="p", identifies=["a", "beside"]), ShortAlgorithm(name="q", identifies=["unwanted"])],
+        skills=[skill("s", ["a"])],
     )
 
     made = plan(spec)
@@ -200,17 +212,22 @@ def test_a_variable_identified_with_a_needed_one_is_in_force_and_an_unreached_on
 
 
 def test_an_unreached_variable_is_in_a_module_too() -> None:
-    spec = checked_spec([Pi(name="p", identifies=["a"]), Pi(name="q", identifies=["b"])], skills=[skill("s", ["a"])])
+    spec = checked_spec(
+        [ShortAlgorithm(name="p", identifies=["a"]), ShortAlgorithm(name="q", identifies=["b"])],
+        skills=[skill("s", ["a"])],
+    )
 
     assert plan(spec).modules[0].variables == ("a", "b")
 
 
 def test_without_skills_every_variable_that_has_an_algorithm_is_a_decision() -> None:
-    assert plan(checked_spec([Pi(name="p", identifies=["a"]), Pi(name="q", identifies=["b"])])).in_force == ("a", "b")
+    assert plan(
+        checked_spec([ShortAlgorithm(name="p", identifies=["a"]), ShortAlgorithm(name="q", identifies=["b"])])
+    ).in_force == ("a", "b")
 
 
 def test_values_that_an_algorithm_is_given_are_needed_like_preconditions() -> None:
-    made = plan(checked_spec([Pi(name="p", identifies=["a"], needs=["x"], given=["pose"])]))
+    made = plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"], needs=["x"], given=["pose"])]))
 
     assert made.forest[0].needs == ("x", "pose")
     assert set(made.in_force) == {"a", "x", "pose"}
@@ -221,8 +238,8 @@ def test_feedback_is_planned_and_drawn_as_feedback() -> None:
     made = plan(
         checked_spec(
             [
-                Pi(name="p", identifies=["a"], needs=[looks_again], feedback=["b"]),
-                Pi(name="q", identifies=["b"], needs=["a"]),
+                ShortAlgorithm(name="p", identifies=["a"], needs=[looks_again], feedback=["b"]),
+                ShortAlgorithm(name="q", identifies=["b"], needs=["a"]),
             ]
         )
     )
@@ -235,7 +252,10 @@ def test_feedback_is_planned_and_drawn_as_feedback() -> None:
 
 
 def test_a_chain_of_ten_thousand_observers_is_planned() -> None:
-    chain = [Pi(name=f"p{number}", identifies=[f"v{number}"], needs=[f"v{number + 1}"]) for number in range(10_000)]
+    chain = [
+        ShortAlgorithm(name=f"p{number}", identifies=[f"v{number}"], needs=[f"v{number + 1}"])
+        for number in range(10_000)
+    ]
 
     made = plan(checked_spec(chain, skills=[skill("s", ["v0"])]))
 
@@ -267,7 +287,7 @@ def test_every_use_and_every_file_with_elements_has_a_module() -> None:
     made_by_use = replace(place(12, "specs/parts/machine.yaml"), use=use.place.span)
     made = plan(
         checked_spec(
-            [Pi(name="p", identifies=["a"], needs=["x"], place=made_by_use)],
+            [ShortAlgorithm(name="p", identifies=["a"], needs=["x"], place=made_by_use)],
             variables=[variable("a", place=made_by_use)],
             uses=[use],
             origins={("perception", "p"): "centrifuge", ("context", "a"): "centrifuge"},
@@ -301,10 +321,10 @@ def test_names_of_python_and_of_the_module_are_avoided() -> None:
     made = plan(
         checked_spec(
             [
-                Pi(name="Value", identifies=["a"]),
-                Pi(name="value_", identifies=["b"]),
-                Pi(name="While", identifies=["c"]),
-                Pi(name="VARIABLES", identifies=["d"]),
+                ShortAlgorithm(name="Value", identifies=["a"]),
+                ShortAlgorithm(name="value_", identifies=["b"]),
+                ShortAlgorithm(name="While", identifies=["c"]),
+                ShortAlgorithm(name="VARIABLES", identifies=["d"]),
             ],
             name="context_manager",
         )
@@ -441,8 +461,13 @@ def test_the_gate_refuses_a_plan_that_is(spoil: Callable[[BuildPlan], BuildPlan]
 
 
 def test_the_gate_refuses_elements_that_are_not_needed() -> None:
-    spec = checked_spec([Pi(name="p", identifies=["a"]), Pi(name="q", identifies=["b"])], skills=[skill("s", ["a"])])
-    everything = plan(checked_spec([Pi(name="p", identifies=["a"]), Pi(name="q", identifies=["b"])]))
+    spec = checked_spec(
+        [ShortAlgorithm(name="p", identifies=["a"]), ShortAlgorithm(name="q", identifies=["b"])],
+        skills=[skill("s", ["a"])],
+    )
+    everything = plan(
+        checked_spec([ShortAlgorithm(name="p", identifies=["a"]), ShortAlgorithm(name="q", identifies=["b"])])
+    )
 
     with pytest.raises(PlanError, match="b is in force but not needed"):
         verify(everything, spec)
@@ -450,7 +475,7 @@ def test_the_gate_refuses_elements_that_are_not_needed() -> None:
 
 def test_the_gate_refuses_a_variable_without_an_origin() -> None:
     with pytest.raises(PlanError, match="x is in force, but no tree identifies it"):
-        plan(checked_spec([Pi(name="p", identifies=["a"], needs=["x"])], variables=[variable("x")]))
+        plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"], needs=["x"])], variables=[variable("x")]))
 
 
 def test_the_gate_lets_every_plan_of_algorithm_2_pass() -> None:

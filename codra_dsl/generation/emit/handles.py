@@ -20,7 +20,7 @@ from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import WIDEST, WIDTH, Brackets, Expression, lay_out, make_brackets
 from codra_dsl.generation.emit.literals import text_literal
 from codra_dsl.language.check.checked.knowledge import CheckedKnowledge
-from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph, is_rigid
+from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph, holds_poses
 from codra_dsl.language.check.knowledge.owners import owns
 from codra_dsl.language.model import CONTEXT_NODE, TASK_ATTRIBUTES, TASK_TYPE
 
@@ -282,8 +282,8 @@ def _accepted_names(agent: str, knowledge: CheckedKnowledge) -> _Names:
             for element in owned_elements
             if element.section == "context" or (element.section == "types" and element.attribute)
         ),
-        edges=literals(edge.name for edge in edges if not is_rigid(edge)),
-        motions=literals(edge.name for edge in edges if is_rigid(edge)),
+        edges=literals(edge.name for edge in edges if not holds_poses(edge)),
+        motions=literals(edge.name for edge in edges if holds_poses(edge)),
         all_edges=literals(edge.name for edge in edges),
         edges_with_attributes=literals(
             element.name for element in owned_elements if element.section == "edges" and element.attribute

@@ -154,7 +154,7 @@ class _Writer:
     def edges(self) -> Iterable[Expression]:
         """Yield the edges that exist from the start."""
         for edge in self._world.edges.values():
-            if self._world.starts_with(edge):
+            if self._world.exists_initially(edge):
                 (origin,), (target,) = edge.origins, edge.targets
                 ends = {"origin": literal(origin.name), "type": literal(edge.name), "target": literal(target.name)}
                 pose = {} if edge.pose is None else {"pose": self._pose(edge.pose)}

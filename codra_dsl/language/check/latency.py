@@ -51,7 +51,7 @@ _DIGITS = 9
 def worst_cases(checked: CheckedSpec) -> Mapping[str, float]:
     """Return, for each variable that an algorithm identifies, the worst-case seconds from declared to known."""
     looks = {name: _look(checked.spec, algorithm) for name, algorithm in checked.algorithms.items()}
-    return _WorstCases(looks, checked.spec, checked.producers).of_variables()
+    return _WorstCases(looks, checked.spec, checked.producers).bounds_by_variable()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class _Look:
         waits_for: the variables that must be known before the algorithm can run.
         needs: the variables that the algorithm reads. Their observers run as well.
         timeout_s: the maximum duration of the look. It includes the pauses between runs if several runs are needed.
-        needed: the number of runs.
+        needed_runs: the number of runs.
     """
 
     identifies: tuple[str, ...]
@@ -70,22 +70,22 @@ class _Look:
     needs: tuple[str, ...]
     timeout_s: float
     slots: tuple[str, ...]
-    needed: int
+    needed_runs: int
 
 
 def _look(spec: Spec, checked: CheckedAlgorithm) -> _Look:
     algorithm = checked.algorithm
     identifies = tuple(dict.fromkeys(variable for variable, _ in checked.identifies))
-    needed = max((needed_of(entry) for entry in algorithm.identifies), default=1)
+    needed_runs = max((needed_of(entry) for entry in algorithm.identifies), default=1)
     timeout_s = algorithm.timeout_s
-    if needed > 1:
+    if needed_runs > 1:
         periods = [
             setting.period_s
             for setting in spec.observers
             if {variable.name for variable in setting.identifies} & {*identifies}
         ]
         pause_s = max(algorithm.min_interval_s, timeout_s, *(periods or [DEFAULT_PERIOD_S]))
-        timeout_s += (needed - 1) * pause_s
+        timeout_s += (needed_runs - 1) * pause_s
     slots = (usage.resource.name for usage in algorithm.uses if usage.access is Access.SLOT)
     return _Look(
         identifies=identifies,
@@ -93,7 +93,7 @@ def _look(spec: Spec, checked: CheckedAlgorithm) -> _Look:
         needs=tuple(dict.fromkeys(checked.needs)),
         timeout_s=timeout_s,
         slots=tuple(dict.fromkeys(slots)),
-        needed=needed,
+        needed_runs=needed_runs,
     )
 
 
@@ -138,8 +138,8 @@ class _WorstCases:
         self._producers = producers
         self._slots = {resource.name: resource.slots for resource in spec.resources if resource.slots is not None}
         self._rivals = _connected_names(looks, producers.values())
-        named = [self._producers_of(reference.name for reference in one.identifies) for one in spec.observers]
-        self._observer_of = _connected_names(looks, [*self._rivals.values(), *named])
+        observer_groups = [self._producers_of(reference.name for reference in one.identifies) for one in spec.observers]
+        self._observer_of = _connected_names(looks, [*self._rivals.values(), *observer_groups])
         self._started_with = {
             name: (*self._producers_of(look.needs), *self._observer_of[name]) for name, look in looks.items()
         }
@@ -149,21 +149,23 @@ class _WorstCases:
         self._everything = _Crowd(tuple(looks), 1, sum(look.timeout_s for look in looks.values()))
         self._steps = 0
 
-    def of_variables(self) -> dict[str, float]:
+    def bounds_by_variable(self) -> dict[str, float]:
         """Return the bound for each variable.
 
         The variables of an observer are computed together, since the same looks run for all of them.
         """
-        free_paths, delayed_looks = self._paths(self._parts, ()), self._delayed_looks()
+        uncrowded_paths, delayed_looks = self._paths(self._parts, ()), self._delayed_looks()
         bounds: dict[str, float] = {}
         for observer in dict.fromkeys(self._observer_of.values()):
-            paths, crowds = (free_paths, ()) if delayed_looks.isdisjoint(observer) else self._crowded_paths(observer)
+            paths, crowds = (
+                (uncrowded_paths, ()) if delayed_looks.isdisjoint(observer) else self._crowded_paths(observer)
+            )
             for variable in dict.fromkeys(variable for name in observer for variable in self._looks[name].identifies):
-                candidates_s = (
-                    _longest_s(paths[name], crowds) - self._spared_s(name, variable, crowds)
+                candidate_bounds_s = (
+                    _longest_path_s(paths[name], crowds) - self._spared_s(name, variable, crowds)
                     for name in self._producers[variable]
                 )
-                bounds[variable] = round(max(candidates_s), _DIGITS)
+                bounds[variable] = round(max(candidate_bounds_s), _DIGITS)
         return bounds
 
     def _producers_of(self, variables: Iterable[str]) -> _Names:
@@ -213,10 +215,10 @@ class _WorstCases:
         return [
             _Crowd(
                 crowd,
-                limits_of_crowd[0] if len(limits_of_crowd) == 1 else 1,
+                crowd_limits[0] if len(crowd_limits) == 1 else 1,
                 sum(self._looks[name].timeout_s for name in crowd),
             )
-            for crowd, limits_of_crowd in capacities.items()
+            for crowd, crowd_limits in capacities.items()
         ]
 
     def _spared_s(self, last: str, variable: str, crowds: Sequence[_Crowd]) -> float:
@@ -228,7 +230,7 @@ class _WorstCases:
         rivals = [
             self._looks[name].timeout_s
             for name in self._rivals[last]
-            if name != last and variable in self._looks[name].identifies and self._looks[name].needed == 1
+            if name != last and variable in self._looks[name].identifies and self._looks[name].needed_runs == 1
         ]
         crowds_of_last = (crowd for crowd in (crowds if rivals else ()) if last in crowd.members)
         return sum(sum(rivals) / crowd.capacity for crowd in crowds_of_last)
@@ -243,24 +245,26 @@ class _WorstCases:
         for part in parts:
             earlier_looks = dict.fromkeys(name for member in part for name in self._before[member] if name not in part)
             earlier_paths = _merge_paths(ends[name] for name in earlier_looks) or {frozenset(): 0.0}
-            crowds_met = frozenset(crowd_of[name] for name in part if name in crowd_of)
+            crowd_indices = frozenset(crowd_of[name] for name in part if name in crowd_of)
             spent_s = sum(
                 self._looks[name].timeout_s * (crowds[crowd_of[name]].share if name in crowd_of else 1.0)
                 for name in part
             )
-            paths_through_part = ({path | crowds_met: longest_s + spent_s} for path, longest_s in earlier_paths.items())
+            paths_through_part = (
+                {path | crowd_indices: longest_s + spent_s} for path, longest_s in earlier_paths.items()
+            )
             paths = _reduce_paths(_merge_paths(paths_through_part))
             ends |= dict.fromkeys(part, paths)
         return ends
 
 
-def _longest_s(paths: _Paths, crowds: Sequence[_Crowd]) -> float:
+def _longest_path_s(paths: _Paths, crowds: Sequence[_Crowd]) -> float:
     return max(spent_s + sum(crowds[index].delay_s for index in sorted(met)) for met, spent_s in paths.items())
 
 
-def _merge_paths(several: Iterable[_Paths]) -> _Paths:
+def _merge_paths(path_tables: Iterable[_Paths]) -> _Paths:
     merged: _Paths = {}
-    for paths in several:
+    for paths in path_tables:
         for met, spent_s in paths.items():
             merged[met] = max(spent_s, merged.get(met, 0.0))
     return merged
@@ -290,12 +294,12 @@ def _connected_names(names: Iterable[str], groups: Iterable[Sequence[str]]) -> d
         for one, other in pairwise(group):
             links[one].append(other)
             links[other].append(one)
-    names_of_groups: dict[str, _Names] = {}
+    connected_names_by_name: dict[str, _Names] = {}
     for name in links:
-        if name not in names_of_groups:
+        if name not in connected_names_by_name:
             members = graph.closure(links, [name])
-            names_of_groups |= dict.fromkeys(members, members)
-    return names_of_groups
+            connected_names_by_name |= dict.fromkeys(members, members)
+    return connected_names_by_name
 
 
 def _topological_parts(before: Mapping[str, _Names]) -> Sequence[_Names]:

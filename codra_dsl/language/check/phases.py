@@ -13,48 +13,65 @@ from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedCondi
 from codra_dsl.language.check.conditions.conditions import parts_of
 from codra_dsl.language.check.conditions.lowering import python_text
 from codra_dsl.language.check.conditions.types import Type
-from codra_dsl.language.check.graph.cycles import GRAPH, feedback
-from codra_dsl.language.check.graph.sources import SOURCES
+from codra_dsl.language.check.graph.cycles import CYCLE_CHECKS, feedback
+from codra_dsl.language.check.graph.sources import SOURCE_CHECKS
 from codra_dsl.language.check.index.corrections import apply_corrections
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
-from codra_dsl.language.check.knowledge.chains import CHAINS
-from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPES
-from codra_dsl.language.check.knowledge.frames import FRAMES
-from codra_dsl.language.check.knowledge.handovers import HANDOVERS
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
+from codra_dsl.language.check.knowledge.chains import CHAIN_CHECKS
+from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPE_CHECKS
+from codra_dsl.language.check.knowledge.frames import FRAME_CHECKS
+from codra_dsl.language.check.knowledge.handovers import HANDOVER_CHECKS
 from codra_dsl.language.check.knowledge.lowered import checked_knowledge
-from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAMES
-from codra_dsl.language.check.knowledge.owners import OWNERS
-from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITIONS, python_of_poses
-from codra_dsl.language.check.knowledge.stale import TRUSTED_POSES
-from codra_dsl.language.check.knowledge.triplets import TRIPLETS
-from codra_dsl.language.check.knowledge.unused import UNUSED_KNOWLEDGE
-from codra_dsl.language.check.loops.branches import BRANCHES, TREE_FILES
-from codra_dsl.language.check.loops.feedback import FED_BACK, SELF_DEFEATING
-from codra_dsl.language.check.loops.firing import FIRING
-from codra_dsl.language.check.loops.inputs import LOOP_TYPES
+from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAME_CHECKS
+from codra_dsl.language.check.knowledge.owners import OWNER_CHECKS
+from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITION_CHECKS, pose_condition_texts
+from codra_dsl.language.check.knowledge.stale import STALE_POSE_CHECKS
+from codra_dsl.language.check.knowledge.triplets import TRIPLET_CHECKS
+from codra_dsl.language.check.knowledge.unused import UNUSED_TYPE_CHECKS
+from codra_dsl.language.check.loops.branches import BRANCH_CHECKS, TREE_FILE_CHECKS
+from codra_dsl.language.check.loops.feedback import FEEDBACK_CHECKS, SELF_DEFEAT_CHECKS
+from codra_dsl.language.check.loops.firing import FIRING_CHECKS
+from codra_dsl.language.check.loops.inputs import LOOP_TYPE_CHECKS
 from codra_dsl.language.check.loops.lowered import checked_mape
-from codra_dsl.language.check.loops.names import LOOP_NAMES
-from codra_dsl.language.check.loops.parts import LOOP_PARTS, UNREAD_OUTPUTS
-from codra_dsl.language.check.loops.range_exit import RANGE_EXIT
-from codra_dsl.language.check.names.names import NAMES
-from codra_dsl.language.check.quality import QUALITY
-from codra_dsl.language.check.types.condition_types import TYPES
+from codra_dsl.language.check.loops.names import LOOP_NAME_CHECKS
+from codra_dsl.language.check.loops.parts import LOOP_PART_CHECKS, UNREAD_OUTPUT_CHECKS
+from codra_dsl.language.check.loops.range_exit import RANGE_EXIT_CHECKS
+from codra_dsl.language.check.names.names import NAME_CHECKS
+from codra_dsl.language.check.quality import QUALITY_CHECKS
+from codra_dsl.language.check.types.condition_types import TYPE_CHECKS
 from codra_dsl.language.check.types.members import members_to_blame
 from codra_dsl.language.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
 from codra_dsl.language.expression import Name
 from codra_dsl.language.model import Algorithm, Condition, Expectation, Hysteresis, Identification, Members, Skill, Spec
 
-Rule = Callable[[SpecIndex, Silenced], Iterator[Diagnostic]]
+Rule = Callable[[SpecIndex, FaultyElements], Iterator[Diagnostic]]
 
 NO_TREES: Mapping[str, ReadResult] = {}
 """The default of `forests`, for a spec without trees."""
 
 PHASES: tuple[tuple[Rule, ...], ...] = (
-    (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
-    (*SOURCES, *OWNERS),
-    (*TYPES, *KNOWLEDGE_TYPES, *POSE_CONDITIONS, *LOOP_TYPES),
-    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
-    (*QUALITY, *UNUSED_KNOWLEDGE, *TRUSTED_POSES, *FIRING, *UNREAD_OUTPUTS, *FED_BACK, *RANGE_EXIT),
+    (*NAME_CHECKS, *KNOWLEDGE_NAME_CHECKS, *LOOP_NAME_CHECKS, *TREE_FILE_CHECKS),
+    (*SOURCE_CHECKS, *OWNER_CHECKS),
+    (*TYPE_CHECKS, *KNOWLEDGE_TYPE_CHECKS, *POSE_CONDITION_CHECKS, *LOOP_TYPE_CHECKS),
+    (
+        *CYCLE_CHECKS,
+        *FRAME_CHECKS,
+        *HANDOVER_CHECKS,
+        *TRIPLET_CHECKS,
+        *CHAIN_CHECKS,
+        *LOOP_PART_CHECKS,
+        *BRANCH_CHECKS,
+        *SELF_DEFEAT_CHECKS,
+    ),
+    (
+        *QUALITY_CHECKS,
+        *UNUSED_TYPE_CHECKS,
+        *STALE_POSE_CHECKS,
+        *FIRING_CHECKS,
+        *UNREAD_OUTPUT_CHECKS,
+        *FEEDBACK_CHECKS,
+        *RANGE_EXIT_CHECKS,
+    ),
 )
 """The rules of each phase."""
 
@@ -70,38 +87,38 @@ def check(
     keys is never returned, even if it has no other error. Where the intended name of a misspelt name is clear, the
     following phases read the intended name.
     """
-    scope = SpecIndex(spec, forests)
-    faults = Silenced()
+    spec_index = SpecIndex(spec, forests)
+    faults = FaultyElements()
     findings: list[Diagnostic] = []
     for phase in PHASES:
-        diagnostics = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
+        diagnostics = [diagnostic for rule in phase for diagnostic in rule(spec_index, faults)]
         if any(diagnostic.rule.name == "unknown-member" for diagnostic in diagnostics):
-            scope, diagnostics = _correct_members(scope, faults, phase, diagnostics)
+            spec_index, diagnostics = _correct_members(spec_index, faults, phase, diagnostics)
         findings += diagnostics
-        faults = Silenced(faults.elements | _elements(diagnostics), scope.suggested_variables)
-        if scope.corrections:
-            scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), forests)
+        faults = FaultyElements(faults.elements | _elements(diagnostics), spec_index.suggested_variables)
+        if spec_index.corrections:
+            spec_index = SpecIndex(apply_corrections(spec_index.spec, spec_index.corrections), forests)
     findings_in_order = in_file_order(once_per_template(findings))
     is_damaged = any(spec.damaged.values()) or any(
         forests.get(tree.name, UNREAD_RESULT)[0] is None for tree in spec.trees
     )
-    return (None if is_damaged or has_binding_errors(findings) else _checked(scope)), findings_in_order
+    return (None if is_damaged or has_binding_errors(findings) else _checked(spec_index)), findings_in_order
 
 
 def _correct_members(
-    scope: SpecIndex, faults: Silenced, phase: Sequence[Rule], diagnostics: list[Diagnostic]
+    spec_index: SpecIndex, faults: FaultyElements, phase: Sequence[Rule], diagnostics: list[Diagnostic]
 ) -> tuple[SpecIndex, list[Diagnostic]]:
     """Return the index and the findings of a phase after declarations with wrong members are corrected.
 
     The findings about these declarations come first. Then come the findings of the phase, which runs again on the
     corrected spec. If no declaration is wrong, the index and the findings stay as they are.
     """
-    member_findings = list(members_to_blame(scope))
+    member_findings = list(members_to_blame(spec_index))
     if not member_findings:
-        return scope, diagnostics
-    corrected_scope = SpecIndex(apply_corrections(scope.spec, scope.corrections), scope.forests)
-    return corrected_scope, member_findings + [
-        diagnostic for rule in phase for diagnostic in rule(corrected_scope, faults)
+        return spec_index, diagnostics
+    corrected_index = SpecIndex(apply_corrections(spec_index.spec, spec_index.corrections), spec_index.forests)
+    return corrected_index, member_findings + [
+        diagnostic for rule in phase for diagnostic in rule(corrected_index, faults)
     ]
 
 
@@ -112,34 +129,34 @@ def _elements(diagnostics: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
         for diagnostic in diagnostics
         if diagnostic.severity is Severity.ERROR
     )
-    paths_of_errors = (path.split(".") for path in paths if "." in path)
-    return frozenset((section, name) for section, name, *_ in paths_of_errors)
+    split_paths = (path.split(".") for path in paths if "." in path)
+    return frozenset((section, name) for section, name, *_ in split_paths)
 
 
-def _checked(scope: SpecIndex) -> CheckedSpec:
-    feedback_names = feedback(scope)
+def _checked(spec_index: SpecIndex) -> CheckedSpec:
+    feedback_by_algorithm = feedback(spec_index)
     algorithms = {
-        name: _checked_algorithm(scope, algorithm, feedback_names.get(name, ()))
-        for name, algorithm in scope.algorithms.items()
+        name: _checked_algorithm(spec_index, algorithm, feedback_by_algorithm.get(name, ()))
+        for name, algorithm in spec_index.algorithms.items()
     }
     return CheckedSpec(
-        spec=scope.spec,
-        variables=scope.variables,
+        spec=spec_index.spec,
+        variables=spec_index.variables,
         algorithms=algorithms,
-        producers=scope.producers,
-        decisions=scope.decisions,
-        expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
-        poses=python_of_poses(scope),
-        knowledge=checked_knowledge(scope),
-        mape=checked_mape(scope),
+        producers=spec_index.producers,
+        decisions=spec_index.decisions,
+        expectations={skill.name: _checked_expectations(spec_index, skill) for skill in spec_index.spec.skills},
+        poses=pose_condition_texts(spec_index),
+        knowledge=checked_knowledge(spec_index),
+        mape=checked_mape(spec_index),
     )
 
 
-def _checked_expectations(scope: SpecIndex, skill: Skill) -> tuple[CheckedExpectation, ...]:
+def _checked_expectations(spec_index: SpecIndex, skill: Skill) -> tuple[CheckedExpectation, ...]:
     return tuple(
         CheckedExpectation(
             text=_expectation_text(expectation, expectation.condition),
-            python=scope.python(expectation.condition, None),
+            python=spec_index.python(expectation.condition, None),
             within_s=expectation.within_s,
         )
         for expectation in skill.monitor
@@ -155,24 +172,24 @@ def _expectation_text(expectation: Expectation, condition: Condition) -> str:
     return f"{name} {expectation.expected} {value}{within}"
 
 
-def _checked_algorithm(scope: SpecIndex, algorithm: Algorithm, feedback_names: Sequence[str]) -> CheckedAlgorithm:
+def _checked_algorithm(spec_index: SpecIndex, algorithm: Algorithm, feedback_names: Sequence[str]) -> CheckedAlgorithm:
     return CheckedAlgorithm(
         algorithm=algorithm,
-        observable_when=tuple(_checked_condition(scope, condition) for condition in algorithm.observable_when),
-        accept_when=tuple(_checked_condition(scope, condition) for condition in algorithm.accept_when),
+        observable_when=tuple(_checked_condition(spec_index, condition) for condition in algorithm.observable_when),
+        accept_when=tuple(_checked_condition(spec_index, condition) for condition in algorithm.accept_when),
         identifies=tuple(
-            (entry.variable.name, _checked_identification(scope, entry)) for entry in algorithm.identifies
+            (entry.variable.name, _checked_identification(spec_index, entry)) for entry in algorithm.identifies
         ),
-        waits_for=tuple(sorted(set(scope.needs[algorithm.name]) - set(feedback_names))),
+        waits_for=tuple(sorted(set(spec_index.needs[algorithm.name]) - set(feedback_names))),
         feedback=tuple(feedback_names),
     )
 
 
-def _checked_condition(scope: SpecIndex, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
-    judgement = scope.judgements[id(condition)]
+def _checked_condition(spec_index: SpecIndex, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
+    judgement = spec_index.judgements[id(condition)]
     return CheckedCondition(
         text=condition.text,
-        python=scope.python(condition, wanted),
+        python=spec_index.python(condition, wanted),
         variables=_sorted_names(judgement.site.names),
         place=condition.place,
     )
@@ -182,11 +199,11 @@ def _sorted_names(names: tuple[Name, ...]) -> tuple[str, ...]:
     return (names[0].name,) if len(names) == 1 else tuple(sorted({name.name for name in names}))
 
 
-def _checked_identification(scope: SpecIndex, entry: Identification) -> CheckedCondition:
+def _checked_identification(spec_index: SpecIndex, entry: Identification) -> CheckedCondition:
     by = entry.by
     if isinstance(by, Condition):
-        return _checked_condition(scope, by, scope.context_types[entry.variable.name])
-    parts = [_checked_condition(scope, condition) for condition in parts_of(entry)]
+        return _checked_condition(spec_index, by, spec_index.context_types[entry.variable.name])
+    parts = [_checked_condition(spec_index, condition) for condition in parts_of(entry)]
     if isinstance(by, Members):
         members = [member.name for member, _ in by.cases]
         text = "; ".join(f"{member}: {part.text}" for member, part in zip(members, parts, strict=True))

@@ -36,7 +36,16 @@ from codra_dsl.runtime import ContextManager, SimClock
 from codra_dsl.runtime.observers.observer import ObserverModel
 from codra_dsl.runtime.values import model as runtime_model
 from generated import lab
-from tests.language.check.checked_specs import Pi, checked_spec, condition, place, reference, setting, skill, variable
+from tests.language.check.checked_specs import (
+    ShortAlgorithm,
+    checked_spec,
+    condition,
+    place,
+    reference,
+    setting,
+    skill,
+    variable,
+)
 from tests.runtime.forests import World, takes
 
 ROOT = Path(__file__).parents[3]
@@ -44,7 +53,7 @@ ROOT = Path(__file__).parents[3]
 
 def world_algorithm(
     name: str, identifies: list[str | tuple[str, str]], needs: list[Any] | None = None, **fields: Any
-) -> Pi:
+) -> ShortAlgorithm:
     """Return an algorithm whose perception function reads the handle `world`, and returns the value `seen`."""
     world = Usage(resource=reference("world"), access=Access.READ, place=place())
     seen = Returned(name="seen", type=ValueType(kind=Kind.BOOL), optional=True, place=place())
@@ -54,7 +63,7 @@ def world_algorithm(
         "uses": (world,),
         "returns": (seen,),
     }
-    return Pi(name=name, identifies=identifies, needs=needs or (), **(default_fields | fields))
+    return ShortAlgorithm(name=name, identifies=identifies, needs=needs or (), **(default_fields | fields))
 
 
 def rich() -> CheckedSpec:
@@ -115,7 +124,7 @@ def run(*command: str | Path, cwd: Path = ROOT) -> str:
 # Form
 
 
-@pytest.mark.parametrize("spec", [rich(), checked_spec([]), checked_spec([Pi(name="p", identifies=["a"])])])
+@pytest.mark.parametrize("spec", [rich(), checked_spec([]), checked_spec([ShortAlgorithm(name="p", identifies=["a"])])])
 def test_generated_code_is_as_ruff_formats_it_and_without_findings(spec: CheckedSpec, tmp_path: Path) -> None:
     made = written(spec, tmp_path)
     ruff = Path(sys.executable).with_name("ruff")
@@ -268,7 +277,7 @@ with lab.start(clock=SimClock(), resources={}) as codra:
 def test_generated_code_is_typed_and_lets_mypy_find_wrong_names(tmp_path: Path) -> None:
     """`warn_unused_ignores` makes every expected error mandatory."""
     written(rich(), tmp_path)
-    written(checked_spec([Pi(name="p", identifies=["a"])], name="plain"), tmp_path)
+    written(checked_spec([ShortAlgorithm(name="p", identifies=["a"])], name="plain"), tmp_path)
     written(checked_spec([], name="empty"), tmp_path)
     (tmp_path / "use.py").write_text(TYPED_USE)
     (tmp_path / "mypy.ini").write_text(f"[mypy]\nstrict = true\nmypy_path = {ROOT}\n")
@@ -320,7 +329,7 @@ HOSTILE = st.one_of(
 def test_no_text_of_a_spec_becomes_code(label: str, hostile_text: str, member: str) -> None:
     spec = checked_spec(
         [
-            Pi(
+            ShortAlgorithm(
                 name="p",
                 identifies=["a"],
                 call=hostile_text,
@@ -425,7 +434,7 @@ def test_lines_added_to_a_spec_change_its_places_only() -> None:
 
 def test_sources_know_elements_conditions_and_uses() -> None:
     made_by_use = dataclasses.replace(place(12, "specs/parts/machine.yaml"), use=place(27).span)
-    files = emit(plan(checked_spec([Pi(name="p", identifies=["a"], needs=["x"], place=made_by_use)])))
+    files = emit(plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"], needs=["x"], place=made_by_use)])))
 
     sources = json.loads(files["lab/sources.json"])
 
@@ -448,7 +457,7 @@ def test_sources_know_elements_conditions_and_uses() -> None:
     ],
 )
 def test_the_models_digest_changes_with_the_meaning_of_a_spec(change: dict[str, Any]) -> None:
-    pi = Pi(name="p", identifies=["a"], needs=["x"])
+    pi = ShortAlgorithm(name="p", identifies=["a"], needs=["x"])
 
     digests = [
         json.loads(emit(plan(checked_spec([variant])))["lab/manifest.json"])["model"]

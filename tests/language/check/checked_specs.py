@@ -49,7 +49,7 @@ def variable(name: str, **fields: object) -> Variable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pi:
+class ShortAlgorithm:
     """A perception algorithm in short form: its needs and its variables.
 
     Attributes:
@@ -114,7 +114,7 @@ def setting(name: str, *variables: str, period_s: float = 1.0, priority: int = 0
 
 
 def checked_spec(
-    algorithms: Iterable[Pi],
+    algorithms: Iterable[ShortAlgorithm],
     *,
     name: str = "lab",
     skills: Sequence[Skill] = (),
@@ -131,19 +131,19 @@ def checked_spec(
     """
     checked_algorithms = {algorithm.name: algorithm.checked() for algorithm in algorithms}
     declared_variables = _variables(checked_algorithms, variables, skills)
-    algorithms_of: dict[str, list[str]] = {}
+    producer_names: dict[str, list[str]] = {}
     for algorithm_name, algorithm in checked_algorithms.items():
         for variable_name, _ in algorithm.identifies:
-            algorithms_of.setdefault(variable_name, []).append(algorithm_name)
+            producer_names.setdefault(variable_name, []).append(algorithm_name)
     producers = {
         declared_name: tuple(
             sorted(
-                algorithms_of[declared_name],
+                producer_names[declared_name],
                 key=lambda algorithm_name: (checked_algorithms[algorithm_name].algorithm.rank, algorithm_name),
             )
         )
         for declared_name in declared_variables
-        if declared_name in algorithms_of
+        if declared_name in producer_names
     }
     decision_names = [
         watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))

@@ -255,8 +255,8 @@ def test_a_precondition_that_can_be_false_is_no_finding(condition: str) -> None:
 def test_a_condition_over_results_that_always_holds_is_reported_unless_a_value_may_be_absent(
     accept: tuple[str, ...], held: str, offenders: list[str]
 ) -> None:
-    texts = [text for rule, text, _ in findings_with_related(accept=accept, held=held)]
-    assert texts == offenders
+    marked_texts = [text for rule, text, _ in findings_with_related(accept=accept, held=held)]
+    assert marked_texts == offenders
 
 
 def test_a_name_with_a_wrong_declaration_causes_no_finding_about_conditions() -> None:

@@ -31,7 +31,7 @@ def loop(*algorithms: tuple[str, str, str], declared: Mapping[str, str] | None =
     return "\n".join(lines) + "\n"
 
 
-def observable_when(*conditions: str) -> str:
+def observable_when_text(*conditions: str) -> str:
     return "\n".join(["observable_when:", *(f"  - {condition}" for condition in conditions)])
 
 
@@ -47,7 +47,7 @@ def edges(text: str, finding: Diagnostic) -> list[tuple[str, str]]:
     lines = text.splitlines()
     spans = [related.place.span for related in finding.related]
     marked_texts = [lines[span.line - 1][span.column - 1 : span.end_column - 1] for span in spans]
-    return [(related.message, marked) for related, marked in zip(finding.related, marked_texts, strict=True)]
+    return [(related.message, cause_text) for related, cause_text in zip(finding.related, marked_texts, strict=True)]
 
 
 def test_a_cycle_of_two_variables_is_reported_with_both_edges() -> None:
@@ -70,10 +70,10 @@ def test_a_choice_between_two_variables_that_both_lead_back_is_a_cycle() -> None
 
 def test_variables_that_are_read_without_waiting_are_feedback() -> None:
     spec = check_sound_text((CASES / "valid/feedback.yaml").read_text("utf-8"))
-    edges_by_algorithm = {
+    needs_by_algorithm = {
         name: (algorithm.waits_for, algorithm.feedback) for name, algorithm in spec.algorithms.items()
     }
-    assert edges_by_algorithm == {
+    assert needs_by_algorithm == {
         "see_a": ((), ("a", "b")),
         "see_b": (("a",), ()),
         "see_c": (("b",), ()),
@@ -82,58 +82,64 @@ def test_variables_that_are_read_without_waiting_are_feedback() -> None:
 
 
 def test_variables_read_without_waiting_outside_of_cycles_are_required() -> None:
-    spec = check_sound_text(loop(("see_a", "a", observable_when("not known(b) or age(b) > 10 s")), ("see_b", "b", "")))
+    spec = check_sound_text(
+        loop(("see_a", "a", observable_when_text("not known(b) or age(b) > 10 s")), ("see_b", "b", ""))
+    )
     assert (spec.algorithms["see_a"].waits_for, spec.algorithms["see_a"].feedback) == (("b",), ())
 
 
 def test_variables_that_wait_for_a_cycle_are_not_reported() -> None:
     text = loop(
-        ("see_a", "a", observable_when("b")),
-        ("see_b", "b", observable_when("a")),
-        ("see_c", "c", observable_when("a")),
-        ("see_d", "d", observable_when("c", "d or b")),
+        ("see_a", "a", observable_when_text("b")),
+        ("see_b", "b", observable_when_text("a")),
+        ("see_c", "c", observable_when_text("a")),
+        ("see_d", "d", observable_when_text("c", "d or b")),
     )
     assert only_finding(text).path == "context.a"
 
 
 def test_two_independent_cycles_are_two_findings() -> None:
     text = loop(
-        ("see_a", "a", observable_when("b")),
-        ("see_b", "b", observable_when("a")),
-        ("see_c", "c", observable_when("d")),
-        ("see_d", "d", observable_when("c", "a or c")),
+        ("see_a", "a", observable_when_text("b")),
+        ("see_b", "b", observable_when_text("a")),
+        ("see_c", "c", observable_when_text("d")),
+        ("see_d", "d", observable_when_text("c", "a or c")),
     )
     assert [finding.path for finding in check_text(text)[1]] == ["context.a", "context.c"]
 
 
 def test_an_alternative_without_needs_breaks_a_cycle() -> None:
     check_sound_text(
-        loop(("see_a", "a", observable_when("b")), ("guess_a", "a", "rank: 2"), ("see_b", "b", observable_when("a")))
+        loop(
+            ("see_a", "a", observable_when_text("b")),
+            ("guess_a", "a", "rank: 2"),
+            ("see_b", "b", observable_when_text("a")),
+        )
     )
 
 
 def test_another_source_breaks_a_cycle() -> None:
-    algorithms = ("see_a", "a", observable_when("b")), ("see_b", "b", observable_when("a"))
+    algorithms = ("see_a", "a", observable_when_text("b")), ("see_b", "b", observable_when_text("a"))
     check_sound_text(loop(*algorithms, declared={"b": "valid_for: 10 s, source: [observer, main_execution]"}))
 
 
 def test_a_given_value_is_waited_for() -> None:
-    text = loop(("see_a", "a", "given: [b]"), ("see_b", "b", observable_when("a")))
+    text = loop(("see_a", "a", "given: [b]"), ("see_b", "b", observable_when_text("a")))
     assert edges(text, only_finding(text))[0] == ("'a' needs 'b': algorithm 'see_a' gets its value with 'given'", "b")
 
 
 def test_the_shortest_of_several_cycles_is_shown() -> None:
     text = loop(
-        ("see_a", "a", observable_when("b")),
-        ("see_b", "b", observable_when("c")),
-        ("see_c", "c", observable_when("d and b")),
-        ("see_d", "d", observable_when("a")),
+        ("see_a", "a", observable_when_text("b")),
+        ("see_b", "b", observable_when_text("c")),
+        ("see_c", "c", observable_when_text("d and b")),
+        ("see_d", "d", observable_when_text("a")),
     )
     assert only_finding(text).message == "context-variables wait for each other: b -> c -> b"
 
 
 def test_a_variable_that_needs_itself_is_a_cycle_of_one() -> None:
-    finding = only_finding(loop(("see_a", "a", observable_when("a"))))
+    finding = only_finding(loop(("see_a", "a", observable_when_text("a"))))
     assert finding.message == "context-variable 'a' waits for itself: a -> a"
     assert finding.help == (
         "identify it with an algorithm that does not wait for it, e.g. with the condition "
@@ -156,27 +162,31 @@ def test_contradictory_conditions_are_reported_as_never_run_and_not_as_a_cycle(
     conditions: tuple[str, ...], reason: str
 ) -> None:
     finding = only_finding(
-        loop(("see_a", "a", observable_when(*conditions)), ("see_b", "b", ""), ("see_c", "c", observable_when("a")))
+        loop(
+            ("see_a", "a", observable_when_text(*conditions)),
+            ("see_b", "b", ""),
+            ("see_c", "c", observable_when_text("a")),
+        )
     )
     assert (finding.rule.name, finding.message) == ("never-runs", f"algorithm 'see_a' can never run: {reason}")
 
 
 def test_a_wrong_condition_is_not_reported_as_part_of_a_cycle() -> None:
-    text = loop(("see_a", "a", observable_when("b > 3")), ("see_b", "b", observable_when("a")))
+    text = loop(("see_a", "a", observable_when_text("b > 3")), ("see_b", "b", observable_when_text("a")))
     assert [finding.rule.name for finding in check_text(text)[1]] == ["mismatched-types"]
 
 
 def test_a_condition_with_very_many_unknown_names_is_checked() -> None:
     names = [f"v{index}" for index in range(12)]
-    algorithms = [(f"see_{name}", name, observable_when("a")) for name in names]
-    text = loop(("see_a", "a", observable_when(" or ".join(names))), *algorithms)
+    algorithms = [(f"see_{name}", name, observable_when_text("a")) for name in names]
+    text = loop(("see_a", "a", observable_when_text(" or ".join(names))), *algorithms)
     assert only_finding(text).message == "context-variables wait for each other: a -> v0 -> a"
 
 
 def test_a_long_chain_causes_no_recursion_error() -> None:
-    chain = [(f"see_{index}", f"v{index}", observable_when(f"v{index + 1}")) for index in range(1500)]
+    chain = [(f"see_{index}", f"v{index}", observable_when_text(f"v{index + 1}")) for index in range(1500)]
     check_sound_text(loop(*chain, ("see_end", "v1500", "")))
-    assert only_finding(loop(*chain, ("see_end", "v1500", observable_when("v0")))).message.count("->") == 1501
+    assert only_finding(loop(*chain, ("see_end", "v1500", observable_when_text("v0")))).message.count("->") == 1501
 
 
 def literals() -> st.SearchStrategy[Node]:
@@ -219,17 +229,17 @@ def least_fixed_point(algorithms: list[tuple[str, list[Node]]]) -> set[str]:
 def test_cycles_are_reported_exactly_for_variables_outside_the_least_fixed_point(
     algorithms: list[tuple[str, list[Node]]],
 ) -> None:
-    outside_variables = sorted(set(VARIABLES) - {variable for variable, _ in algorithms})
+    source_variables = sorted(set(VARIABLES) - {variable for variable, _ in algorithms})
     text = loop(
         *(
             (
                 f"see_{index}",
                 variable,
-                f"rank: {index + 1}\n" + (observable_when(*map(to_text, needs)) if needs else ""),
+                f"rank: {index + 1}\n" + (observable_when_text(*map(to_text, needs)) if needs else ""),
             )
             for index, (variable, needs) in enumerate(algorithms)
         ),
-        declared=dict.fromkeys(outside_variables, "valid_for: 5 s, source: main_execution"),
+        declared=dict.fromkeys(source_variables, "valid_for: 5 s, source: main_execution"),
     )
     spec, diagnostics = check_text(text)
     impossible_needs = [needs for _, needs in algorithms if not can_run(needs, set(VARIABLES))]
@@ -259,9 +269,9 @@ def check_cycle(finding: Diagnostic, remaining_variables: set[str], algorithms: 
 
 def test_cycles_do_not_depend_on_the_order_of_algorithms() -> None:
     algorithms = [
-        ("see_a", "a", observable_when("b or c")),
-        ("see_b", "b", observable_when("a")),
-        ("see_c", "c", observable_when("a")),
+        ("see_a", "a", observable_when_text("b or c")),
+        ("see_b", "b", observable_when_text("a")),
+        ("see_c", "c", observable_when_text("a")),
     ]
     messages = {only_finding(loop(*algorithms[turn:], *algorithms[:turn])).message for turn in range(3)}
     assert messages == {"context-variables wait for each other: a -> b -> a"}

@@ -18,8 +18,8 @@ from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.check.latency import worst_cases
 from codra_dsl.language.model import Access, Resource, Usage, needed_of
 from codra_dsl.runtime import ContextManager, SimClock
-from tests.language.check.checked_specs import Pi, checked_spec, place, reference, setting
-from tests.language.check.slow_perception import Eyes
+from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, place, reference, setting
+from tests.language.check.slow_perception import SlowHandle
 
 ROOT = Path(__file__).parents[3]
 MARGIN_S = 1e-4
@@ -38,11 +38,11 @@ class CompiledSpec:
         self, variable: str, durations_s: Mapping[str, float], truths: Mapping[str, bool], limit_s: float
     ) -> float:
         """Declare one variable while no observer runs, and return how long it takes until it is known."""
-        needed_results = {
+        needed_result_counts = {
             name: max(map(needed_of, algorithm.algorithm.identifies))
             for name, algorithm in self.spec.algorithms.items()
         }
-        clock, eyes = SimClock(), Eyes(durations_s, needed_results)
+        clock, eyes = SimClock(), SlowHandle(durations_s, needed_result_counts)
         with self.start(clock=clock, resources=dict.fromkeys(self.handles, eyes)) as codra:
             for name, truth in truths.items():
                 codra.set(name, truth)
@@ -64,7 +64,7 @@ def compile_spec(folder: Path, text: str, parts: Mapping[str, str] | None = None
     return CompiledSpec(plan.checked, load_start(compilation.files, plan.name, folder / "generated"), handles)
 
 
-def full_timeouts(spec: CheckedSpec) -> dict[str, float]:
+def full_timeouts_s(spec: CheckedSpec) -> dict[str, float]:
     return {name: algorithm.algorithm.timeout_s - MARGIN_S for name, algorithm in spec.algorithms.items()}
 
 
@@ -87,12 +87,16 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> CompiledSpec:
 def test_the_bound_is_reached_by_every_variable_of_the_lab(lab: CompiledSpec) -> None:
     bounds = worst_cases(lab.spec)
 
-    observed_s = {
-        name: lab.known_after_s(name, full_timeouts(lab.spec), {"robot_is_localized": True}, LIMIT_S) for name in bounds
+    observed_times_s = {
+        name: lab.known_after_s(name, full_timeouts_s(lab.spec), {"robot_is_localized": True}, LIMIT_S)
+        for name in bounds
     }
 
     assert len(bounds) == 14
-    assert all(bounds[name] - 0.001 <= observed_s[name] <= bounds[name] for name in bounds), (bounds, observed_s)
+    assert all(bounds[name] - 0.001 <= observed_times_s[name] <= bounds[name] for name in bounds), (
+        bounds,
+        observed_times_s,
+    )
 
 
 def test_the_lid_is_known_after_distance_view_and_its_own_look(lab: CompiledSpec) -> None:
@@ -140,8 +144,12 @@ class Sketch:
         return "\n".join([*lines, "  two: {slots: 2}", "perception:", *looks, *observers, ""])
 
     def _condition_text(self, name: str) -> str:
-        needed_count = self.confirms[name]
-        return "seen" if needed_count == 1 else f"{{enter: seen, confirm: {needed_count} of {needed_count + 1}}}"
+        needed_result_count = self.confirms[name]
+        return (
+            "seen"
+            if needed_result_count == 1
+            else f"{{enter: seen, confirm: {needed_result_count} of {needed_result_count + 1}}}"
+        )
 
     def _look(self, name: str) -> list[str]:
         uses = ", ".join(["eyes: read", *(f"{slot}: slot" for slot in self.slots[name])])
@@ -205,10 +213,10 @@ def reachable_variables(spec: CheckedSpec, truths: Mapping[str, bool]) -> set[st
     """Return the variables that can be known in this world, by trying until nothing changes."""
     known_names = {name for name, truth in truths.items() if truth}
     while True:
-        able_algorithms = (
+        runnable_algorithms = (
             algorithm for algorithm in spec.algorithms.values() if known_names.issuperset(algorithm.waits_for)
         )
-        new_names = {name for algorithm in able_algorithms for name, _ in algorithm.identifies} - known_names
+        new_names = {name for algorithm in runnable_algorithms for name, _ in algorithm.identifies} - known_names
         if not new_names:
             return known_names
         known_names |= new_names
@@ -221,7 +229,9 @@ def test_no_variable_takes_longer_than_its_bound(
 ) -> None:
     compiled_spec = compile_spec(tmp_path_factory.mktemp("drawn"), drawn_spec.text)
     bounds = worst_cases(compiled_spec.spec)
-    durations_s = {name: drawn_spec.shares[name] * full_s for name, full_s in full_timeouts(compiled_spec.spec).items()}
+    durations_s = {
+        name: drawn_spec.shares[name] * full_s for name, full_s in full_timeouts_s(compiled_spec.spec).items()
+    }
     knowable_names = reachable_variables(compiled_spec.spec, drawn_spec.truths)
 
     for name, bound_s in bounds.items():
@@ -247,13 +257,15 @@ class Look:
 
 def spec_of(*looks: Look) -> CheckedSpec:
     resources = [Resource(name=name, place=place(), slots=slots) for name, slots in (("one", 1), ("two", 2))]
-    return checked_spec(map(to_pi, looks), resources=resources)
+    return checked_spec(map(short_algorithm, looks), resources=resources)
 
 
-def to_pi(look: Look) -> Pi:
+def short_algorithm(look: Look) -> ShortAlgorithm:
     uses = [Usage(resource=reference(slot), access=Access.SLOT, place=place()) for slot in look.slots.split()]
     identifies, needs = look.identifies.split(), look.needs.split()
-    return Pi(name=look.name, identifies=identifies, needs=needs, uses=uses, timeout_s=look.timeout_s, rank=look.rank)
+    return ShortAlgorithm(
+        name=look.name, identifies=identifies, needs=needs, uses=uses, timeout_s=look.timeout_s, rank=look.rank
+    )
 
 
 @pytest.mark.parametrize(
@@ -291,7 +303,9 @@ def test_the_bound_is_the_longest_path_with_all_its_delays(looks: list[Look], bo
 
 def test_a_joined_tree_runs_all_its_looks() -> None:
     uses = [Usage(resource=reference("one"), access=Access.SLOT, place=place())]
-    algorithms = [Pi(name=name, identifies=[name[-1]], uses=uses, timeout_s=4.0) for name in ("see_x", "see_y")]
+    algorithms = [
+        ShortAlgorithm(name=name, identifies=[name[-1]], uses=uses, timeout_s=4.0) for name in ("see_x", "see_y")
+    ]
     one_slot = [Resource(name="one", place=place(), slots=1)]
 
     separate_bounds = worst_cases(checked_spec(algorithms, resources=one_slot))

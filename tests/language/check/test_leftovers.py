@@ -118,12 +118,12 @@ def test_elements_that_an_unused_template_may_name_are_not_reported_as_unused(
     resource: str, source: str, unused: list[str]
 ) -> None:
     pot = POT.replace("RESOURCE", resource).replace("SOURCE", source)
-    summaries = rules_and_marked_texts(
+    reported_rules = rules_and_marked_texts(
         ("use:\n", pot),
         ("  camera: {}\n", "  camera: {}\n  lidar: {}\n"),
         ("  page: {}\n", "  page: {}\n  porter: {}\n"),
     )
-    assert sorted(rule for rule, _ in summaries) == sorted([*unused, "unused-template"])
+    assert sorted(rule for rule, _ in reported_rules) == sorted([*unused, "unused-template"])
 
 
 @pytest.mark.parametrize("name", ["near", "door", "camera", "look", "page", "sugar_full_too"])
@@ -132,14 +132,16 @@ def test_a_parameter_with_a_name_that_its_template_can_read_is_reported(name: st
         ("title: str, part", f"title: str, {name}: str, part"),
         ("label: $(title)}", f"label: $(title) $({name})}}"),
     ]
-    summaries = rules_and_marked_texts(*edits, ("title: Sugar}", f"title: Sugar, {name}: x}}"))
-    assert summaries == ([] if name == "sugar_full_too" else [("shadowed-name", name)])
+    reported_rules = rules_and_marked_texts(*edits, ("title: Sugar}", f"title: Sugar, {name}: x}}"))
+    assert reported_rules == ([] if name == "sugar_full_too" else [("shadowed-name", name)])
 
 
 def test_a_parameter_may_have_the_name_of_an_element_of_its_own_template() -> None:
-    own_edits = [("part: {type: identifier, default: lid}", "lid_of_sugar: {type: identifier, default: lid}")]
+    parameter_edits = [("part: {type: identifier, default: lid}", "lid_of_sugar: {type: identifier, default: lid}")]
     assert (
-        rules_and_marked_texts(*own_edits, ("      $(part)_of_$(instance)", "      $(lid_of_sugar)_of_$(instance)"))
+        rules_and_marked_texts(
+            *parameter_edits, ("      $(part)_of_$(instance)", "      $(lid_of_sugar)_of_$(instance)")
+        )
         == []
     )
 

@@ -64,13 +64,13 @@ def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: 
         expected = meaning(tree, world)
     except TooCloseError:
         assume(False)
-    result = build_term(lower(typed, UNITS[unit])).evaluate(world)
+    evaluated_value = build_term(lower(typed, UNITS[unit])).evaluate(world)
     if expected is None:
-        assert result is None
+        assert evaluated_value is None
     else:
         assert isinstance(expected, Exact)
-        assert isinstance(result, (int, float))
-        in_metres = convert(result, UNITS[unit], Unit(UNITS[unit].dimension))
+        assert isinstance(evaluated_value, (int, float))
+        in_metres = convert(evaluated_value, UNITS[unit], Unit(UNITS[unit].dimension))
         assert in_metres == pytest.approx(float(expected.number), rel=1e-9, abs=1e-9)
 
 
@@ -83,9 +83,9 @@ def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
 
 @given(CONDITIONS)
 def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
-    parsed_again = parse(to_text(tree))
-    if isinstance(parsed_again, Node):
-        assert lower(infer_condition(parsed_again, TYPES, known=True)[0]) == lower(
+    reparsed_tree = parse(to_text(tree))
+    if isinstance(reparsed_tree, Node):
+        assert lower(infer_condition(reparsed_tree, TYPES, known=True)[0]) == lower(
             infer_condition(tree, TYPES, known=True)[0]
         )
 

@@ -51,7 +51,7 @@ def test_the_hall_has_no_mistake() -> None:
 
 
 @pytest.mark.parametrize(
-    ("declared", "written", "intended"),
+    ("declared", "written", "intended_name"),
     [
         ("  near: {", "  naer: {", "near"),
         ("  lamp: {", "  lampp: {", "lamp"),
@@ -64,11 +64,11 @@ def test_the_hall_has_no_mistake() -> None:
     ],
 )
 def test_a_misspelt_declaration_is_the_only_finding_and_names_its_uses(
-    declared: str, written: str, intended: str
+    declared: str, written: str, intended_name: str
 ) -> None:
     (finding,) = lamp_findings(edit_spec((declared, written), text=LAMP))
 
-    assert finding.help == f"did you mean '{intended}'?"
+    assert finding.help == f"did you mean '{intended_name}'?"
     assert finding.place.span.line == LAMP[: LAMP.index(declared)].count("\n") + 1
     assert len(finding.related) >= 1
     assert finding.fix is not None

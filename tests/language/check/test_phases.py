@@ -196,8 +196,8 @@ def test_codes_and_names_of_rules_are_unique() -> None:
 
 
 def test_every_rule_has_a_case() -> None:
-    case_texts = "".join(path.read_text("utf-8") for path in sorted((CASES / "invalid").glob("*.txt")))
-    assert [rule.code for rule in RULES.values() if f"[{rule.code}]" not in case_texts] == []
+    all_cases_text = "".join(path.read_text("utf-8") for path in sorted((CASES / "invalid").glob("*.txt")))
+    assert [rule.code for rule in RULES.values() if f"[{rule.code}]" not in all_cases_text] == []
 
 
 @settings(max_examples=150)

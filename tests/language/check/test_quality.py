@@ -4,8 +4,8 @@ import pytest
 
 from tests.language.check.specs import DOOR, check_sound_text, check_text, edit_spec, finding_texts, findings
 
-KEEP = "near_door: {type: bool, when_unobservable: keep}"
-FORGET = "near_door: {type: bool, when_unobservable: forget}"
+KEEP_DECLARATION = "near_door: {type: bool, when_unobservable: keep}"
+FORGET_DECLARATION = "near_door: {type: bool, when_unobservable: forget}"
 NEAR = "      - near_door\n"
 UNGUARDED = ("    observable_when: [robot_is_localized]\n", "")
 
@@ -17,14 +17,14 @@ def unnoticed_paths(*edits: tuple[str, str]) -> list[str]:
 @pytest.mark.parametrize(
     "edits",
     [
-        [(FORGET, "near_door: {type: bool, valid_for: 5 s}")],
-        [(FORGET, "near_door: {type: bool, valid_for: forever}")],
-        [(FORGET, "near_door: {type: bool, valid_for: 5 s}"), UNGUARDED],
-        [(FORGET, KEEP), (NEAR, "      - near_door and age(near_door) < 10 s\n")],
-        [(FORGET, KEEP), (NEAR, "      - near_door\n      - 10 s >= age(near_door)\n")],
-        [(FORGET, KEEP), (NEAR, "      - known(near_door)\n")],
-        [(FORGET, KEEP), (NEAR, "      - not known(near_door) or age(near_door) > 10 s\n")],
-        [(FORGET, KEEP), ("    observable_when:\n      - near_door\n", "")],
+        [(FORGET_DECLARATION, "near_door: {type: bool, valid_for: 5 s}")],
+        [(FORGET_DECLARATION, "near_door: {type: bool, valid_for: forever}")],
+        [(FORGET_DECLARATION, "near_door: {type: bool, valid_for: 5 s}"), UNGUARDED],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - near_door and age(near_door) < 10 s\n")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - near_door\n      - 10 s >= age(near_door)\n")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - known(near_door)\n")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - not known(near_door) or age(near_door) > 10 s\n")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), ("    observable_when:\n      - near_door\n", "")],
     ],
 )
 def test_preconditions_that_expire_or_use_no_old_value_are_no_finding(edits: list[tuple[str, str]]) -> None:
@@ -34,14 +34,14 @@ def test_preconditions_that_expire_or_use_no_old_value_are_no_finding(edits: lis
 @pytest.mark.parametrize(
     "edits",
     [
-        [(FORGET, KEEP)],
-        [(FORGET, "near_door: {type: bool}")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION)],
+        [(FORGET_DECLARATION, "near_door: {type: bool}")],
         [UNGUARDED],
-        [(FORGET, "near_door: {type: bool, when_unobservable: forget, source: [observer, page]}")],
-        [(FORGET, KEEP), (NEAR, "      - near_door and age(near_door) > 10 s\n")],
-        [(FORGET, KEEP), (NEAR, "      - near_door or age(near_door) < 10 s\n")],
-        [(FORGET, KEEP), (NEAR, "      - known(near_door) and near_door\n")],
-        [(FORGET, KEEP), (NEAR, "      - not near_door\n")],
+        [(FORGET_DECLARATION, "near_door: {type: bool, when_unobservable: forget, source: [observer, page]}")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - near_door and age(near_door) > 10 s\n")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - near_door or age(near_door) < 10 s\n")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - known(near_door) and near_door\n")],
+        [(FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - not near_door\n")],
     ],
 )
 def test_preconditions_that_never_expire_are_reported(edits: list[tuple[str, str]]) -> None:
@@ -62,15 +62,15 @@ def test_a_variable_with_another_source_must_state_its_validity() -> None:
 
 def test_forget_is_suggested_only_if_it_would_help() -> None:
     guarded_findings, unguarded_findings = (
-        findings(edit_spec((FORGET, KEEP))),
-        findings(edit_spec((FORGET, KEEP), UNGUARDED)),
+        findings(edit_spec((FORGET_DECLARATION, KEEP_DECLARATION))),
+        findings(edit_spec((FORGET_DECLARATION, KEEP_DECLARATION), UNGUARDED)),
     )
     assert guarded_findings[0].help.endswith("or 'when_unobservable: forget'")
     assert unguarded_findings[0].help == "add 'valid_for', for example 'valid_for: forever'"
 
 
 def test_a_wrong_condition_is_not_reported_as_a_precondition() -> None:
-    assert unnoticed_paths((FORGET, KEEP), (NEAR, "      - near_door > 3\n")) == []
+    assert unnoticed_paths((FORGET_DECLARATION, KEEP_DECLARATION), (NEAR, "      - near_door > 3\n")) == []
 
 
 def test_an_alternative_without_preconditions_keeps_a_variable_from_being_forgotten() -> None:

@@ -147,11 +147,11 @@ def test_variables_that_are_unneeded_or_have_no_algorithm_are_not_reported_as_st
     assert rules(
         ("  enter: {preview: [near]}\n  open: {preview: [near, open]}", "  open: {preview: [open]}"), ("3 s", "1 s")
     ) == ["unreached-variable"]
-    robot_edit = (
+    paged_edit = (
         "  near: {type: bool, valid_for: 3 s}\n",
         "  near: {type: bool, valid_for: 3 s}\n  paged: {type: bool, source: main_execution, valid_for: 1 s}\n",
     )
-    assert rules(robot_edit, ("enter: {preview: [near]}", "enter: {preview: [near, paged]}")) == []
+    assert rules(paged_edit, ("enter: {preview: [near]}", "enter: {preview: [near, paged]}")) == []
 
 
 @pytest.mark.parametrize(

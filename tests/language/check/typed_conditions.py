@@ -96,7 +96,7 @@ def _or_zero(values: Trees) -> Trees:
     return st.one_of(values, st.just(number(0)))
 
 
-def _combinations(values: Trees, bare: Trees, truths: Trees) -> Trees:
+def _same_dimension_expressions(values: Trees, bare: Trees, truths: Trees) -> Trees:
     """Return expressions over quantities of one dimension that keep the dimension."""
     seconds = _or_zero(values)
     return st.one_of(
@@ -119,12 +119,16 @@ def _simple_truths() -> Trees:
 
 
 def bare_numbers() -> Trees:
-    return st.recursive(_bare_leaves(), lambda values: _combinations(values, values, _simple_truths()), max_leaves=4)
+    return st.recursive(
+        _bare_leaves(), lambda values: _same_dimension_expressions(values, values, _simple_truths()), max_leaves=4
+    )
 
 
 def quantities(kind: str) -> Trees:
     return st.recursive(
-        _measured_leaves(kind), lambda values: _combinations(values, bare_numbers(), _simple_truths()), max_leaves=4
+        _measured_leaves(kind),
+        lambda values: _same_dimension_expressions(values, bare_numbers(), _simple_truths()),
+        max_leaves=4,
     )
 
 
@@ -172,9 +176,10 @@ def _ages() -> Trees:
         [Comparison.LESS, Comparison.LESS_OR_EQUAL, Comparison.GREATER, Comparison.GREATER_OR_EQUAL]
     )
     ages = st.sampled_from(["x", "b1", "door"]).map(lambda variable: call("age", name(variable)))
-    ages_first = st.builds(lambda age, op, limit: compare(age, (op, limit)), ages, order_operators, limits)
+    age_first_comparisons = st.builds(lambda age, op, limit: compare(age, (op, limit)), ages, order_operators, limits)
     return st.one_of(
-        ages_first, st.builds(lambda age, op, limit: compare(limit, (op, age)), ages, order_operators, limits)
+        age_first_comparisons,
+        st.builds(lambda age, op, limit: compare(limit, (op, age)), ages, order_operators, limits),
     )
 
 
@@ -229,12 +234,12 @@ def worlds() -> st.SearchStrategy[World]:
         Kind.FLOAT: floats,
         Kind.STR: st.sampled_from(["x", "it's", 'say "no"']),
     }
-    values_by_variable = {
+    value_strategies = {
         variable: st.one_of(st.none(), st.sampled_from(kind.values) if kind.kind is Kind.ENUM else kinds[kind.kind])
         for variable, kind in TYPES.items()
     }
     ages = st.fixed_dictionaries({variable: st.sampled_from([0.0, 0.25, 1.5, 3.0, 90.0]) for variable in TYPES})
-    return st.builds(World, st.fixed_dictionaries(values_by_variable), ages)
+    return st.builds(World, st.fixed_dictionaries(value_strategies), ages)
 
 
 class TooCloseError(Exception):
@@ -243,10 +248,10 @@ class TooCloseError(Exception):
 
 @dataclass(frozen=True)
 class Exact:
-    """A number in base units; `sure` if floating point gives it without rounding."""
+    """A number in base units; `is_unrounded` if floating point gives it without rounding."""
 
     number: Fraction
-    is_sure: bool
+    is_unrounded: bool
 
 
 Result = bool | str | Exact | None
@@ -318,7 +323,7 @@ def _in_base(value: bool | int | float | str | None, unit: Unit) -> Result:
     if value is None or isinstance(value, (bool, str)):
         return value
     exact = Fraction(value) * unit.factor
-    return Exact(exact * Fraction(math.pi / 180) if unit.degrees else exact, is_sure=unit == ONE)
+    return Exact(exact * Fraction(math.pi / 180) if unit.degrees else exact, is_unrounded=unit == ONE)
 
 
 def _compare_values(operator: str, one: Result, other: Result) -> bool | None:
@@ -327,7 +332,7 @@ def _compare_values(operator: str, one: Result, other: Result) -> bool | None:
     if isinstance(one, Exact) and isinstance(other, Exact):
         largest = max(abs(one.number), abs(other.number), Fraction(1))
         is_near = abs(one.number - other.number) <= largest / 10**9
-        if is_near and not (one.is_sure and other.is_sure):
+        if is_near and not (one.is_unrounded and other.is_unrounded):
             raise TooCloseError
         return _order_holds(operator, one.number, other.number)
     return (one == other) == (operator == "==")

@@ -19,7 +19,7 @@ from codra_dsl.tooling.report.dot import render_dot, render_drawing, render_svg
 from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Graph, graph_of, render_json
 from codra_dsl.tooling.selection import select
-from tests.language.check.checked_specs import Pi, checked_spec, condition, skill, variable
+from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, condition, skill, variable
 
 ROOT = Path(__file__).parents[3]
 ROTOR = ("centrifuge_rotor_in_pos_1", "centrifuge_rotor_in_pos_2")
@@ -42,8 +42,8 @@ def feedback() -> BuildPlan:
     return plan(
         checked_spec(
             [
-                Pi(name="p", identifies=["a"], needs=[again], feedback=["b"]),
-                Pi(name="q", identifies=["b"], needs=["a", "given"]),
+                ShortAlgorithm(name="p", identifies=["a"], needs=[again], feedback=["b"]),
+                ShortAlgorithm(name="q", identifies=["b"], needs=["a", "given"]),
             ],
             name="loop",
             skills=[skill("s", ["a"])],
@@ -121,7 +121,9 @@ def test_feedback_is_drawn_differently_from_requirements() -> None:
     "label", ['"', "\\", "\\N", "a\\", "<b>", "&amp;", "{x|y}", "\n", "", "a\nb", "ü戸", "]; evil [", "->"]
 )
 def test_no_label_can_break_out_of_its_quotes(label: str) -> None:
-    made = graph_of([plan(checked_spec([Pi(name="p", identifies=["a"])], variables=[variable("a", label=label)]))])
+    made = graph_of(
+        [plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"])], variables=[variable("a", label=label)]))]
+    )
 
     read = pygraphviz.AGraph(string=render_dot(made))
     shown = "".join(ElementTree.fromstring(render_svg(made)).itertext())
@@ -283,7 +285,7 @@ def test_a_drawing_for_a_page_names_nodes_and_edges_by_number(lab: Graph) -> Non
 
 
 def test_a_large_graph_is_drawn_without_warnings(capfd: pytest.CaptureFixture[str]) -> None:
-    many = [Pi(name=f"p{number}", identifies=[f"v{number}"]) for number in range(350)]
+    many = [ShortAlgorithm(name=f"p{number}", identifies=[f"v{number}"]) for number in range(350)]
 
     svg = render_svg(graph_of([plan(checked_spec(many))]))
 

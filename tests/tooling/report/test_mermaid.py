@@ -18,7 +18,7 @@ from codra_dsl.tooling.report.graphs import Graph, graph_of
 from codra_dsl.tooling.report.looks import EDGE_LOOKS, label_of
 from codra_dsl.tooling.report.mermaid import MAX_EDGES, MAX_LETTERS, flowchart
 from codra_dsl.tooling.selection import select
-from tests.language.check.checked_specs import Pi, checked_spec, skill, variable
+from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, skill, variable
 
 ROOT = Path(__file__).parents[3]
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
@@ -152,7 +152,9 @@ def test_every_one_of_several_specs_has_a_frame(lab: Graph) -> None:
 
 @given(st.text(max_size=30))
 def test_no_label_can_break_out_of_its_quotes(label: str) -> None:
-    graph = graph_of([plan(checked_spec([Pi(name="p", identifies=["a"])], variables=[variable("a", label=label)]))])
+    graph = graph_of(
+        [plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"])], variables=[variable("a", label=label)]))]
+    )
 
     chart = read(flowchart(graph).text)
 
@@ -163,7 +165,9 @@ def test_no_label_can_break_out_of_its_quotes(label: str) -> None:
     "label", ["end", "1. one", "- dash", "`code`", "**bold**", "a@b", "-->", "A#quot;B", "%% no", "x & y"]
 )
 def test_syntax_of_mermaid_in_labels_becomes_codes(label: str) -> None:
-    graph = graph_of([plan(checked_spec([Pi(name="p", identifies=["a"])], variables=[variable("a", label=label)]))])
+    graph = graph_of(
+        [plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"])], variables=[variable("a", label=label)]))]
+    )
 
     line = next(line for line in flowchart(graph).text.splitlines() if line.strip().startswith("n0"))
 
@@ -173,7 +177,9 @@ def test_syntax_of_mermaid_in_labels_becomes_codes(label: str) -> None:
 def halls(count: int) -> Graph:
     """Return many independent chains, as many uses of a template would give them."""
     looks = [
-        Pi(name=f"see_{n}_{step}", identifies=[f"v_{n}_{step}"], needs=[f"v_{n}_{step - 1}"] if step else ["start"])
+        ShortAlgorithm(
+            name=f"see_{n}_{step}", identifies=[f"v_{n}_{step}"], needs=[f"v_{n}_{step - 1}"] if step else ["start"]
+        )
         for n in range(count)
         for step in range(3)
     ]
@@ -211,7 +217,7 @@ def test_a_part_of_it_is_drawn_in_full() -> None:
 
 
 def test_one_file_is_condensed_by_observers() -> None:
-    looks = [Pi(name=f"see_{number}", identifies=[f"v{number}"], needs=["start"]) for number in range(400)]
+    looks = [ShortAlgorithm(name=f"see_{number}", identifies=[f"v{number}"], needs=["start"]) for number in range(400)]
     graph = graph_of([plan(checked_spec(looks))])
 
     chart = flowchart(graph)
@@ -222,7 +228,9 @@ def test_one_file_is_condensed_by_observers() -> None:
 
 
 def test_a_condensed_graph_that_is_still_too_large_is_reported() -> None:
-    looks = [Pi(name=f"see_{number}", identifies=[f"v{number}"], needs=["one", "two"]) for number in range(300)]
+    looks = [
+        ShortAlgorithm(name=f"see_{number}", identifies=[f"v{number}"], needs=["one", "two"]) for number in range(300)
+    ]
 
     chart = flowchart(graph_of([plan(checked_spec(looks))]))
 

@@ -21,7 +21,7 @@ from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.tooling.report.dot import MAX_QUICK_NODES
 from codra_dsl.tooling.report.graphs import Graph, graph_of
 from codra_dsl.tooling.report.page import render_html
-from tests.language.check.checked_specs import Pi, checked_spec, variable
+from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, variable
 
 ROOT = Path(__file__).parents[3]
 FETCHING = {"src", "href", "xlink:href", "action", "srcset", "poster", "data", "formaction", "background"}
@@ -82,7 +82,7 @@ def lab() -> Graph:
 
 def small(label: str = "a", description: str = "") -> Graph:
     declared = [variable("a", label=label, description=description)]
-    return graph_of([plan(checked_spec([Pi(name="p", identifies=["a"])], variables=declared))])
+    return graph_of([plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"])], variables=declared))])
 
 
 def test_the_page_holds_the_graph_as_data(lab: Graph) -> None:
@@ -120,7 +120,7 @@ def test_the_page_has_a_drawing_of_every_node_and_edge(lab: Graph) -> None:
 
 
 def test_a_graph_that_is_slow_to_draw_is_laid_out_by_the_page() -> None:
-    many = [Pi(name=f"p{number}", identifies=[f"v{number}"]) for number in range(MAX_QUICK_NODES // 3 + 1)]
+    many = [ShortAlgorithm(name=f"p{number}", identifies=[f"v{number}"]) for number in range(MAX_QUICK_NODES // 3 + 1)]
 
     page = read(render_html(graph_of([plan(checked_spec(many))])))
 

@@ -39,13 +39,13 @@ class Role(StrEnum):
     ALWAYS = "always"
 
 
-OVER_KNOWLEDGE = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
+KNOWLEDGE_ROLES = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
 """The roles of conditions in patterns, which read context and all other knowledge."""
 
-OF_LOOPS = frozenset({Role.VALUE, Role.ALWAYS})
+LOOP_ROLES = frozenset({Role.VALUE, Role.ALWAYS})
 """The roles of conditions in adaptations."""
 
-OVER_CONTEXT = frozenset({Role.OBSERVABLE_WHEN, *OVER_KNOWLEDGE, *OF_LOOPS})
+CONTEXT_ROLES = frozenset({Role.OBSERVABLE_WHEN, *KNOWLEDGE_ROLES, *LOOP_ROLES})
 """The roles of conditions that read context."""
 
 
@@ -102,23 +102,23 @@ class Judgement:
 
 def sites(spec: Spec) -> Iterator[Site]:
     """Yield every condition of a spec that could be read."""
-    surveyor = _Surveyor()
+    site_finder = _SiteFinder()
     sites_of_elements = (
-        *map(surveyor.of_algorithm, spec.perception),
-        *map(surveyor.of_skill, spec.skills),
-        *map(surveyor.of_agent, spec.agents),
-        *map(surveyor.of_adaptation, spec.adaptation),
+        *map(site_finder.sites_of_algorithm, spec.perception),
+        *map(site_finder.sites_of_skill, spec.skills),
+        *map(site_finder.sites_of_agent, spec.agents),
+        *map(site_finder.sites_of_adaptation, spec.adaptation),
     )
     return (site for sites in sites_of_elements for site in sites if site is not None)
 
 
-class _Surveyor:
+class _SiteFinder:
     """Finds the conditions of elements. Conditions with the same text share one tree, which is walked once."""
 
     def __init__(self) -> None:
         self._mentions: dict[int, tuple[tuple[Name, ...], tuple[Name, ...]]] = {}
 
-    def of_algorithm(self, algorithm: Algorithm) -> list[Site | None]:
+    def sites_of_algorithm(self, algorithm: Algorithm) -> list[Site | None]:
         """Return the conditions of an algorithm."""
         owner = ("perception", algorithm.name)
         algorithm_sites = [
@@ -133,7 +133,7 @@ class _Surveyor:
             ]
         return algorithm_sites
 
-    def of_skill(self, skill: Skill) -> list[Site | None]:
+    def sites_of_skill(self, skill: Skill) -> list[Site | None]:
         """Return the conditions of a skill."""
         return [
             self._site(Role.MONITOR, ("skills", skill.name), expectation.condition, expectation.variable.name)
@@ -141,7 +141,7 @@ class _Surveyor:
             if expectation.condition is not None
         ]
 
-    def of_agent(self, agent: Agent) -> list[Site | None]:
+    def sites_of_agent(self, agent: Agent) -> list[Site | None]:
         """Return the conditions among an agent's patterns."""
         owner, conduct = ("agents", agent.name), agent.conduct
         pattern_sites = [self._pattern(Role.WAKES, owner, pattern) for pattern in conduct.wakes]
@@ -150,7 +150,7 @@ class _Surveyor:
                 pattern_sites += [self._pattern(role, owner, pattern, rule.name) for pattern in patterns]
         return pattern_sites
 
-    def of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
+    def sites_of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
         """Return the expression for the value that an adaptation sets, or the conditions of its hard rules."""
         owner, does = ("adaptation", adaptation.name), adaptation.does
         if isinstance(does, Parameter):
@@ -202,22 +202,22 @@ def parts_of(entry: Identification) -> tuple[Condition, ...]:
     return (entry.by,)
 
 
-def judge(site: Site, tree: Node, seen: Types, wanted: Type | None) -> Judgement:
+def judge(site: Site, tree: Node, readable_types: Types, wanted: Type | None) -> Judgement:
     """Return the types of a condition, and the problems in it.
 
     Args:
         site: the condition.
         tree: its syntax tree.
-        seen: the types of the names that it can read.
+        readable_types: the types of the names that it can read.
         wanted: the type of the context-variable that gets the value of the condition, if there is one.
     """
     if isinstance(tree, Name) and site.result is Result.TRUTH:  # as most preconditions are
-        declared = seen.get(tree.name)
+        declared = readable_types.get(tree.name)
         if declared is None or declared.kind is Kind.BOOL:
             return Judgement(site, Typed(tree, declared), ())
-    known = site.role in OVER_CONTEXT
+    known = site.role in CONTEXT_ROLES
     if site.result is Result.TRUTH:
-        return Judgement(site, *infer_condition(tree, seen, known=known))
-    typed, problems = infer(tree, seen, known=known)
+        return Judgement(site, *infer_condition(tree, readable_types, known=known))
+    typed, problems = infer(tree, readable_types, known=known)
     misfits = () if problems or wanted is None else tuple(fit(typed, wanted, site.variable or ""))
     return Judgement(site, typed, problems + misfits)

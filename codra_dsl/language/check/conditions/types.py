@@ -34,7 +34,7 @@ from codra_dsl.language.units import ONE, UNITS, Unit, parse_unit
 NUMERIC = frozenset({Kind.INT, Kind.FLOAT})
 _MAX_EXPONENT = 9
 _MAX_FACTOR = Fraction(10) ** 60
-_NO_OTHERS = ("==", "!=")
+_EQUALITY_OPERATORS = ("==", "!=")
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,21 +166,21 @@ def fit(value: Typed, wanted: Type, name: str) -> Iterator[Problem]:
             message = f"'{unknown_members[0]}' of {to_text(value.node)} is not a value of '{name}'"
             yield Problem("unknown-member", value.node, message, help)
     elif wanted.numeric and given.numeric:
-        yield from _number_fits(value, given, wanted, name)
+        yield from _number_problems(value, given, wanted, name)
     elif wanted.kind != given.kind and (wanted.kind, given.kind) != (Kind.STR, Kind.ENUM):
         message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
         yield Problem("wrong-value-identified", value.node, message, _conversion_help(given, wanted))
 
 
-def _number_fits(value: Typed, given: Type, wanted: Type, name: str) -> Iterator[Problem]:
-    same = given.unit.dimension == wanted.unit.dimension
+def _number_problems(value: Typed, given: Type, wanted: Type, name: str) -> Iterator[Problem]:
+    has_same_dimension = given.unit.dimension == wanted.unit.dimension
     is_int = given.kind is Kind.INT and (given.zero or given.unit == wanted.unit)
-    if not same and given.unit.dimension == ONE.dimension and not given.zero:
+    if not has_same_dimension and given.unit.dimension == ONE.dimension and not given.zero:
         yield _missing_unit(value, f"'{name}'", wanted.unit)
-    elif not same and wanted.unit.dimension == ONE.dimension:
+    elif not has_same_dimension and wanted.unit.dimension == ONE.dimension:
         message = f"{to_text(value.node)} is in {given.unit}, but '{name}' has no unit"
         yield Problem("missing-unit", value.node, message, f"declare '{name}' with 'unit: {given.unit}'")
-    elif not same and not given.zero:
+    elif not has_same_dimension and not given.zero:
         message = f"{to_text(value.node)} is in {given.unit}, but '{name}' is in {wanted.unit}"
         yield Problem("mismatched-units", value.node, message, f"give a quantity in {wanted.unit}")
     elif wanted.kind is Kind.INT and not is_int:
@@ -218,11 +218,11 @@ class _Inference:
             self.check_members(value.parts[0], wanted, owner)
             self.check_members(value.parts[2], wanted, owner)
         elif isinstance(value.node, Text) and value.node.value not in wanted.values:
-            nearest = suggest(value.node.value, wanted.values)
+            nearest_member = suggest(value.node.value, wanted.values)
             member_texts = ", ".join(f'"{member}"' for member in wanted.values[:10])
-            help = f'did you mean "{nearest}"?' if nearest else f"members are {member_texts}"
+            help = f'did you mean "{nearest_member}"?' if nearest_member else f"members are {member_texts}"
             message = f'"{value.node.value}" is not a value of {owner}'
-            self.problems.append(Problem("unknown-member", value.node, message, help, nearest, wanted.values))
+            self.problems.append(Problem("unknown-member", value.node, message, help, nearest_member, wanted.values))
 
     def _report(self, rule: str, at: Typed, message: str, help: str) -> None:
         self.problems.append(Problem(rule, at.node, message, help))
@@ -251,12 +251,12 @@ class _Inference:
         if isinstance(typed.node, Text) and typed.node.value in self._types:
             help = "write the name without quotes"
         elif typed.type.fixed and isinstance(before, Compare):
-            compared, operator = to_text(before.first), before.rest[0][0]
-            help = f"repeat the left side: {compared} {operator} {to_text(typed.node)}"
+            compared_text, operator = to_text(before.first), before.rest[0][0]
+            help = f"repeat the left side: {compared_text} {operator} {to_text(typed.node)}"
         else:
             help = f"compare it, e.g. with {_comparisons(typed.type)}"
-        shown = to_text(typed.node)
-        self._report("not-a-condition", typed, f"{shown} is {typed.type}, not true or false", help)
+        node_text = to_text(typed.node)
+        self._report("not-a-condition", typed, f"{node_text} is {typed.type}, not true or false", help)
         return typed
 
     def _not(self, node: Not) -> Typed:
@@ -271,8 +271,10 @@ class _Inference:
         typed = self.infer(node)
         if typed.type is None or typed.type.numeric:
             return typed
-        shown = to_text(typed.node)
-        self._report("wrong-operand", typed, f"{shown} is {typed.type}, not a number", "calculate with numbers only")
+        node_text = to_text(typed.node)
+        self._report(
+            "wrong-operand", typed, f"{node_text} is {typed.type}, not a number", "calculate with numbers only"
+        )
         return replace(typed, type=None)
 
     def _negative(self, node: Negative) -> Typed:
@@ -284,7 +286,7 @@ class _Inference:
         if left.type is None or right.type is None:
             return Typed(node, None, (left, right))
         if node.operator in "+-":
-            return Typed(node, self._common((left, right)), (left, right))
+            return Typed(node, self._common_type((left, right)), (left, right))
         return Typed(node, self._product(node, left.type, right.type), (left, right))
 
     def _product(self, node: Arithmetic, left: Type, right: Type) -> Type | None:
@@ -298,23 +300,26 @@ class _Inference:
         is_int = node.operator == "*" and left.kind is right.kind is Kind.INT
         return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
 
-    def _common(self, values: tuple[Typed, ...]) -> Type | None:
+    def _common_type(self, values: tuple[Typed, ...]) -> Type | None:
         """Return the common type of values that are added, compared or chosen from; None if they do not match."""
         for left, right in pairwise(values):
-            if not self._go_together(left, right):
+            if not self._are_compatible(left, right):
                 return None
         types = [value.type for value in values if value.type is not None]
         if len(types) < len(values) or not types[0].numeric:
-            return self._joined(types) if len(types) == len(values) else None
-        types_with_unit = [type_ for type_ in types if not type_.zero] or types
-        leader = next((type_ for type_ in types_with_unit if not type_.fixed), types_with_unit[0])
-        is_int = all(type_.kind is Kind.INT and (type_.zero or type_.unit == leader.unit) for type_ in types)
+            return self._joined_type(types) if len(types) == len(values) else None
+        nonzero_types = [type_ for type_ in types if not type_.zero] or types
+        reference_type = next((type_ for type_ in nonzero_types if not type_.fixed), nonzero_types[0])
+        is_int = all(type_.kind is Kind.INT and (type_.zero or type_.unit == reference_type.unit) for type_ in types)
         fixed = all(type_.fixed for type_ in types)
         return Type(
-            Kind.INT if is_int else Kind.FLOAT, leader.unit, fixed=fixed, zero=all(type_.zero for type_ in types)
+            Kind.INT if is_int else Kind.FLOAT,
+            reference_type.unit,
+            fixed=fixed,
+            zero=all(type_.zero for type_ in types),
         )
 
-    def _joined(self, types: list[Type]) -> Type:
+    def _joined_type(self, types: list[Type]) -> Type:
         """Return the type of a choice between values that are not numbers."""
         fixed = all(type_.fixed for type_ in types)
         enums = [type_ for type_ in types if type_.kind is Kind.ENUM]
@@ -324,7 +329,7 @@ class _Inference:
             return Type(Kind.STR)
         return Type(Kind.ENUM, values=tuple(dict.fromkeys(member for enum in enums for member in enum.values)))
 
-    def _go_together(self, left: Typed, right: Typed) -> bool:
+    def _are_compatible(self, left: Typed, right: Typed) -> bool:
         """Return whether two values can be added or compared; report the reason if they cannot."""
         if left.type is None or right.type is None:
             return False
@@ -334,14 +339,14 @@ class _Inference:
             return problem is None
         texts = {Kind.STR, Kind.ENUM}
         if left.type.kind in texts and right.type.kind in texts:
-            return self._texts_go_together(left, right)
+            return self._are_texts_compatible(left, right)
         if left.type.kind is right.type.kind:
             return True
         message = f"{to_text(left.node)} is {left.type}, but {to_text(right.node)} is {right.type}"
         self._report("mismatched-types", right, message, _mismatch_help(left, right))
         return False
 
-    def _texts_go_together(self, left: Typed, right: Typed) -> bool:
+    def _are_texts_compatible(self, left: Typed, right: Typed) -> bool:
         before = len(self.problems)
         for value, other in ((left, right), (right, left)):
             if value.type and other.type and other.type.kind is Kind.ENUM and value.type.kind is Kind.STR:
@@ -364,17 +369,17 @@ class _Inference:
         An age must be one complete side of an ordering comparison. Then the runtime can compute the instant at which
         the result of the comparison changes.
         """
-        return self._known_or_age(node, _SECONDS) if is_age(node) and isinstance(node, Call) else self.infer(node)
+        return self._known_or_age_call(node, _SECONDS) if is_age(node) and isinstance(node, Call) else self.infer(node)
 
     def _check_link(self, operator: Comparison, left: Typed, right: Typed) -> None:
         ages = [side for side in (left, right) if is_age(side.node)]
         if len(ages) == 2:
             message, help = "two ages cannot be compared", "compare each age with a duration"
             self._report("misplaced-age", right, message, help)
-        elif ages and operator in _NO_OTHERS:
+        elif ages and operator in _EQUALITY_OPERATORS:
             message = f"an age cannot be compared with '{operator}', since it changes continuously"
             self._report("misplaced-age", ages[0], message, "compare it with '<' or '>='")
-        elif self._go_together(left, right) and operator not in _NO_OTHERS:
+        elif self._are_compatible(left, right) and operator not in _EQUALITY_OPERATORS:
             self._check_order(operator, left)
 
     def _check_order(self, operator: Comparison, left: Typed) -> None:
@@ -386,26 +391,26 @@ class _Inference:
         left = self.infer(node.item)
         options = tuple(self.infer(option) for option in node.options)
         for option in options:
-            self._go_together(left, option)
+            self._are_compatible(left, option)
         return Typed(node, BOOL, (left, *options))
 
     def _choice(self, node: Choice) -> Typed:
         then, condition, otherwise = self.infer(node.then), self.condition(node.condition), self.infer(node.otherwise)
-        return Typed(node, self._common((then, otherwise)), (then, condition, otherwise))
+        return Typed(node, self._common_type((then, otherwise)), (then, condition, otherwise))
 
     def _call(self, node: Call) -> Typed:
         if node.function == "known":
-            return self._known_or_age(node, BOOL)
+            return self._known_or_age_call(node, BOOL)
         if node.function == "age":
-            typed = self._known_or_age(node, None)
+            typed = self._known_or_age_call(node, None)
             if self._known:
                 message, help = "an age must be one complete side of a comparison", "write age(x) < 10 s"
                 self._report("misplaced-age", typed, message, help)
             return typed
         arguments = tuple(self._quantity(argument) for argument in node.arguments)
-        return Typed(node, self._common(arguments), arguments)
+        return Typed(node, self._common_type(arguments), arguments)
 
-    def _known_or_age(self, node: Call, result: Type | None) -> Typed:
+    def _known_or_age_call(self, node: Call, result: Type | None) -> Typed:
         """Return a call of `known` or `age`, which are only allowed in conditions over context."""
         if not self._known:
             message = f"{node.function}() is about context-variables, which cannot be read here"
@@ -431,12 +436,12 @@ def _unit_problem(left: Typed, right: Typed) -> Problem | None:
 
 
 def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
-    shown = to_text(bare.node)
+    node_text = to_text(bare.node)
     if bare.type is not None and bare.type.fixed:
-        help = f"did you mean '{shown} {unit}'?"
+        help = f"did you mean '{node_text} {unit}'?"
     else:
         help = "state its unit where it is declared"
-    return Problem("missing-unit", bare.node, f"{shown} has no unit, but {other} is in {unit}", help)
+    return Problem("missing-unit", bare.node, f"{node_text} has no unit, but {other} is in {unit}", help)
 
 
 def _mismatch_help(left: Typed, right: Typed) -> str:

@@ -13,8 +13,14 @@ from itertools import combinations, pairwise
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import OBSERVER, Silenced, SpecIndex
-from codra_dsl.language.check.solver.contradictions import Stated, contradiction, never_true, related_to, stated
+from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
+from codra_dsl.language.check.solver.contradictions import (
+    StatedCondition,
+    contradiction,
+    never_true_message,
+    related_places,
+    state_condition,
+)
 from codra_dsl.language.check.solver.satisfiable import can_hold, known
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
@@ -27,61 +33,67 @@ MAX_WAITING = 5
 """The maximum number of waiting algorithms in a finding about an algorithm that never runs."""
 
 
-def cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No variable must be known before it can become known; one finding per cause."""
-    if scope.lost("perception", "identifies"):
+    if spec_index.lost("perception", "identifies"):
         return
-    search = _Search(scope, faults)
-    search.run(scope.algorithms)
+    search = _Search(spec_index, faults)
+    search.run(spec_index.algorithms)
     while search.blocked:
         never_running_names = [name for name in search.blocked if not search.could_run(name)]
         if never_running_names:
-            yield from (_never_runs(scope, search, name) for name in never_running_names)
+            yield from (_never_runs_finding(spec_index, search, name) for name in never_running_names)
             search.let_run(never_running_names)
             continue
         waits = search.waits()
-        for component in _innermost(waits):
-            yield _cycle(scope, search, graph.shortest_cycle({name: waits[name] for name in component}))
+        for component in _innermost_components(waits):
+            yield _cycle(spec_index, search, graph.shortest_cycle({name: waits[name] for name in component}))
             search.reach(component)
 
 
-def feedback(scope: SpecIndex) -> Mapping[str, tuple[str, ...]]:
+def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
     """Return, for each algorithm on a cycle of needs, the variables that it reads without waiting for them."""
     needs = {
-        name: [need for producer in producers for need in scope.needs[producer]]
-        for name, producers in scope.producers.items()
+        name: [need for producer in producers for need in spec_index.needs[producer]]
+        for name, producers in spec_index.producers.items()
     }
-    components = graph.strong_components(_without_ends(needs))
-    component_of = {name: index for index, component in enumerate(components) for name in component}
-    feedback_names: dict[str, tuple[str, ...]] = {}
-    for algorithm in scope.algorithms.values() if components else ():
-        own_components = {component_of.get(entry.variable.name) for entry in algorithm.identifies} - {None}
-        cycle_needs = [need for need in scope.needs[algorithm.name] if component_of.get(need) in own_components]
-        feedback_names[algorithm.name] = tuple(
-            sorted(need for need in cycle_needs if _runs_without(scope, algorithm, need))
+    components = graph.strong_components(_drop_acyclic_names(needs))
+    component_index_by_name = {name: index for index, component in enumerate(components) for name in component}
+    feedback_by_algorithm: dict[str, tuple[str, ...]] = {}
+    for algorithm in spec_index.algorithms.values() if components else ():
+        own_component_indices = {component_index_by_name.get(entry.variable.name) for entry in algorithm.identifies} - {
+            None
+        }
+        cycle_needs = [
+            need
+            for need in spec_index.needs[algorithm.name]
+            if component_index_by_name.get(need) in own_component_indices
+        ]
+        feedback_by_algorithm[algorithm.name] = tuple(
+            sorted(need for need in cycle_needs if _runs_without(spec_index, algorithm, need))
         )
-    return feedback_names
+    return feedback_by_algorithm
 
 
-def _without_ends(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
+def _drop_acyclic_names(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
     """Return a graph without the names that are on no cycle, since they need no name that remains in the graph."""
-    open_needs = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
+    open_need_counts = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
     users: dict[str, list[str]] = {}
     for name, wanted in needs.items():
         for need in wanted:
             users.setdefault(need, []).append(name)
-    ends = [name for name, count in open_needs.items() if count == 0]
+    ends = [name for name, count in open_need_counts.items() if count == 0]
     while ends:
         end = ends.pop()
-        del open_needs[end]
+        del open_need_counts[end]
         for user in users.get(end, ()):
-            open_needs[user] -= 1
-            if open_needs[user] == 0:
+            open_need_counts[user] -= 1
+            if open_need_counts[user] == 0:
                 ends.append(user)
-    return {name: needs[name] for name in open_needs}
+    return {name: needs[name] for name in open_need_counts}
 
 
-GRAPH = (cycles,)
+CYCLE_CHECKS = (cycles,)
 """The rules of this phase."""
 
 
@@ -99,21 +111,21 @@ class _Requirement:
         return condition_names if self.given is None else condition_names | {self.given}
 
 
-def _requirements(scope: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
+def _requirements(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
     """Yield the requirements of an algorithm. Each part of an `and` is a separate requirement.
 
     Conditions with a reported problem are left out.
     """
-    for _, tree in _sound_conditions(scope, algorithm):
+    for _, tree in _sound_conditions(spec_index, algorithm):
         parts = tree.operands if isinstance(tree, And) else (tree,)
         yield from (_Requirement((part,)) for part in parts)
     for reference in algorithm.given:
         yield _Requirement((), reference.name)
 
 
-def _sound_conditions(scope: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[Condition, Node]]:
+def _sound_conditions(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[Condition, Node]]:
     for condition in algorithm.observable_when:
-        judgement = scope.judgement(condition)
+        judgement = spec_index.judgement(condition)
         if judgement is not None and not judgement.problems:
             yield condition, spelt_out(judgement.typed.node)
 
@@ -121,37 +133,37 @@ def _sound_conditions(scope: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[
 class _Search:
     """The growing fixed point: the variables that are reached, and the algorithms that are still blocked."""
 
-    def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
-        self._scope = scope
+    def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
+        self._spec_index = spec_index
         self._faults = faults
-        self._reached = {name for name in scope.variables if self._from_elsewhere(name)}
+        self._reached = {name for name in spec_index.variables if self._has_other_source(name)}
         self._readers: dict[str, list[str]] = {}
-        for name, needs in scope.needs.items():
+        for name, needs in spec_index.needs.items():
             for need in needs:
                 self._readers.setdefault(need, []).append(name)
         self.blocked: dict[str, Algorithm] = {}
 
-    def _from_elsewhere(self, name: str) -> bool:
+    def _has_other_source(self, name: str) -> bool:
         """Return whether a variable may have writers other than its algorithms, or this cannot be decided."""
-        others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
-        sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
-        return others or name not in self._scope.producers or not sound
+        others = any(source.name != OBSERVER for source in self._spec_index.variables[name].sources)
+        sound = self._faults.is_sound("context", name) and self._spec_index.is_readable("context", name, "source")
+        return others or name not in self._spec_index.producers or not sound
 
     def run(self, names: Iterable[str]) -> None:
         """Judge algorithms. Then judge the readers of newly reached variables again, until nothing changes."""
         waiting = list(names)[::-1]
         while waiting:
             name = waiting.pop()
-            algorithm = self._scope.algorithms[name]
+            algorithm = self._spec_index.algorithms[name]
             if self._can_run(algorithm):
                 self.blocked.pop(name, None)
-                waiting.extend(self._newly_possible(entry.variable.name for entry in algorithm.identifies))
+                waiting.extend(self._reach_variables(entry.variable.name for entry in algorithm.identifies))
             else:
                 self.blocked[name] = algorithm
 
     def reach(self, names: Iterable[str]) -> None:
         """Mark variables as reached, so that the search continues after a reported cycle."""
-        self.run(self._newly_possible(names))
+        self.run(self._reach_variables(names))
 
     def let_run(self, names: Iterable[str]) -> None:
         """Mark algorithms as running, so that the search continues after a reported problem."""
@@ -161,7 +173,7 @@ class _Search:
 
     def could_run(self, name: str) -> bool:
         """Return whether an algorithm could run if all variables were reached."""
-        return _holds(self._scope, tuple(_requirements(self._scope, self.blocked[name])), frozenset())
+        return _holds(self._spec_index, tuple(_requirements(self._spec_index, self.blocked[name])), frozenset())
 
     def waits(self) -> Mapping[str, tuple[str, ...]]:
         """Return, for each variable that is not reached, the variables that it waits for."""
@@ -175,35 +187,35 @@ class _Search:
 
     def blocking(self, algorithm: Algorithm) -> tuple[str, ...]:
         """Return the variables that keep an algorithm from running: if some of them were reached, it could run."""
-        requirements = tuple(_requirements(self._scope, algorithm))
-        unknown = self._unknown(algorithm)
-        failing = [requirement for requirement in requirements if not _holds(self._scope, (requirement,), unknown)]
+        requirements = tuple(_requirements(self._spec_index, algorithm))
+        unknown = self._unknown_names(algorithm)
+        failing = [requirement for requirement in requirements if not _holds(self._spec_index, (requirement,), unknown)]
         groups: list[tuple[_Requirement, ...]] = [(requirement,) for requirement in failing] or [requirements]
-        return tuple(dict.fromkeys(name for group in groups for name in self._relevant(group, unknown)))
+        return tuple(dict.fromkeys(name for group in groups for name in self._relevant_names(group, unknown)))
 
-    def _relevant(self, group: Sequence[_Requirement], unknown: frozenset[str]) -> list[str]:
+    def _relevant_names(self, group: Sequence[_Requirement], unknown: frozenset[str]) -> list[str]:
         names = sorted(unknown & frozenset().union(*(requirement.names for requirement in group)))
         if len(names) > MAX_COMBINED:
             return names
         others = unknown - frozenset(names)
         holds = {
-            frozenset(reached): _holds(self._scope, group, others | (frozenset(names) - frozenset(reached)))
+            frozenset(reached): _holds(self._spec_index, group, others | (frozenset(names) - frozenset(reached)))
             for size in range(len(names) + 1)
             for reached in combinations(names, size)
         }
         return [name for name in names if any(not held and holds[without | {name}] for without, held in holds.items())]
 
     def _can_run(self, algorithm: Algorithm) -> bool:
-        unknown = self._unknown(algorithm)
+        unknown = self._unknown_names(algorithm)
         if not unknown and all(type(condition.tree) is Name for condition in algorithm.observable_when):
             return True  # the common case: all needed variables are reached
-        return _holds(self._scope, tuple(_requirements(self._scope, algorithm)), unknown)
+        return _holds(self._spec_index, tuple(_requirements(self._spec_index, algorithm)), unknown)
 
-    def _unknown(self, algorithm: Algorithm) -> frozenset[str]:
-        needs, declared = self._scope.needs[algorithm.name], self._scope.variables
+    def _unknown_names(self, algorithm: Algorithm) -> frozenset[str]:
+        needs, declared = self._spec_index.needs[algorithm.name], self._spec_index.variables
         return frozenset(name for name in needs if name not in self._reached and name in declared)
 
-    def _newly_possible(self, names: Iterable[str]) -> list[str]:
+    def _reach_variables(self, names: Iterable[str]) -> list[str]:
         """Mark variables as reached, and return the blocked algorithms that read a newly reached variable."""
         new = [name for name in names if name not in self._reached]
         self._reached.update(new)
@@ -211,26 +223,28 @@ class _Search:
         return [reader for reader in readers if reader in self.blocked]
 
 
-def _holds(scope: SpecIndex, requirements: Sequence[_Requirement], unknown: frozenset[str]) -> bool:
+def _holds(spec_index: SpecIndex, requirements: Sequence[_Requirement], unknown: frozenset[str]) -> bool:
     if any(requirement.given in unknown for requirement in requirements):
         return False
     conditions = [condition for requirement in requirements for condition in requirement.conditions]
-    names_read = {name for requirement in requirements if requirement.given is None for name in requirement.names}
+    read_names = {name for requirement in requirements if requirement.given is None for name in requirement.names}
     conditions += [
         known(requirement.given)
         for requirement in requirements
-        if requirement.given is not None and requirement.given in names_read
+        if requirement.given is not None and requirement.given in read_names
     ]
     return can_hold(
-        conditions, unknown & {name for requirement in requirements for name in requirement.names}, scope.context_types
+        conditions,
+        unknown & {name for requirement in requirements for name in requirement.names},
+        spec_index.context_types,
     )
 
 
-def _runs_without(scope: SpecIndex, algorithm: Algorithm, name: str) -> bool:
-    return _holds(scope, tuple(_requirements(scope, algorithm)), frozenset({name}))
+def _runs_without(spec_index: SpecIndex, algorithm: Algorithm, name: str) -> bool:
+    return _holds(spec_index, tuple(_requirements(spec_index, algorithm)), frozenset({name}))
 
 
-def _innermost(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+def _innermost_components(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
     """Yield the sets of variables that wait for each other and for no other unreached variable."""
     for component in graph.strong_components(waits):
         members = frozenset(component)
@@ -238,13 +252,13 @@ def _innermost(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]
             yield component
 
 
-def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
-    edges = [_edge(scope, search, name, need) for name, need in pairwise((*path, path[0]))]
+def _cycle(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
+    edges = [_cycle_edge(spec_index, search, name, need) for name, need in pairwise((*path, path[0]))]
     cycle_text = " -> ".join((*path, path[0]))
     if len(path) == 1:
         message = f"context-variable '{path[0]}' waits for itself: {cycle_text}"
-        example = f"not known({path[0]}) or age({path[0]}) > 10 s"
-        help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example}'"
+        example_condition = f"not known({path[0]}) or age({path[0]}) > 10 s"
+        help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example_condition}'"
     else:
         message = f"context-variables wait for each other: {cycle_text}"
         help = "identify one of them without the others, or name another writer of it under 'source'"
@@ -258,9 +272,9 @@ def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnost
     )
 
 
-def _edge(scope: SpecIndex, search: _Search, name: str, need: str) -> Related:
+def _cycle_edge(spec_index: SpecIndex, search: _Search, name: str, need: str) -> Related:
     """Return the reason why a variable waits for another one, with the place of the cause."""
-    algorithms = [scope.algorithms[producer] for producer in scope.producers[name]]
+    algorithms = [spec_index.algorithms[producer] for producer in spec_index.producers[name]]
     algorithm = next(producer for producer in algorithms if need in search.blocking(producer))
     place, reason = _place_of_need(algorithm, need)
     return Related(f"'{name}' needs '{need}': algorithm '{algorithm.name}' {reason}", place)
@@ -276,39 +290,40 @@ def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
     return given.place, "gets its value with 'given'"
 
 
-def _never_runs(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
-    algorithm = scope.algorithms[name]
-    conditions = [stated(condition, tree) for condition, tree in _sound_conditions(scope, algorithm)]
-    given_values = [
-        Stated(known(reference.name), f"given: {reference.name}", reference.place) for reference in algorithm.given
+def _never_runs_finding(spec_index: SpecIndex, search: _Search, name: str) -> Diagnostic:
+    algorithm = spec_index.algorithms[name]
+    conditions = [state_condition(condition, tree) for condition, tree in _sound_conditions(spec_index, algorithm)]
+    given_conditions = [
+        StatedCondition(known(reference.name), f"given: {reference.name}", reference.place)
+        for reference in algorithm.given
     ]
-    core = contradiction((*given_values, *conditions), scope.context_types)
+    core = contradiction((*given_conditions, *conditions), spec_index.context_types)
     variables = [
-        scope.variables[name.name]
+        spec_index.variables[name.name]
         for condition in core
         for name in names_in(condition.tree)
-        if name.name in scope.variables
+        if name.name in spec_index.variables
     ]
     return finding(
         "never-runs",
-        f"algorithm '{name}' can never run: {never_true(core)}",
+        f"algorithm '{name}' can never run: {never_true_message(core)}",
         core[-1].place,
         path=f"perception.{name}.observable_when",
         help="change the condition, or remove the algorithm",
         related=(
-            *related_to(core, scope.context_types, dict.fromkeys(variables)),
-            *_waiting_for(scope, search, algorithm),
+            *related_places(core, spec_index.context_types, dict.fromkeys(variables)),
+            *_waiting_algorithms(spec_index, search, algorithm),
         ),
     )
 
 
-def _waiting_for(scope: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
+def _waiting_algorithms(spec_index: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
     """Yield the algorithms that wait for a variable of an algorithm that never runs."""
     identified = {entry.variable.name for entry in algorithm.identifies}
     others = [
         other
         for other in search.blocked.values()
-        if other is not algorithm and identified & set(scope.needs[other.name])
+        if other is not algorithm and identified & set(spec_index.needs[other.name])
     ]
     for other in others[:MAX_WAITING]:
         need = next((need for need in search.blocking(other) if need in identified), None)

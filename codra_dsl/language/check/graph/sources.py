@@ -5,34 +5,36 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Group, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, Group, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import Algorithm, ObserverSetting, Reference
 
 
-def unidentified_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable is identified by an algorithm or names another writer under `source`."""
-    if scope.lost("perception", "identifies"):
+    if spec_index.lost("perception", "identifies"):
         return
     unidentified_names = [
-        name for name, variable in scope.variables.items() if name not in scope.producers and not variable.sources
+        name
+        for name, variable in spec_index.variables.items()
+        if name not in spec_index.producers and not variable.sources
     ]
-    undeclared_names = [name for name in scope.producers if not scope.declares("context", name)]
-    for variable in scope.variables.values():
+    undeclared_names = [name for name in spec_index.producers if not spec_index.declares("context", name)]
+    for variable in spec_index.variables.values():
         name = variable.name
         # an undeclared name that an algorithm identifies may be meant as this variable
         if name in unidentified_names and len(unidentified_names) <= len(undeclared_names):
             continue
         observer_sources = [source for source in variable.sources if source.name == OBSERVER]
-        other_count = len(variable.sources) - len(observer_sources)
+        other_source_count = len(variable.sources) - len(observer_sources)
         if (
-            name in scope.producers
-            or name in faults.suggested
-            or not (faults.sound("context", name) and scope.readable("context", name, "source"))
-            or (other_count and not observer_sources)
+            name in spec_index.producers
+            or name in faults.suggested_variables
+            or not (faults.is_sound("context", name) and spec_index.is_readable("context", name, "source"))
+            or (other_source_count and not observer_sources)
         ):
             continue
-        if other_count:
+        if other_source_count:
             message = f"context-variable '{name}' has the source 'observer', but no algorithm identifies it"
             place, help = observer_sources[0].place, "remove 'observer', or add an algorithm that identifies it"
         else:
@@ -44,16 +46,16 @@ def unidentified_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagn
         yield finding("unidentified-variable", message, place, path=f"context.{name}", help=help)
 
 
-def observer_is_no_source(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def observer_is_no_source(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A variable that an algorithm identifies has `observer` among its sources."""
-    for name, producers in scope.producers.items():
-        variable = scope.variables.get(name)
-        if variable is None or not variable.sources or not faults.sound("context", name):
+    for name, producers in spec_index.producers.items():
+        variable = spec_index.variables.get(name)
+        if variable is None or not variable.sources or not faults.is_sound("context", name):
             continue
-        if not scope.readable("context", name, "source"):
+        if not spec_index.is_readable("context", name, "source"):
             continue
         if OBSERVER not in (source.name for source in variable.sources):
-            algorithm = scope.algorithms[producers[0]]
+            algorithm = spec_index.algorithms[producers[0]]
             sources = " and ".join(f"'{source.name}'" for source in variable.sources)
             message = (
                 f"context-variable '{name}' comes only from {sources}, but algorithm '{algorithm.name}' identifies it"
@@ -64,60 +66,72 @@ def observer_is_no_source(scope: SpecIndex, faults: Silenced) -> Iterator[Diagno
                 variable.places.get("source", variable.place),
                 path=f"context.{name}.source",
                 help="add 'observer' to 'source'",
-                related=(Related("identified here", _identified(algorithm, name).place),),
+                related=(Related("identified here", _identifying_reference(algorithm, name).place),),
             )
 
 
-def same_rank(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def same_rank(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Alternatives have different ranks, which define the order in which they are tried."""
-    for group in scope.groups:
+    for group in spec_index.groups:
         for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
             tied_algorithms = sorted(
                 (algorithm for algorithm in group.algorithms if algorithm.rank == rank),
                 key=lambda algorithm: algorithm.place.span,
             )
-            if len(tied_algorithms) > 1 and _declared(scope, group) and _readable(scope, tied_algorithms, "rank"):
-                yield _tie(group, tied_algorithms, rank)
+            if (
+                len(tied_algorithms) > 1
+                and _all_declared(spec_index, group)
+                and _are_readable(spec_index, tied_algorithms, "rank")
+            ):
+                yield _same_rank_finding(group, tied_algorithms, rank)
 
 
-def incomplete_first_alternative(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def incomplete_first_alternative(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The first of several alternatives identifies every variable of their tree."""
-    for group in scope.groups:
-        is_sound = _declared(scope, group) and _readable(scope, group.algorithms, "rank", "identifies")
-        if group.beyond_first and group.settled and is_sound:
-            first, missing = group.algorithms[0], group.beyond_first[0]
-            other = next(algorithm for algorithm in group.algorithms if _has(algorithm, missing))
+    for group in spec_index.groups:
+        is_sound = _all_declared(spec_index, group) and _are_readable(
+            spec_index, group.algorithms, "rank", "identifies"
+        )
+        if group.variables_beyond_first and group.has_distinct_ranks and is_sound:
+            first, missing = group.algorithms[0], group.variables_beyond_first[0]
+            other = next(algorithm for algorithm in group.algorithms if _identifies(algorithm, missing))
             yield finding(
                 "incomplete-first-alternative",
                 f"algorithm '{first.name}' is the first of its alternatives, but does not identify '{missing}'",
                 first.places.get("identifies", first.place),
                 path=f"perception.{first.name}.identifies",
                 help=f"identify '{missing}' here too, or in an algorithm that shares no variable with this one",
-                related=(Related(f"algorithm '{other.name}' identifies it", _identified(other, missing).place),),
+                related=(
+                    Related(f"algorithm '{other.name}' identifies it", _identifying_reference(other, missing).place),
+                ),
             )
 
 
-def observers_without_algorithm(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def observers_without_algorithm(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The entries under `observers` contain only variables that an algorithm identifies."""
-    if scope.lost("perception", "identifies"):
+    if spec_index.lost("perception", "identifies"):
         return
-    for setting in scope.spec.observers:
+    for setting in spec_index.spec.observers:
         for reference in setting.identifies:
-            variable = scope.variables.get(reference.name)
-            if variable is None or reference.name in scope.producers or reference.name in faults.suggested:
+            variable = spec_index.variables.get(reference.name)
+            if (
+                variable is None
+                or reference.name in spec_index.producers
+                or reference.name in faults.suggested_variables
+            ):
                 continue
             if any(source.name != OBSERVER for source in variable.sources):
                 message = f"'{reference.name}' in observer '{setting.name}' has no algorithm that identifies it"
-                path, help = _path(setting), "remove it: observers use only algorithms"
+                path, help = _identifies_path(setting), "remove it: observers use only algorithms"
                 yield finding("observer-without-algorithm", message, reference.place, path=path, help=help)
 
 
-def variables_in_two_observers(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def variables_in_two_observers(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Each variable is in at most one observer, since a tree has one name, period and priority."""
-    for setting in scope.spec.observers:
+    for setting in spec_index.spec.observers:
         reported: set[str] = set()
         for reference in setting.identifies:
-            owner, first = scope.claims[reference.name]
+            owner, first = spec_index.claims[reference.name]
             if owner.name != setting.name and owner.name not in reported:
                 reported.add(owner.name)
                 message = f"'{reference.name}' in observer '{setting.name}' is also in observer '{owner.name}'"
@@ -127,50 +141,52 @@ def variables_in_two_observers(scope: SpecIndex, _: Silenced) -> Iterator[Diagno
                     "variable-in-two-observers",
                     message,
                     reference.place,
-                    path=_path(setting),
+                    path=_identifies_path(setting),
                     help=help,
                     related=related,
                 )
 
 
-def observers_that_mix(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def observers_that_mix(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Trees of different algorithms are joined only if they have the same set of conditions."""
-    for setting in scope.spec.observers:
-        groups = _groups(scope, setting)
-        incompatible_groups = (group for group in groups[1:] if not _joinable(groups[0], group))
+    for setting in spec_index.spec.observers:
+        groups = _groups_of_observer(spec_index, setting)
+        incompatible_groups = (group for group in groups[1:] if not _can_join(groups[0], group))
         incompatible_group = next(incompatible_groups, None)
-        if incompatible_group is not None and _in_order(scope, faults, setting, groups):
-            yield _mixed(setting, groups[0], incompatible_group)
+        if incompatible_group is not None and _is_sound_observer(spec_index, faults, setting, groups):
+            yield _mixed_trees_finding(setting, groups[0], incompatible_group)
 
 
-def observers_that_split(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def observers_that_split(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The entry of an observer contains all variables of its tree."""
-    for setting in scope.spec.observers:
-        groups = _groups(scope, setting)
-        if not _in_order(scope, faults, setting, groups) or any(
-            not _joinable(groups[0], group) for group in groups[1:]
+    for setting in spec_index.spec.observers:
+        groups = _groups_of_observer(spec_index, setting)
+        if not _is_sound_observer(spec_index, faults, setting, groups) or any(
+            not _can_join(groups[0], group) for group in groups[1:]
         ):
             continue
-        observer_names = {reference.name for reference in setting.identifies}
+        observer_variable_names = {reference.name for reference in setting.identifies}
         for group in groups:
-            missing_names = [name for name in group.variables if name not in observer_names and name in scope.variables]
-            other_claims = [scope.claims[name][0] for name in missing_names if name in scope.claims]
-            is_claimed_later = any(other.place.span > setting.place.span for other in other_claims)
+            missing_names = [
+                name for name in group.variables if name not in observer_variable_names and name in spec_index.variables
+            ]
+            claiming_settings = [spec_index.claims[name][0] for name in missing_names if name in spec_index.claims]
+            is_claimed_later = any(other.place.span > setting.place.span for other in claiming_settings)
             if missing_names and not is_claimed_later:
-                yield _split(scope, setting, group, missing_names[0])
+                yield _split_tree_finding(spec_index, setting, group, missing_names[0])
 
 
-def observer_names_taken(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def observer_names_taken(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No observer has the name that another tree gets from its first algorithm."""
-    if scope.lost("observers", "identifies"):
+    if spec_index.lost("observers", "identifies"):
         return
-    first_of_unnamed_trees = {
+    first_algorithms_of_unnamed_trees = {
         group.algorithms[0].name.casefold(): group.algorithms[0]
-        for group in scope.groups
-        if not any(name in scope.claims for name in group.variables)
+        for group in spec_index.groups
+        if not any(name in spec_index.claims for name in group.variables)
     }
-    for setting in scope.spec.observers:
-        other = first_of_unnamed_trees.get(setting.name.casefold())
+    for setting in spec_index.spec.observers:
+        other = first_algorithms_of_unnamed_trees.get(setting.name.casefold())
         if other is not None:
             message = f"observer '{setting.name}' has the name of the tree of algorithm '{other.name}'"
             yield finding(
@@ -183,7 +199,7 @@ def observer_names_taken(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             )
 
 
-SOURCES = (
+SOURCE_CHECKS = (
     unidentified_variables,
     observer_is_no_source,
     same_rank,
@@ -197,10 +213,10 @@ SOURCES = (
 """The rules of this phase."""
 
 
-def _tie(group: Group, tied_algorithms: list[Algorithm], rank: int) -> Diagnostic:
+def _same_rank_finding(group: Group, tied_algorithms: list[Algorithm], rank: int) -> Diagnostic:
     first, second, *rest = tied_algorithms
     names_text = " and ".join(f"'{algorithm.name}'" for algorithm in tied_algorithms)
-    shared = max(group.variables, key=lambda name: sum(_has(algorithm, name) for algorithm in tied_algorithms))
+    shared = max(group.variables, key=lambda name: sum(_identifies(algorithm, name) for algorithm in tied_algorithms))
     return finding(
         "same-rank",
         f"algorithms {names_text} are alternatives for '{shared}' and share rank {rank}",
@@ -214,85 +230,93 @@ def _tie(group: Group, tied_algorithms: list[Algorithm], rank: int) -> Diagnosti
     )
 
 
-def _mixed(setting: ObserverSetting, first: Group, other: Group) -> Diagnostic:
+def _mixed_trees_finding(setting: ObserverSetting, first: Group, other: Group) -> Diagnostic:
     one, two = first.algorithms[0], other.algorithms[0]
-    several = next((group.algorithms[0] for group in (first, other) if len(group.algorithms) > 1), None)
-    reason = "whose conditions differ" if several is None else f"and '{several.name}' has an alternative"
+    algorithm_with_alternative = next(
+        (group.algorithms[0] for group in (first, other) if len(group.algorithms) > 1), None
+    )
+    reason = (
+        "whose conditions differ"
+        if algorithm_with_alternative is None
+        else f"and '{algorithm_with_alternative.name}' has an alternative"
+    )
     return finding(
         "observer-mixes-trees",
         f"observer '{setting.name}' joins algorithms '{one.name}' and '{two.name}', {reason}",
         setting.places.get("identifies", setting.place),
-        path=_path(setting),
+        path=_identifies_path(setting),
         help="declare a separate observer for each, or give both the same 'observable_when' and 'given'",
         related=tuple(Related(f"algorithm '{algorithm.name}'", algorithm.place) for algorithm in (one, two)),
     )
 
 
-def _split(scope: SpecIndex, setting: ObserverSetting, group: Group, missing: str) -> Diagnostic:
-    algorithm = next(candidate for candidate in group.algorithms if _has(candidate, missing))
-    owner = scope.claims[missing][0].name if missing in scope.claims else None
-    where = "" if owner is None else f"; it is in observer '{owner}'"
+def _split_tree_finding(spec_index: SpecIndex, setting: ObserverSetting, group: Group, missing: str) -> Diagnostic:
+    algorithm = next(candidate for candidate in group.algorithms if _identifies(candidate, missing))
+    owner = spec_index.claims[missing][0].name if missing in spec_index.claims else None
+    where_text = "" if owner is None else f"; it is in observer '{owner}'"
     message = f"observer '{setting.name}' leaves out '{missing}', which algorithm '{algorithm.name}' identifies as well"
     return finding(
         "observer-splits-tree",
-        message + where,
+        message + where_text,
         setting.places.get("identifies", setting.place),
-        path=_path(setting),
+        path=_identifies_path(setting),
         help=f"add '{missing}': an observer contains all variables of its tree",
-        related=(Related("identified here", _identified(algorithm, missing).place),),
+        related=(Related("identified here", _identifying_reference(algorithm, missing).place),),
     )
 
 
-def _path(setting: ObserverSetting) -> str:
+def _identifies_path(setting: ObserverSetting) -> str:
     return f"observers.{setting.name}.identifies"
 
 
-def _has(algorithm: Algorithm, name: str) -> bool:
+def _identifies(algorithm: Algorithm, name: str) -> bool:
     return any(entry.variable.name == name for entry in algorithm.identifies)
 
 
-def _identified(algorithm: Algorithm, name: str) -> Reference:
+def _identifying_reference(algorithm: Algorithm, name: str) -> Reference:
     return next(entry.variable for entry in algorithm.identifies if entry.variable.name == name)
 
 
-def _groups(scope: SpecIndex, setting: ObserverSetting) -> tuple[Group, ...]:
+def _groups_of_observer(spec_index: SpecIndex, setting: ObserverSetting) -> tuple[Group, ...]:
     """Return the groups whose variables an observer contains, in the order of these variables."""
-    groups = (scope.group_of.get(reference.name) for reference in setting.identifies)
+    groups = (spec_index.group_of.get(reference.name) for reference in setting.identifies)
     return tuple(dict.fromkeys(group for group in groups if group is not None))
 
 
-def _declared(scope: SpecIndex, group: Group) -> bool:
+def _all_declared(spec_index: SpecIndex, group: Group) -> bool:
     """Return whether all variables of a group are declared; if not, the group may not be the intended one."""
-    return all(scope.declares("context", name) for name in group.variables)
+    return all(spec_index.declares("context", name) for name in group.variables)
 
 
-def _in_order(scope: SpecIndex, faults: Silenced, setting: ObserverSetting, groups: Iterable[Group]) -> bool:
+def _is_sound_observer(
+    spec_index: SpecIndex, faults: FaultyElements, setting: ObserverSetting, groups: Iterable[Group]
+) -> bool:
     """Return whether there is no finding about an observer and the algorithms of its trees."""
-    shared = any(scope.claims[reference.name][0].name != setting.name for reference in setting.identifies)
-    readable = scope.readable("observers", setting.name, "identifies")
-    if shared or not readable or not faults.sound("observers", setting.name):
+    shared = any(spec_index.claims[reference.name][0].name != setting.name for reference in setting.identifies)
+    is_readable = spec_index.is_readable("observers", setting.name, "identifies")
+    if shared or not is_readable or not faults.is_sound("observers", setting.name):
         return False
     return all(
-        _declared(scope, group)
-        and _readable(scope, group.algorithms, *NEED_KEYS, "identifies", "rank")
-        and group.settled
-        and not group.beyond_first
-        and all(faults.sound("perception", algorithm.name) for algorithm in group.algorithms)
+        _all_declared(spec_index, group)
+        and _are_readable(spec_index, group.algorithms, *NEED_KEYS, "identifies", "rank")
+        and group.has_distinct_ranks
+        and not group.variables_beyond_first
+        and all(faults.is_sound("perception", algorithm.name) for algorithm in group.algorithms)
         for group in groups
     )
 
 
-def _readable(scope: SpecIndex, algorithms: Iterable[Algorithm], *keys: str) -> bool:
-    return all(scope.readable("perception", algorithm.name, *keys) for algorithm in algorithms)
+def _are_readable(spec_index: SpecIndex, algorithms: Iterable[Algorithm], *keys: str) -> bool:
+    return all(spec_index.is_readable("perception", algorithm.name, *keys) for algorithm in algorithms)
 
 
-def _joinable(one: Group, other: Group) -> bool:
+def _can_join(one: Group, other: Group) -> bool:
     if len(one.algorithms) > 1 or len(other.algorithms) > 1:
         return False
-    return _guards(one.algorithms[0]) == _guards(other.algorithms[0])
+    return _preconditions(one.algorithms[0]) == _preconditions(other.algorithms[0])
 
 
-def _guards(algorithm: Algorithm) -> frozenset[object]:
+def _preconditions(algorithm: Algorithm) -> frozenset[object]:
     """Return the preconditions of an algorithm as a set; conditions with equal syntax trees are equal."""
     conditions = {condition.tree for condition in algorithm.observable_when}
     return frozenset(conditions) | {reference.name for reference in algorithm.given}

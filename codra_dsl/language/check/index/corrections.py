@@ -40,7 +40,7 @@ Names = Mapping[str, str]
 Declared = TypeVar("Declared", Variable, Resource, Agent, Returned)
 Typed = TypeVar("Typed", Variable, Returned)
 
-_NONE: Names = {}
+_NO_CORRECTIONS: Names = {}
 
 
 @dataclass(frozen=True)
@@ -48,26 +48,26 @@ class Corrections:
     """The intended names for misspelt names. The checks collect them while they run.
 
     Attributes:
-        declared: for each owner, the intended names for misspelt names of declarations.
-        used: for each owner, the intended names for misspelt names in references to declarations.
+        declarations: for each owner, the intended names for misspelt names of declarations.
+        references: for each owner, the intended names for misspelt names in references to declarations.
         members: for each enum with a wrong member, the intended members. The key is the owner and the name of the enum.
     """
 
-    declared: dict[Owner, dict[str, str]] = field(default_factory=dict)
-    used: dict[Owner, dict[str, str]] = field(default_factory=dict)
+    declarations: dict[Owner, dict[str, str]] = field(default_factory=dict)
+    references: dict[Owner, dict[str, str]] = field(default_factory=dict)
     members: dict[tuple[Owner, str], tuple[str, ...]] = field(default_factory=dict)
 
-    def add_declaration(self, owner: Owner, written: str, intended: str) -> None:
+    def add_misspelt_declaration(self, owner: Owner, misspelt_name: str, intended_name: str) -> None:
         """Record a misspelt declaration."""
-        self.declared.setdefault(owner, {})[written] = intended
+        self.declarations.setdefault(owner, {})[misspelt_name] = intended_name
 
-    def add_reference(self, owner: Owner, written: str, intended: str) -> None:
+    def add_misspelt_reference(self, owner: Owner, misspelt_name: str, intended_name: str) -> None:
         """Record a misspelt reference."""
-        self.used.setdefault(owner, {})[written] = intended
+        self.references.setdefault(owner, {})[misspelt_name] = intended_name
 
     def __bool__(self) -> bool:
         """Return whether anything is misspelt."""
-        return bool(self.declared or self.used or self.members)
+        return bool(self.declarations or self.references or self.members)
 
 
 def apply_corrections(spec: Spec, corrections: Corrections) -> Spec:
@@ -80,8 +80,8 @@ class _Corrector:
 
     def __init__(self, corrections: Corrections) -> None:
         self._corrections = corrections
-        self._context = corrections.used.get("context", _NONE)
-        self._agents = corrections.used.get("agents", _NONE)
+        self._context = corrections.references.get("context", _NO_CORRECTIONS)
+        self._agents = corrections.references.get("agents", _NO_CORRECTIONS)
 
     def spec(self, spec: Spec) -> Spec:
         """Return a spec with all corrections."""
@@ -101,15 +101,21 @@ class _Corrector:
 
     def _key(self, key: tuple[str, str]) -> tuple[str, str]:
         section, name = key
-        return section, self._corrections.declared.get(section, _NONE).get(name, name)
+        return section, self._corrections.declarations.get(section, _NO_CORRECTIONS).get(name, name)
 
     def _keys(self, key: tuple[str, str], keys: frozenset[str]) -> frozenset[str]:
         """Return the damaged keys of an element. Keys of returned values contain the intended names."""
-        returned = self._corrections.declared.get((key[1],), _NONE) if key[0] == "perception" else _NONE
-        return frozenset(f"returns.{returned[key[8:]]}" if key[8:] in returned else key for key in keys)
+        returned_corrections = (
+            self._corrections.declarations.get((key[1],), _NO_CORRECTIONS)
+            if key[0] == "perception"
+            else _NO_CORRECTIONS
+        )
+        return frozenset(
+            f"returns.{returned_corrections[key[8:]]}" if key[8:] in returned_corrections else key for key in keys
+        )
 
     def _declared(self, owner: Owner, elements: Iterable[Declared]) -> tuple[Declared, ...]:
-        names = self._corrections.declared.get(owner, _NONE)
+        names = self._corrections.declarations.get(owner, _NO_CORRECTIONS)
         return tuple(
             replace(element, name=names[element.name]) if element.name in names else element for element in elements
         )
@@ -118,16 +124,16 @@ class _Corrector:
         sources = self._references(variable.sources, self._agents)
         return self._with_members(replace(variable, sources=sources), "context")
 
-    def _with_members(self, typed: Typed, owner: Owner) -> Typed:
-        members = self._corrections.members.get((owner, typed.name))
+    def _with_members(self, element: Typed, owner: Owner) -> Typed:
+        members = self._corrections.members.get((owner, element.name))
         if members is None:
-            return typed
-        declared: ValueType = replace(typed.type, values=members)
-        return replace(typed, type=declared)
+            return element
+        declared_type: ValueType = replace(element.type, values=members)
+        return replace(element, type=declared_type)
 
     def _algorithm(self, algorithm: Algorithm) -> Algorithm:
-        returned_names = self._corrections.used.get((algorithm.name,), _NONE)
-        resources = self._corrections.used.get("resources", _NONE)
+        returned_corrections = self._corrections.references.get((algorithm.name,), _NO_CORRECTIONS)
+        resources = self._corrections.references.get("resources", _NO_CORRECTIONS)
         returns = self._declared((algorithm.name,), algorithm.returns)
         return replace(
             algorithm,
@@ -135,21 +141,21 @@ class _Corrector:
             given=self._references(algorithm.given, self._context),
             returns=tuple(self._with_members(returned, (algorithm.name,)) for returned in returns),
             observable_when=tuple(_condition(condition, self._context) for condition in algorithm.observable_when),
-            accept_when=tuple(_condition(condition, returned_names) for condition in algorithm.accept_when),
-            identifies=tuple(self._identification(entry, returned_names) for entry in algorithm.identifies),
+            accept_when=tuple(_condition(condition, returned_corrections) for condition in algorithm.accept_when),
+            identifies=tuple(self._identification(entry, returned_corrections) for entry in algorithm.identifies),
         )
 
-    def _identification(self, entry: Identification, returned_names: Names) -> Identification:
+    def _identification(self, entry: Identification, returned_corrections: Names) -> Identification:
         by = entry.by
         if isinstance(by, Members):
             by = replace(
-                by, cases=tuple((member, _condition(condition, returned_names)) for member, condition in by.cases)
+                by, cases=tuple((member, _condition(condition, returned_corrections)) for member, condition in by.cases)
             )
         elif isinstance(by, Hysteresis):
-            leave = None if by.leave is None else _condition(by.leave, returned_names)
-            by = replace(by, enter=_condition(by.enter, returned_names), leave=leave)
+            leave = None if by.leave is None else _condition(by.leave, returned_corrections)
+            by = replace(by, enter=_condition(by.enter, returned_corrections), leave=leave)
         else:
-            by = _condition(by, returned_names)
+            by = _condition(by, returned_corrections)
         return Identification(variable=_reference(entry.variable, self._context), by=by)
 
     def _skill(self, skill: Skill) -> Skill:
@@ -208,26 +214,28 @@ class _Corrector:
 
 
 def _reference(reference: Reference, names: Names) -> Reference:
-    intended = names.get(reference.name)
-    return reference if intended is None else replace(reference, name=intended)
+    intended_name = names.get(reference.name)
+    return reference if intended_name is None else replace(reference, name=intended_name)
 
 
 def _condition(condition: Condition, names: Names) -> Condition:
     tree = condition.tree
     if tree is None or not names or not any(name.name in names for name in names_in(tree)):
         return condition
-    return replace(condition, tree=_renamed(tree, names))
+    return replace(condition, tree=_correct_tree(tree, names))
 
 
-def _renamed(node: Node, names: Names) -> Node:
+def _correct_tree(node: Node, names: Names) -> Node:
     """Return a syntax tree with the intended names. The positions of its nodes stay the same."""
     if isinstance(node, Name):
         return replace(node, name=names.get(node.name, node.name))
-    return replace(node, **{part.name: _all_renamed(getattr(node, part.name), names) for part in fields(node)})
+    return replace(
+        node, **{node_field.name: _correct_field(getattr(node, node_field.name), names) for node_field in fields(node)}
+    )
 
 
-def _all_renamed(value: Any, names: Names) -> Any:
+def _correct_field(value: Any, names: Names) -> Any:
     """Return the value of a field of a node, with the intended names in all nodes that the value contains."""
     if isinstance(value, tuple):
-        return tuple(_all_renamed(part, names) for part in value)
-    return _renamed(value, names) if isinstance(value, Node) else value
+        return tuple(_correct_field(part, names) for part in value)
+    return _correct_tree(value, names) if isinstance(value, Node) else value

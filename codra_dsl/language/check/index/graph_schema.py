@@ -151,7 +151,7 @@ class DeclaredGraph:
         kinds = {self.type_of(term.name) if term.name else term.type for term in (one, other)} - {""}
         return len(kinds) < 2
 
-    def edges_named(self, word: str) -> tuple[EdgeType, ...]:
+    def edges_of_word(self, word: str) -> tuple[EdgeType, ...]:
         """Return the edges that a word in a pattern refers to.
 
         This is the edge with this name or, if there is none, all edges with this label.
@@ -162,7 +162,7 @@ class DeclaredGraph:
 
     def edges_between(self, origin: NodeTerm, word: str, target: NodeTerm) -> tuple[EdgeType, ...]:
         """Return the edges that a word refers to and that can lead from `origin` to `target`."""
-        return tuple(edge for edge in self.edges_named(word) if self.leads(edge, origin, target))
+        return tuple(edge for edge in self.edges_of_word(word) if self.leads(edge, origin, target))
 
     def leads(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
         """Return whether an edge can lead from `origin` to `target`."""
@@ -181,17 +181,19 @@ class DeclaredGraph:
         terms, edges = set(pending_terms), set[str]()
         while pending_terms:
             term = pending_terms.pop()
-            for edge in self._above(term) if term not in until else ():
+            for edge in self._parent_edges(term) if term not in until else ():
                 edges.add(edge.name)
                 origins = {self._term(origin.name) for origin in edge.origins} - terms
                 terms |= origins
                 pending_terms.extend(origins)
         return frozenset(terms), frozenset(edges)
 
-    def _above(self, term: NodeTerm) -> tuple[EdgeType, ...]:
+    def _parent_edges(self, term: NodeTerm) -> tuple[EdgeType, ...]:
         """Return the edges with poses that may lead to a node that the term can mean."""
-        rigid = (edge for edge in self.edges.values() if is_rigid(edge))
-        return tuple(edge for edge in rigid if any(self.fits(term, self.end(target.name)) for target in edge.targets))
+        pose_edges = (edge for edge in self.edges.values() if holds_poses(edge))
+        return tuple(
+            edge for edge in pose_edges if any(self.fits(term, self.end(target.name)) for target in edge.targets)
+        )
 
     def may_meet(self, one: str, other: str) -> bool:
         """Return whether the relative pose of two nodes may be known: the nodes may have a common ancestor frame."""
@@ -204,13 +206,13 @@ class DeclaredGraph:
         If a frame contains both nodes in every case, the edges above this frame are left out, since they move both
         nodes together.
         """
-        edges = self.climb(one, self._always_in(other))[1] | self.climb(other, self._always_in(one))[1]
+        edges = self.climb(one, self._certain_ancestors(other))[1] | self.climb(other, self._certain_ancestors(one))[1]
         return tuple(name for name in self.edges if name in edges)
 
-    def _always_in(self, name: str) -> frozenset[NodeTerm]:
+    def _certain_ancestors(self, name: str) -> frozenset[NodeTerm]:
         """Return the single nodes on every path from a node to a root frame, including the node itself."""
         frames = self.climb(name)[0]
-        roots = {frame for frame in frames if not self._above(frame)}
+        roots = {frame for frame in frames if not self._parent_edges(frame)}
         nodes = (frame for frame in frames if frame.name)
         return frozenset(frame for frame in nodes if not roots & (self.climb(name, frozenset({frame}))[0] - {frame}))
 
@@ -225,14 +227,18 @@ class DeclaredGraph:
         is_step = task is not None and word in STATES
         return task if is_step and task is not None and origin.name in (task.origin.name, "") else None
 
-    def starts_with(self, edge: EdgeType) -> bool:
+    def exists_initially(self, edge: EdgeType) -> bool:
         """Return whether an edge exists from the start.
 
         It does if it leads from one single node to another, and has a pose or no writer.
         """
-        single = all(self.end(end.name).is_node for end in (*edge.origins, *edge.targets))
-        alone = len(edge.origins) == len(edge.targets) == 1
-        return single and alone and (edge.pose is not None or not self.writers(KnowledgeElement("edges", edge.name)))
+        has_node_ends = all(self.end(end.name).is_node for end in (*edge.origins, *edge.targets))
+        has_one_end_each = len(edge.origins) == len(edge.targets) == 1
+        return (
+            has_node_ends
+            and has_one_end_each
+            and (edge.pose is not None or not self.writers(KnowledgeElement("edges", edge.name)))
+        )
 
     def attributes_of(self, node: str) -> Mapping[str, tuple[KnowledgeElement, ValueType]]:
         """Return the attributes of a node that exists from the start, by name."""
@@ -256,8 +262,8 @@ class DeclaredGraph:
             return None
         if not first:
             return KnowledgeElement("context", second) if second in self.variables else None
-        entry = self.attributes_of(first).get(second) if first in self.node_names else None
-        return None if entry is None else entry[0]
+        attribute_entry = self.attributes_of(first).get(second) if first in self.node_names else None
+        return None if attribute_entry is None else attribute_entry[0]
 
     @cached_property
     def _types_read(self) -> dict[str, Type | None]:
@@ -276,8 +282,8 @@ class DeclaredGraph:
         if not first:
             variable = self.variables.get(second)
             return None if variable is None else declared_type(variable.type, variable.valid_for_s)
-        entry = self.attributes_of(first).get(second) if first in self.node_names else None
-        return None if entry is None else declared_type(entry[1])
+        attribute_entry = self.attributes_of(first).get(second) if first in self.node_names else None
+        return None if attribute_entry is None else declared_type(attribute_entry[1])
 
     def named(self, name: str) -> KnowledgeElement | None:
         """Return the meaning of a name under `owns` or `reads`: a variable, type, edge, task or attribute."""
@@ -292,8 +298,8 @@ class DeclaredGraph:
         for section, element in (("types", kind), ("edges", edge)):
             if element is not None and any(candidate.name == attribute for candidate in element.attributes):
                 return KnowledgeElement(section, holder, attribute)
-        entry = self.attributes_of(holder).get(attribute) if holder in self.node_names else None
-        return None if entry is None else entry[0]
+        attribute_entry = self.attributes_of(holder).get(attribute) if holder in self.node_names else None
+        return None if attribute_entry is None else attribute_entry[0]
 
     def elements(self) -> Iterator[KnowledgeElement]:
         """Yield all variables, then all types and edges with their attributes, each section in file order."""
@@ -306,19 +312,22 @@ class DeclaredGraph:
             yield from (KnowledgeElement("edges", edge.name, attribute.name) for attribute in edge.attributes)
 
     @cached_property
-    def _claims(self) -> Mapping[KnowledgeElement, tuple[Writer, ...]]:
+    def _owners_by_element(self) -> Mapping[KnowledgeElement, tuple[Writer, ...]]:
         """For each element, the agents that list it under `owns`."""
-        claims: dict[KnowledgeElement, tuple[Writer, ...]] = {}
+        owners_by_element: dict[KnowledgeElement, tuple[Writer, ...]] = {}
         for agent in self.spec.agents:
             for reference in agent.conduct.owns:
                 element = self.named(reference.name)
                 if element is not None:
-                    claims[element] = (*claims.get(element, ()), Writer(name=agent.name, place=reference.place))
-        return claims
+                    owners_by_element[element] = (
+                        *owners_by_element.get(element, ()),
+                        Writer(name=agent.name, place=reference.place),
+                    )
+        return owners_by_element
 
     def writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
         """Return the writers of an element, each once: those in its declaration, then those that list it in `owns`."""
-        owners = self._claims.get(element, ())
+        owners = self._owners_by_element.get(element, ())
         stated_writers = self._stated_writers(element)
         names = {writer.name for writer in stated_writers}
         return (*stated_writers, *(writer for writer in owners if writer.name not in names))
@@ -346,11 +355,11 @@ class DeclaredGraph:
     @cached_property
     def owned(self) -> Mapping[str, tuple[KnowledgeElement, ...]]:
         """For each writer, by name, the elements that the writer may write, in the order of `elements`."""
-        elements_of_writers: dict[str, dict[KnowledgeElement, None]] = {}
+        elements_by_writer: dict[str, dict[KnowledgeElement, None]] = {}
         for element in self.elements():
             for writer in self.writers(element):
-                elements_of_writers.setdefault(writer.name, {})[element] = None
-        return {name: tuple(elements) for name, elements in elements_of_writers.items()}
+                elements_by_writer.setdefault(writer.name, {})[element] = None
+        return {name: tuple(elements) for name, elements in elements_by_writer.items()}
 
     def owns(self, agent: str, element: KnowledgeElement) -> bool:
         """Return whether an agent may write an element."""
@@ -372,18 +381,18 @@ class DeclaredGraph:
         # the type is not declared, but a node has it
         return next(node.place for node in self.spec.nodes if node.type.name == element.name)
 
-    def is_there(self, path: Path) -> bool:
+    def always_exists(self, path: Path) -> bool:
         """Return whether every edge of a path exists from the start and has no writer that could remove it."""
         return all(
             any(
-                self.starts_with(edge) and not self.writers(KnowledgeElement("edges", edge.name))
+                self.exists_initially(edge) and not self.writers(KnowledgeElement("edges", edge.name))
                 for edge in self.edges_between(origin, link.edge, target)
             )
             for origin, link, target in path.steps()
         )
 
 
-def is_rigid(edge: EdgeType) -> bool:
+def holds_poses(edge: EdgeType) -> bool:
     """Return whether an edge holds poses, which are rigid motions."""
     return edge.label == RT
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT, Site
+from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, Site
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, UNDER_KNOWLEDGE, SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.diagnostics import Place
@@ -29,74 +29,76 @@ class Mention:
     site: Site | None = None
 
 
-def references(scope: SpecIndex) -> Iterator[Mention]:
+def references(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of a context-variable outside conditions."""
-    for algorithm in scope.spec.perception:
+    for algorithm in spec_index.spec.perception:
         for reference in algorithm.given:
             yield mention_of(reference, "perception", algorithm.name, "given")
         for entry in algorithm.identifies:
             yield mention_of(entry.variable, "perception", algorithm.name, "identifies")
-    for variable in scope.spec.context:
+    for variable in spec_index.spec.context:
         if variable.rate is not None:
             yield mention_of(variable.rate.of, "context", variable.name, "rate_of")
-    for adaptation in scope.spec.adaptation:
+    for adaptation in spec_index.spec.adaptation:
         if isinstance(adaptation.does, Parameter):
             yield mention_of(adaptation.does.variable, "adaptation", adaptation.name, "set")
-    for skill in scope.spec.skills:
+    for skill in spec_index.spec.skills:
         watched = [expectation.variable for expectation in skill.monitor]
         for key, named in (("preview", skill.preview), ("monitor", watched), ("changes", skill.changes)):
             for reference in named:
                 yield mention_of(reference, "skills", skill.name, key)
-    for observer in scope.spec.observers:
+    for observer in spec_index.spec.observers:
         for reference in observer.identifies:
             yield mention_of(reference, "observers", observer.name, "identifies")
 
 
-def resource_mentions(scope: SpecIndex) -> Iterator[Mention]:
+def resource_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of a resource in an algorithm."""
-    for algorithm in scope.spec.perception:
+    for algorithm in spec_index.spec.perception:
         for usage in algorithm.uses:
             yield mention_of(usage.resource, "perception", algorithm.name, "uses")
 
 
-def source_mentions(scope: SpecIndex) -> Iterator[Mention]:
+def source_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of a source, executor or requester that must be an agent."""
-    for variable in scope.spec.context:
+    for variable in spec_index.spec.context:
         for source in variable.sources if variable.pose_condition is None else ():
             if source.name not in (OBSERVER, MAIN_EXECUTION):
                 yield mention_of(source, "context", variable.name, "source")
-    for writer, section, name in _writers(scope):
+    for writer, section, name in _writers(spec_index):
         if writer.name not in (OBSERVER, MAIN_EXECUTION):
             yield mention_of(writer, section, name, "source")
-    for task in scope.spec.tasks:
+    for task in spec_index.spec.tasks:
         for key, named in (("by", (task.by,)), ("requesters", task.requesters)):
             for reference in named:
                 if reference.name not in ("", MAIN_EXECUTION):
                     yield mention_of(reference, "tasks", task.name, key)
 
 
-def _writers(scope: SpecIndex) -> Iterator[tuple[Writer, str, str]]:
+def _writers(spec_index: SpecIndex) -> Iterator[tuple[Writer, str, str]]:
     """Yield the writers under `source` of knowledge elements, each with the element's section and name."""
-    elements = (("types", scope.spec.types), ("edges", scope.spec.edges))
+    elements = (("types", spec_index.spec.types), ("edges", spec_index.spec.edges))
     for section, element in ((section, element) for section, several in elements for element in several):
         yield from ((writer, section, element.name) for writer in element.sources)
         for attribute in element.attributes:
             yield from ((writer, section, element.name) for writer in attribute.sources)
 
 
-def used_variables(scope: SpecIndex) -> Iterator[str]:
+def used_variables(spec_index: SpecIndex) -> Iterator[str]:
     """Yield the names of all context-variables that something refers to, declared or not."""
-    yield from (mention.name for mention in references(scope))
-    for site in scope.sites:
-        if site.role in OVER_CONTEXT:
+    yield from (mention.name for mention in references(spec_index))
+    for site in spec_index.sites:
+        if site.role in CONTEXT_ROLES:
             yield from (name.name for name in site.names if is_name(name.name))
 
 
-def mentions_in_preconditions(scope: SpecIndex) -> Iterator[Mention]:
+def mentions_in_preconditions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every undeclared name in a condition over context, except names with several parts, such as `a.b`."""
-    for site in scope.sites:
-        if site.role in OVER_CONTEXT:
-            names = [name for name in site.names if not scope.declares("context", name.name) and is_name(name.name)]
+    for site in spec_index.sites:
+        if site.role in CONTEXT_ROLES:
+            names = [
+                name for name in site.names if not spec_index.declares("context", name.name) and is_name(name.name)
+            ]
             yield from mentions_of(site, names)
 
 
@@ -117,11 +119,11 @@ def user_of(section: str, element: str) -> str:
     return f"{USERS[section]} '{element}'"
 
 
-def unknown_mentions(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
+def unknown_mentions(spec_index: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
     """For each name that a section does not declare, yield the list of its mentions, in the order of their places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:
-        if not scope.declares(section, mention.name):
+        if not spec_index.declares(section, mention.name):
             groups.setdefault(mention.name, []).append(mention)
     for group in groups.values():
         yield sorted(group, key=lambda mention: mention.place.span)

@@ -17,12 +17,12 @@ from codra_dsl.language.fuzzy.source import Findings, Word
 from codra_dsl.language.fuzzy.words import Defuzzification, Shape
 from codra_dsl.language.model import Inference, Kind, Output, Phrase, Spec, Variable
 
-_USUAL = (
+_DEFAULT_TERMS = (
     Term(name="low", shape=Shape.Ramp, parameters=(0.5, 0.2)),
     Term(name="medium", shape=Shape.Triangle, parameters=(0.2, 0.5, 0.8)),
     Term(name="high", shape=Shape.Ramp, parameters=(0.5, 0.8)),
 )
-_USUAL_NUMBERS = tuple(
+_DEFAULT_CONSTANTS = tuple(
     Term(name=name, shape=Shape.Constant, parameters=(value,))
     for name, value in (("low", 0.0), ("medium", 0.5), ("high", 1.0))
 )
@@ -87,7 +87,7 @@ class ParsedRules:
         )
 
     @cached_property
-    def is_complete(self) -> bool:
+    def is_fully_parsed(self) -> bool:
         """Whether every rule could be parsed."""
         return not any(rule.problems for rules in self.rules.values() for rule in rules)
 
@@ -96,9 +96,9 @@ class ParsedRules:
 
         If one of them is a rate, the variable whose rate it is belongs to the result too.
         """
-        names_read = {*names, *(name for key in self.rules for name in self.named(*key))}
-        rates = (self.variables[name].rate for name in names_read if name in self.variables)
-        return frozenset(names_read | {rate.of.name for rate in rates if rate is not None})
+        read_names = {*names, *(name for key in self.rules for name in self.named(*key))}
+        rates = (self.variables[name].rate for name in read_names if name in self.variables)
+        return frozenset(read_names | {rate.of.name for rate in rates if rate is not None})
 
     def seen(self, section: str) -> Iterator[Variable]:
         """Yield the variables that rules of a section can read: context, courses and, for actions, metrics."""
@@ -111,7 +111,7 @@ class ParsedRules:
         """Return the terms of a variable."""
         if variable.name in self.metrics and variable.is_derived:
             terms = tuple(output_term.term for output_term in self.metrics[variable.name].terms)
-            return _USUAL if not terms or any(term.shape is Shape.Constant for term in terms) else terms
+            return _DEFAULT_TERMS if not terms or any(term.shape is Shape.Constant for term in terms) else terms
         if variable.type.kind in (Kind.BOOL, Kind.ENUM):
             return tuple(
                 Term(name=name, shape=Shape.Rectangle, parameters=(index - 0.5, index + 0.5))
@@ -146,7 +146,7 @@ def output_terms(output: Output) -> tuple[Term, ...]:
     """Return the terms of a metric or a weight."""
     if output.terms:
         return tuple(output_term.term for output_term in output.terms)
-    return _USUAL_NUMBERS if output.method.inference is Inference.TAKAGI_SUGENO else _USUAL
+    return _DEFAULT_CONSTANTS if output.method.inference is Inference.TAKAGI_SUGENO else _DEFAULT_TERMS
 
 
 def defuzzifier_of(output: Output) -> Defuzzification:

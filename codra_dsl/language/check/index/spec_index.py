@@ -11,8 +11,8 @@ from typing import TypeVar
 from codra_dsl.language import graph
 from codra_dsl.language.behavior_trees.named import ReadResult
 from codra_dsl.language.check.conditions.conditions import (
-    OF_LOOPS,
-    OVER_KNOWLEDGE,
+    KNOWLEDGE_ROLES,
+    LOOP_ROLES,
     Judgement,
     Role,
     Site,
@@ -62,18 +62,18 @@ NEED_KEYS = ("observable_when", "given")
 
 
 @dataclass(frozen=True, slots=True)
-class Silenced:
+class FaultyElements:
     """The elements with errors in earlier phases. Later phases report nothing more about these elements.
 
     Attributes:
         elements: the section and the name of each element with an error.
-        suggested: the context-variables suggested for unknown names. Checks treat them as used and as identified.
+        suggested_variables: the variables suggested for unknown names, which checks treat as used and identified.
     """
 
     elements: frozenset[tuple[str, str]] = frozenset()
-    suggested: frozenset[str] = frozenset()
+    suggested_variables: frozenset[str] = frozenset()
 
-    def sound(self, section: str, name: str) -> bool:
+    def is_sound(self, section: str, name: str) -> bool:
         """Return whether an element has no reported error."""
         return (section, name) not in self.elements
 
@@ -91,12 +91,12 @@ class Group:
     variables: tuple[str, ...]
 
     @property
-    def settled(self) -> bool:
+    def has_distinct_ranks(self) -> bool:
         """Whether the ranks of the algorithms are all different."""
         return len({algorithm.rank for algorithm in self.algorithms}) == len(self.algorithms)
 
     @property
-    def beyond_first(self) -> tuple[str, ...]:
+    def variables_beyond_first(self) -> tuple[str, ...]:
         """Return the variables that the first algorithm does not identify."""
         first = {entry.variable.name for entry in self.algorithms[0].identifies}
         return tuple(name for name in self.variables if name not in first)
@@ -139,25 +139,25 @@ class SpecIndex:
         return _by_name(self.spec.agents)
 
     @cached_property
-    def world(self) -> DeclaredGraph:
+    def declared_graph(self) -> DeclaredGraph:
         """The declared knowledge graph."""
         return DeclaredGraph(self.spec)
 
     @cached_property
-    def book(self) -> ParsedRules:
+    def parsed_rules(self) -> ParsedRules:
         """The parsed fuzzy rules."""
         return ParsedRules(self.spec)
 
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
         """For each variable that algorithms identify, the names of these algorithms, sorted by rank, then by name."""
-        algorithms_of: dict[str, list[Algorithm]] = {}
+        algorithms_by_variable: dict[str, list[Algorithm]] = {}
         for algorithm in self.algorithms.values():
             for name in dict.fromkeys(entry.variable.name for entry in algorithm.identifies):
-                algorithms_of.setdefault(name, []).append(algorithm)
+                algorithms_by_variable.setdefault(name, []).append(algorithm)
         ranked = {
             name: sorted(algorithms, key=lambda algorithm: (algorithm.rank, algorithm.name))
-            for name, algorithms in algorithms_of.items()
+            for name, algorithms in algorithms_by_variable.items()
         }
         return {name: tuple(algorithm.name for algorithm in algorithms) for name, algorithms in ranked.items()}
 
@@ -169,12 +169,12 @@ class SpecIndex:
             for one, other in pairwise(names):
                 shares[one].append(other)
                 shares[other].append(one)
-        group_of_algorithm: dict[str, Group] = {}
+        group_by_algorithm: dict[str, Group] = {}
         for name in self.algorithms:
-            if name not in group_of_algorithm:
+            if name not in group_by_algorithm:
                 names = graph.closure(shares, [name])
-                group_of_algorithm |= dict.fromkeys(names, self._group(names))
-        return tuple(dict.fromkeys(group_of_algorithm.values()))
+                group_by_algorithm |= dict.fromkeys(names, self._group(names))
+        return tuple(dict.fromkeys(group_by_algorithm.values()))
 
     @cached_property
     def group_of(self) -> Mapping[str, Group]:
@@ -196,7 +196,7 @@ class SpecIndex:
             "context": frozenset(name for name, variable in self.variables.items() if variable.pose_condition is None),
             "resources": frozenset(self.resources),
             "agents": frozenset(self.agents),
-            **self.world.sections,
+            **self.declared_graph.sections,
             "skills": frozenset(skill.name for skill in self.spec.skills),
             "perception": frozenset(self.algorithms),
             "observers": frozenset(observer.name for observer in self.spec.observers),
@@ -218,7 +218,7 @@ class SpecIndex:
         """Return whether a section has an element with this name, damaged or not."""
         return name in self._sections[section] or name in self.spec.damaged.get(section, ())
 
-    def readable(self, section: str, name: str, *keys: str) -> bool:
+    def is_readable(self, section: str, name: str, *keys: str) -> bool:
         """Return whether all these keys of an element could be read."""
         return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
 
@@ -227,9 +227,9 @@ class SpecIndex:
         unread = self.spec.damaged.get(section, frozenset())
         if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
             return True
-        return any(not self.readable(section, name, *keys) for name in unread)
+        return any(not self.is_readable(section, name, *keys) for name in unread)
 
-    def nameless(self, section: str) -> int:
+    def unnamed_element_count(self, section: str) -> int:
         """Return how many elements of a section have invalid names, so that their intended names are unknown."""
         return sum(1 for name in self.spec.damaged.get(section, ()) if not is_identifier(name))
 
@@ -285,14 +285,14 @@ class SpecIndex:
     def context_types(self) -> Types:
         """The type of each context-variable, and of each name in a pose condition; None if the declaration is wrong."""
         trees = (condition.tree for condition in self.spec.pose_conditions)
-        pose_types = {name.name: self.world.read_type(name.name) for tree in trees for name in names_in(tree)}
+        pose_types = {name.name: self.declared_graph.read_type(name.name) for tree in trees for name in names_in(tree)}
         damaged_types = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return (
             damaged_types
             | pose_types
             | {
                 name: declared_type(variable.type, variable.valid_for_s)
-                if self.readable("context", name, *TYPE_KEYS)
+                if self.is_readable("context", name, *TYPE_KEYS)
                 else None
                 for name, variable in self.variables.items()
             }
@@ -301,19 +301,19 @@ class SpecIndex:
     @cached_property
     def returned_types(self) -> Mapping[str, Types]:
         """For each algorithm, the type of each value that it returns; None if the value's declaration is wrong."""
-        types_of: dict[str, Types] = {}
+        types_by_algorithm: dict[str, Types] = {}
         shared_types: dict[tuple[object, ...], Types] = {}  # equal types share one mapping, to be compared by identity
         for name, algorithm in self.algorithms.items():
             types = {
                 returned.name: declared_type(returned.type)
-                if self.readable("perception", name, "returns", f"returns.{returned.name}")
+                if self.is_readable("perception", name, "returns", f"returns.{returned.name}")
                 else None
                 for returned in algorithm.returns
             }
-            types_of[name] = shared_types.setdefault(
+            types_by_algorithm[name] = shared_types.setdefault(
                 tuple((returned, id(declared)) for returned, declared in types.items()), types
             )
-        return types_of
+        return types_by_algorithm
 
     @cached_property
     def sites(self) -> tuple[Site, ...]:
@@ -351,20 +351,20 @@ class SpecIndex:
         if not self.spec.skills:
             return tuple(name for name in self.variables if name in self.producers)
         named = [name for skill in self.spec.skills for name in watched_by(skill)]
-        named += sorted(name for name in self.read_by_loops | self.waking if name in self.producers)
+        named += sorted(name for name in self.read_by_loops | self.waking_variables if name in self.producers)
         return tuple(name for name in dict.fromkeys(named) if name in self.variables)
 
     @cached_property
     def read_by_loops(self) -> frozenset[str]:
         """The variables that rules and conditions of loops read; for each rate also the variable whose rate it is."""
-        conditions = {name.name for site in self.sites if site.role in OF_LOOPS for name in site.names}
-        return self.book.followed(conditions)
+        conditions = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
+        return self.parsed_rules.followed(conditions)
 
     @cached_property
-    def waking(self) -> frozenset[str]:
+    def waking_variables(self) -> frozenset[str]:
         """The variables that wake agents."""
         names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
-        elements = (self.world.read(name) for name in names)
+        elements = (self.declared_graph.read(name) for name in names)
         return frozenset(element.name for element in elements if element is not None and element.section == "context")
 
     @cached_property
@@ -400,25 +400,25 @@ class SpecIndex:
         sound_judgements: dict[tuple[object, ...], Judgement] = {}
         return {id(site.condition): self._judge(site, sound_judgements) for site in self.sites}
 
-    def shape_over_results(self, algorithm: Algorithm, faults: Silenced) -> object:
+    def shape_over_results(self, algorithm: Algorithm, faults: FaultyElements) -> object:
         """Return a key that is equal for algorithms that use their results equally, apart from names and places.
 
         The identity of trees and types suffices: equal texts share their tree, and equal declarations their type.
         """
-        accept_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
-        identify_keys = tuple(
+        acceptance_tree_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
+        identification_keys = tuple(
             [
                 (
                     type(entry.by),
                     id(self.context_types.get(entry.variable.name)),
-                    entry.variable.name in self.variables and faults.sound("context", entry.variable.name),
+                    entry.variable.name in self.variables and faults.is_sound("context", entry.variable.name),
                     *[id(condition.tree) for condition in parts_of(entry)],
                 )
                 for entry in algorithm.identifies
             ]
         )
         optional_flags = tuple([returned.optional for returned in algorithm.returns])
-        return id(self.returned_types[algorithm.name]), accept_ids, identify_keys, optional_flags
+        return id(self.returned_types[algorithm.name]), acceptance_tree_ids, identification_keys, optional_flags
 
     def python(self, condition: Condition, wanted: Type | None) -> str:
         """Return the Python text of a condition without errors. If `wanted` is numeric, the value is in its unit."""
@@ -452,10 +452,10 @@ class SpecIndex:
         tree = site.condition.tree
         assert tree is not None
         wanted = self.wanted(site)
-        if site.role is Role.OBSERVABLE_WHEN or site.role in OF_LOOPS:
+        if site.role is Role.OBSERVABLE_WHEN or site.role in LOOP_ROLES:
             readable_types = self.context_types
-        elif site.role in OVER_KNOWLEDGE:
-            context_types, read_type = self.context_types, self.world.read_type
+        elif site.role in KNOWLEDGE_ROLES:
+            context_types, read_type = self.context_types, self.declared_graph.read_type
             readable_types = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:
             readable_types = {site.variable: wanted}

@@ -16,26 +16,30 @@ from codra_dsl.language import graph
 from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns_in, steps
-from codra_dsl.language.check.knowledge.owners import is_knowledge_complete, state_writers
+from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable, state_writers
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Path
 from codra_dsl.language.model import Agent, AgentRule, EdgeType, Task, TaskState
 
 
-def unreachable_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unreachable_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The `before` patterns of each rule, and the `wakes` patterns of each agent, can become true."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    chains = _Chains(scope.world)
-    stuck_rules = [rule for rule in chains.rules if chains.missing_pattern(rule, chains.all_rule_names) is not None]
+    rule_dependencies = _RuleDependencies(spec_index.declared_graph)
+    stuck_rules = [
+        rule
+        for rule in rule_dependencies.rules
+        if rule_dependencies.impossible_pattern(rule, rule_dependencies.all_rule_names) is not None
+    ]
     for rule in stuck_rules:
-        yield _rule_finding(scope.world, rule, chains)
-    for agent in scope.spec.agents:
-        yield from _wakes_findings(scope.world, agent, chains)
-    yield from _cycle_findings(chains, frozenset(rule.name for rule in stuck_rules))
+        yield _rule_finding(spec_index.declared_graph, rule, rule_dependencies)
+    for agent in spec_index.spec.agents:
+        yield from _wakes_findings(spec_index.declared_graph, agent, rule_dependencies)
+    yield from _cycle_findings(rule_dependencies, frozenset(rule.name for rule in stuck_rules))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +60,17 @@ class _Rule:
         return f"rule '{self.rule.name}' of agent '{self.agent.name}'"
 
     @cached_property
-    def before(self) -> tuple[Pattern, ...]:
+    def before_patterns(self) -> tuple[Pattern, ...]:
         """The patterns that must be true before the rule begins."""
         return tuple(pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is Role.BEFORE)
 
     @cached_property
     def effects(self) -> tuple[Pattern, ...]:
         """The patterns that the rule makes true: those of `during` and `after`, without negated paths."""
-        later = (pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is not Role.BEFORE)
-        return tuple(pattern for pattern in later if not (isinstance(pattern.tree, Path) and pattern.tree.negated))
+        later_patterns = (pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is not Role.BEFORE)
+        return tuple(
+            pattern for pattern in later_patterns if not (isinstance(pattern.tree, Path) and pattern.tree.negated)
+        )
 
 
 _RuleNames = frozenset[str]
@@ -72,107 +78,113 @@ _RuleNames = frozenset[str]
 
 
 @dataclass(frozen=True)
-class _Chains:
+class _RuleDependencies:
     """Finds the rules that make patterns of other rules true."""
 
-    world: DeclaredGraph
-    _sources: dict[int, tuple[tuple[_Rule, ...], ...] | None] = field(default_factory=dict)
+    declared_graph: DeclaredGraph
+    _achievers_by_pattern: dict[int, tuple[tuple[_Rule, ...], ...] | None] = field(default_factory=dict)
 
     @cached_property
     def rules(self) -> tuple[_Rule, ...]:
         """All rules, in file order."""
-        return tuple(_Rule(agent, rule) for agent in self.world.spec.agents for rule in agent.conduct.rules)
+        return tuple(_Rule(agent, rule) for agent in self.declared_graph.spec.agents for rule in agent.conduct.rules)
 
     @cached_property
     def all_rule_names(self) -> _RuleNames:
         """The names of all rules, as if every rule could begin."""
         return frozenset(rule.name for rule in self.rules)
 
-    def startable_rules(self, given_names: _RuleNames) -> _RuleNames:
+    def startable_names_from(self, given_names: _RuleNames) -> _RuleNames:
         """Return the names of the rules that can begin if the given rules can begin."""
         names = given_names
         while True:
             next_names = (
-                frozenset(rule.name for rule in self.rules if self.missing_pattern(rule, names) is None) | names
+                frozenset(rule.name for rule in self.rules if self.impossible_pattern(rule, names) is None) | names
             )
             if next_names == names:
                 return names
             names = next_names
 
-    def missing_pattern(self, rule: _Rule, startable_names: _RuleNames) -> Pattern | None:
+    def impossible_pattern(self, rule: _Rule, startable_names: _RuleNames) -> Pattern | None:
         """Return the first `before` pattern that cannot become true if only the rules `startable_names` can begin."""
-        return next((pattern for pattern in rule.before if not self.is_possible(pattern, startable_names)), None)
+        return next(
+            (pattern for pattern in rule.before_patterns if not self.is_possible(pattern, startable_names)), None
+        )
 
     def is_possible(self, pattern: Pattern, startable_names: _RuleNames) -> bool:
         """Return whether a pattern can become true if only the rules in `startable_names` can begin."""
-        makers_of_parts = self._makers_of_parts(pattern)
-        return makers_of_parts is not None and all(
-            not makers or any(rule.name in startable_names for rule in makers) for makers in makers_of_parts
+        achievers_of_parts = self._achievers_of_parts(pattern)
+        return achievers_of_parts is not None and all(
+            not achievers or any(rule.name in startable_names for rule in achievers) for achievers in achievers_of_parts
         )
 
-    def makers(self, pattern: Pattern) -> Iterator[_Rule]:
+    def achievers(self, pattern: Pattern) -> Iterator[_Rule]:
         """Yield the rules of which one must act to make a pattern, or a part of the pattern, true."""
-        for makers_of_part in self._makers_of_parts(pattern) or ():
-            yield from makers_of_part
+        for achievers_of_part in self._achievers_of_parts(pattern) or ():
+            yield from achievers_of_part
 
-    def _makers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
+    def _achievers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
         """Return, for each part of a pattern, the rules of which one must act to make the part true.
 
         For a part that can become true without these rules, return (). Return None if nothing can make a part true.
         """
         key = id(pattern.condition)
-        if key not in self._sources:
-            self._sources[key] = self._find_makers_of_parts(pattern)
-        return self._sources[key]
+        if key not in self._achievers_by_pattern:
+            self._achievers_by_pattern[key] = self._find_achievers_of_parts(pattern)
+        return self._achievers_by_pattern[key]
 
-    def _find_makers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
+    def _find_achievers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
         if not isinstance(pattern.tree, Path):
-            makers = self._makers_of_condition(pattern)
-            return None if makers is None else (makers,)
+            achievers = self._achievers_of_condition(pattern)
+            return None if achievers is None else (achievers,)
         if pattern.tree.negated:
-            return None if self.world.is_there(pattern.tree) else ()
-        makers_of_steps = [self._makers_of_step(step) for step in steps(pattern)]
+            return None if self.declared_graph.always_exists(pattern.tree) else ()
+        achievers_of_steps = [self._achievers_of_step(step) for step in steps(pattern)]
         return (
             None
-            if any(rules is None for rules in makers_of_steps)
-            else tuple(rules for rules in makers_of_steps if rules is not None)
+            if any(rules is None for rules in achievers_of_steps)
+            else tuple(rules for rules in achievers_of_steps if rules is not None)
         )
 
-    def _makers_of_step(self, step: Step) -> tuple[_Rule, ...] | None:
+    def _achievers_of_step(self, step: Step) -> tuple[_Rule, ...] | None:
         """Return the rules of which one must act before an edge exists; () if the edge may exist without a rule."""
-        task = self.world.task_of(step.origin, step.link.edge, step.target)
+        task = self.declared_graph.task_of(step.origin, step.link.edge, step.target)
         if task is not None:
             if step.link.edge == TaskState.ABORTED:  # a deadline can always abort a task
                 return ()
             writers = state_writers(task, step.link.edge)
-            return self._makers(writers, lambda effect: self._is_state_of(effect, task, step.link.edge), lambda _: True)
+            return self._achievers(
+                writers, lambda effect: self._is_task_state(effect, task, step.link.edge), lambda _: True
+            )
         if step.link.edge in {state.value for state in TaskState}:
             return ()
-        makers_of_edges: list[_Rule] = []
-        for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
-            names = [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
-            makers = self._makers(names, _make_edge_filter(self.world, edge), lambda effect: self._meets(effect, step))
-            if self.world.starts_with(edge) or makers == ():
+        achievers_of_edges: list[_Rule] = []
+        for edge in self.declared_graph.edges_between(step.origin, step.link.edge, step.target):
+            names = [writer.name for writer in self.declared_graph.writers(KnowledgeElement("edges", edge.name))]
+            achievers = self._achievers(
+                names, _make_edge_filter(self.declared_graph, edge), lambda effect: self._can_be_same_edge(effect, step)
+            )
+            if self.declared_graph.exists_initially(edge) or achievers == ():
                 return ()
-            makers_of_edges += makers or ()
-        return tuple(dict.fromkeys(makers_of_edges)) or None
+            achievers_of_edges += achievers or ()
+        return tuple(dict.fromkeys(achievers_of_edges)) or None
 
-    def _is_state_of(self, step: Step, task: Task, state: str) -> bool:
-        named_task = self.world.task_of(step.origin, step.link.edge, step.target)
+    def _is_task_state(self, step: Step, task: Task, state: str) -> bool:
+        named_task = self.declared_graph.task_of(step.origin, step.link.edge, step.target)
         return named_task is task and step.link.edge == state
 
-    def _meets(self, effect: Step, step: Step) -> bool:
-        may_be = self.world.may_be
+    def _can_be_same_edge(self, effect: Step, step: Step) -> bool:
+        may_be = self.declared_graph.may_be
         return may_be(effect.origin, step.origin) and may_be(effect.target, step.target)
 
-    def _makers(
+    def _achievers(
         self, writers: Sequence[str], concerns: Callable[[Step], bool], fits: Callable[[Step], bool]
     ) -> tuple[_Rule, ...] | None:
         """Return the rules that make a step true.
 
         Return () if a writer has no rule about the step, and None if the writers' rules never make the step true.
         """
-        makers: list[_Rule] = []
+        achievers: list[_Rule] = []
         for writer in writers:
             effects = [
                 (rule, step)
@@ -184,25 +196,27 @@ class _Chains:
             ]
             if not effects:
                 return ()
-            makers += [rule for rule, step in effects if fits(step)]
-        return tuple(dict.fromkeys(makers)) or None
+            achievers += [rule for rule, step in effects if fits(step)]
+        return tuple(dict.fromkeys(achievers)) or None
 
-    def _makers_of_condition(self, pattern: Pattern) -> tuple[_Rule, ...] | None:
+    def _achievers_of_condition(self, pattern: Pattern) -> tuple[_Rule, ...] | None:
         """Return the rules of which one must act before a condition over one value can hold; () if none is required."""
         names = {name.name for name in names_read(pattern)}
         name = names.pop() if len(names) == 1 else ""
-        element = self.world.read(name) if name else None
+        element = self.declared_graph.read(name) if name else None
         if element is None or any(
-            value.name == element.attribute for node in self.world.spec.nodes for value in node.values
+            value.name == element.attribute for node in self.declared_graph.spec.nodes for value in node.values
         ):
             return ()
-        types = {name: self.world.read_type(name)}
+        types = {name: self.declared_graph.read_type(name)}
         if not can_hold([pattern.tree], (), types):  # reported as a contradiction
             return ()
-        if element.section == "context" and not self.world.writers(element):  # an observer may identify it at any time
+        if element.section == "context" and not self.declared_graph.writers(
+            element
+        ):  # an observer may identify it at any time
             return ()
-        makers: list[_Rule] = []
-        for writer in self.world.writers(element):
+        achievers: list[_Rule] = []
+        for writer in self.declared_graph.writers(element):
             effects = [
                 (rule, effect)
                 for rule in self.rules
@@ -212,76 +226,83 @@ class _Chains:
             ]
             if not effects:
                 return ()
-            makers += [rule for rule, effect in effects if can_hold([effect.tree, pattern.tree], (), types)]
-        return tuple(dict.fromkeys(makers)) or None
+            achievers += [rule for rule, effect in effects if can_hold([effect.tree, pattern.tree], (), types)]
+        return tuple(dict.fromkeys(achievers)) or None
 
     def writers(self, pattern: Pattern) -> Iterable[str]:
         """Return the names of the writers of the elements in a pattern."""
         names: list[str] = []
         for step in steps(pattern):
-            task = self.world.task_of(step.origin, step.link.edge, step.target)
+            task = self.declared_graph.task_of(step.origin, step.link.edge, step.target)
             names += state_writers(task, step.link.edge) if task is not None else ()
-            for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
-                names += [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
+            for edge in self.declared_graph.edges_between(step.origin, step.link.edge, step.target):
+                names += [writer.name for writer in self.declared_graph.writers(KnowledgeElement("edges", edge.name))]
         for name in names_read(pattern):
-            element = self.world.read(name.name)
-            names += [writer.name for writer in self.world.writers(element)] if element is not None else ()
+            element = self.declared_graph.read(name.name)
+            names += [writer.name for writer in self.declared_graph.writers(element)] if element is not None else ()
         return dict.fromkeys(names)
 
 
-def _make_edge_filter(world: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
+def _make_edge_filter(declared_graph: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
     """Return a function that decides whether a step of a path can be an edge of this type."""
-    return lambda step: edge in world.edges_between(step.origin, step.link.edge, step.target)
+    return lambda step: edge in declared_graph.edges_between(step.origin, step.link.edge, step.target)
 
 
-def _rule_finding(world: DeclaredGraph, rule: _Rule, chains: _Chains) -> Diagnostic:
-    pattern = chains.missing_pattern(rule, chains.all_rule_names)
+def _rule_finding(declared_graph: DeclaredGraph, rule: _Rule, rule_dependencies: _RuleDependencies) -> Diagnostic:
+    pattern = rule_dependencies.impossible_pattern(rule, rule_dependencies.all_rule_names)
     assert pattern is not None
-    return _pattern_finding(world, pattern, chains, f"{rule.label} never begins")
+    return _pattern_finding(declared_graph, pattern, rule_dependencies, f"{rule.label} never begins")
 
 
-def _wakes_findings(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iterator[Diagnostic]:
+def _wakes_findings(
+    declared_graph: DeclaredGraph, agent: Agent, rule_dependencies: _RuleDependencies
+) -> Iterator[Diagnostic]:
     """Yield the findings about patterns that never wake an agent."""
-    wakes = [
+    wake_patterns = [
         Pattern(agent, Role.WAKES, None, condition, condition.tree)
         for condition in agent.conduct.wakes
         if condition.tree is not None
     ]
-    for pattern in wakes:
-        if not chains.is_possible(pattern, chains.all_rule_names):
-            yield _pattern_finding(world, pattern, chains, f"this pattern never wakes agent '{agent.name}'")
+    for pattern in wake_patterns:
+        if not rule_dependencies.is_possible(pattern, rule_dependencies.all_rule_names):
+            yield _pattern_finding(
+                declared_graph, pattern, rule_dependencies, f"this pattern never wakes agent '{agent.name}'"
+            )
 
 
-def _pattern_finding(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
+def _pattern_finding(
+    declared_graph: DeclaredGraph, pattern: Pattern, rule_dependencies: _RuleDependencies, subject: str
+) -> Diagnostic:
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
-        message = f"{what}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
+        message = f"{subject}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
         help = "under 'source' of the edges, add an agent that removes them, or change the pattern"
     else:
-        who = " and ".join(f"'{name}'" for name in chains.writers(pattern)) or "an agent"
-        message = f"{what}: nothing makes '{pattern.condition.text}' true"
-        help = f"add the pattern to 'during' or 'after' of a rule of {who}, or change the pattern"
+        writers_text = " and ".join(f"'{name}'" for name in rule_dependencies.writers(pattern)) or "an agent"
+        message = f"{subject}: nothing makes '{pattern.condition.text}' true"
+        help = f"add the pattern to 'during' or 'after' of a rule of {writers_text}, or change the pattern"
     related = tuple(
         Related("declared here", edge.place)
         for step in steps(pattern)
-        for edge in world.edges_between(step.origin, step.link.edge, step.target)
+        for edge in declared_graph.edges_between(step.origin, step.link.edge, step.target)
     )
     place = pattern.condition.place
     return finding("unreachable-rule", message, place, path=pattern.path, help=help, related=related)
 
 
-def _cycle_findings(chains: _Chains, stuck_names: _RuleNames) -> Iterator[Diagnostic]:
+def _cycle_findings(rule_dependencies: _RuleDependencies, stuck_names: _RuleNames) -> Iterator[Diagnostic]:
     """Yield findings about rules that wait for each other, each cycle once."""
-    startable_names = chains.startable_rules(stuck_names)
-    waiting_rules = {rule.name: rule for rule in chains.rules if rule.name not in startable_names}
+    startable_names = rule_dependencies.startable_names_from(stuck_names)
+    waiting_rules = {rule.name: rule for rule in rule_dependencies.rules if rule.name not in startable_names}
     dependencies = {
-        name: _awaited_names(chains, rule, startable_names, waiting_rules) for name, rule in waiting_rules.items()
+        name: _awaited_names(rule_dependencies, rule, startable_names, waiting_rules)
+        for name, rule in waiting_rules.items()
     }
-    for names in graph.strong_components(dependencies):
+    for component in graph.strong_components(dependencies):
         cycle = graph.shortest_cycle(
-            {name: tuple(need for need in dependencies[name] if need in names) for name in names}
+            {name: tuple(need for need in dependencies[name] if need in component) for name in component}
         )
         cycle_rules = [waiting_rules[name] for name in cycle]
-        pattern = chains.missing_pattern(cycle_rules[0], startable_names)
+        pattern = rule_dependencies.impossible_pattern(cycle_rules[0], startable_names)
         assert pattern is not None
         cycle_text = " -> ".join((*cycle, cycle[0]))
         yield finding(
@@ -290,27 +311,32 @@ def _cycle_findings(chains: _Chains, stuck_names: _RuleNames) -> Iterator[Diagno
             pattern.condition.place,
             path=pattern.path,
             help="let one of them begin without the others, or let something else make its 'before' patterns true",
-            related=tuple(_related_place(chains, rule, startable_names) for rule in cycle_rules[1:]),
+            related=tuple(_waiting_place(rule_dependencies, rule, startable_names) for rule in cycle_rules[1:]),
         )
 
 
 def _awaited_names(
-    chains: _Chains, rule: _Rule, startable_names: _RuleNames, waiting_names: Iterable[str]
+    rule_dependencies: _RuleDependencies, rule: _Rule, startable_names: _RuleNames, waiting_names: Iterable[str]
 ) -> tuple[str, ...]:
     """Return the names among `waiting_names` of the rules that a rule waits for."""
-    unmet = [pattern for pattern in rule.before if not chains.is_possible(pattern, startable_names)]
+    unmet_patterns = [
+        pattern for pattern in rule.before_patterns if not rule_dependencies.is_possible(pattern, startable_names)
+    ]
     return tuple(
         dict.fromkeys(
-            maker.name for pattern in unmet for maker in chains.makers(pattern) if maker.name in waiting_names
+            achiever.name
+            for pattern in unmet_patterns
+            for achiever in rule_dependencies.achievers(pattern)
+            if achiever.name in waiting_names
         )
     )
 
 
-def _related_place(chains: _Chains, rule: _Rule, startable_names: _RuleNames) -> Related:
-    pattern = chains.missing_pattern(rule, startable_names)
+def _waiting_place(rule_dependencies: _RuleDependencies, rule: _Rule, startable_names: _RuleNames) -> Related:
+    pattern = rule_dependencies.impossible_pattern(rule, startable_names)
     assert pattern is not None
     return Related(f"{rule.label} waits for this", pattern.condition.place)
 
 
-CHAINS = (unreachable_rules,)
+CHAIN_CHECKS = (unreachable_rules,)
 """The checks of this module."""

@@ -6,52 +6,56 @@ from collections.abc import Iterator
 
 from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Step, names_read, patterns, steps
-from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression import reads_of
 from codra_dsl.language.model import Attribute, Kind, NodeElement, StartingValue, ValueType
 from codra_dsl.language.units import convert, parse_unit
 
 
-def wrong_ends(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def wrong_ends(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """An edge in a pattern connects nodes that its declaration allows as its ends."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    world = scope.world
-    for pattern in patterns(scope):
+    declared_graph = spec_index.declared_graph
+    for pattern in patterns(spec_index):
         for step in steps(pattern):
-            if step.link.edge in STATES and world.task_of(step.origin, step.link.edge, step.target) is None:
-                yield from _no_task_findings(world, step)
-            elif step.link.edge not in STATES and not world.edges_between(step.origin, step.link.edge, step.target):
-                yield _wrong_ends_finding(world, step)
+            if step.link.edge in STATES and declared_graph.task_of(step.origin, step.link.edge, step.target) is None:
+                yield from _state_without_task_findings(declared_graph, step)
+            elif step.link.edge not in STATES and not declared_graph.edges_between(
+                step.origin, step.link.edge, step.target
+            ):
+                yield _wrong_ends_finding(declared_graph, step)
         for name in names_read(pattern):
             function, _, camera = reads_of(name.name)
-            kind = world.types.get(world.type_of(camera)) if function == "in_view" else None
+            kind = declared_graph.types.get(declared_graph.type_of(camera)) if function == "in_view" else None
             if function == "in_view" and (kind is None or kind.view is None):
                 message = f"agent '{pattern.agent.name}' uses in_view() with '{camera}', which has no view"
                 place = pattern.condition.place_of(name)
-                help = f"give type '{world.type_of(camera)}' a 'view'"
+                help = f"give type '{declared_graph.type_of(camera)}' a 'view'"
                 yield finding("wrong-ends", message, place, path=pattern.path, help=help)
 
 
-def _no_task_findings(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
+def _state_without_task_findings(declared_graph: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
     """Yield the finding about a task state on an edge that is not the edge of a task.
 
     `some task` and `anything` match any task, so such a target is no mistake.
     """
-    task = world.tasks.get(step.target.name)
+    task = declared_graph.tasks.get(step.target.name)
     if not step.target.name and step.target.type in ("", "task"):
         return
     place = step.pattern.condition.place_of(step.link)
     if task is None:
-        backward = world.tasks.get(step.origin.name)
-        turned_help = (
-            f"write {backward.origin.name} -{step.link.edge}-> {backward.name}" if backward is not None else ""
+        reversed_task = declared_graph.tasks.get(step.origin.name)
+        reversed_edge_help = (
+            f"write {reversed_task.origin.name} -{step.link.edge}-> {reversed_task.name}"
+            if reversed_task is not None
+            else ""
         )
         message = f"'{step.link.edge}' must lead to a task, and '{step.target}' is not a task ({step.pattern.user})"
-        help = turned_help or "write the name of a task, or declare the task under 'tasks' of 'knowledge'"
+        help = reversed_edge_help or "write the name of a task, or declare the task under 'tasks' of 'knowledge'"
         yield finding("wrong-ends", message, place, path=step.pattern.path, help=help)
         return
     message = f"task '{task.name}' is done by '{task.origin.name}', not by '{step.origin}' ({step.pattern.user})"
@@ -60,14 +64,14 @@ def _no_task_findings(world: DeclaredGraph, step: Step) -> Iterator[Diagnostic]:
     yield finding("wrong-ends", message, place, path=step.pattern.path, help=help, related=related)
 
 
-def _wrong_ends_finding(world: DeclaredGraph, step: Step) -> Diagnostic:
-    edges = world.edges_named(step.link.edge)
+def _wrong_ends_finding(declared_graph: DeclaredGraph, step: Step) -> Diagnostic:
+    edges = declared_graph.edges_of_word(step.link.edge)
     origins = " or ".join(dict.fromkeys(f"'{origin.name}'" for edge in edges for origin in edge.origins))
     targets = " or ".join(dict.fromkeys(f"'{target.name}'" for edge in edges for target in edge.targets))
-    is_turned = any(world.leads(edge, step.target, step.origin) for edge in edges)
-    help = f"write {step.target} -{step.link.edge}-> {step.origin}" if is_turned else ""
-    similar_name = suggest(step.link.edge, (name for name in world.edges if name != step.link.edge))
-    if not help and similar_name and world.leads(world.edges[similar_name], step.origin, step.target):
+    is_reversed = any(declared_graph.leads(edge, step.target, step.origin) for edge in edges)
+    help = f"write {step.target} -{step.link.edge}-> {step.origin}" if is_reversed else ""
+    similar_name = suggest(step.link.edge, (name for name in declared_graph.edges if name != step.link.edge))
+    if not help and similar_name and declared_graph.leads(declared_graph.edges[similar_name], step.origin, step.target):
         help = f"did you mean '{similar_name}'?"
     return finding(
         "wrong-ends",
@@ -80,28 +84,30 @@ def _wrong_ends_finding(world: DeclaredGraph, step: Step) -> Diagnostic:
     )
 
 
-def wrong_starting_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def wrong_starting_values(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """An initial value of a node fits the type and the unit of its attribute, and is in the attribute's range."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    for node in scope.spec.nodes:
-        kind = scope.world.types.get(node.type.name)
+    for node in spec_index.spec.nodes:
+        kind = spec_index.declared_graph.types.get(node.type.name)
         attributes = {attribute.name: attribute for attribute in kind.attributes} if kind is not None else {}
         for value in node.values:
             attribute = attributes.get(value.name)
             if attribute is None:
                 message = f"'{value.name}' of node '{node.name}' is a context-variable, which is unknown at first"
-                yield _value_finding(node, value, message, "remove it: the variable's 'source' writes it", value.place)
+                yield _starting_value_finding(
+                    node, value, message, "remove it: the variable's 'source' writes it", value.place
+                )
             elif (problem := _misfit(value, attribute.type)) is not None:
                 message = f"'{value.name}' of node '{node.name}' {problem[0]}"
-                yield _value_finding(node, value, message, problem[1], attribute.place)
+                yield _starting_value_finding(node, value, message, problem[1], attribute.place)
 
 
-def _value_finding(
-    node: NodeElement, value: StartingValue, message: str, help: str, declared_place: Place
+def _starting_value_finding(
+    node: NodeElement, value: StartingValue, message: str, help: str, declaration_place: Place
 ) -> Diagnostic:
     path = f"knowledge.nodes.{node.name}.with.{value.name}"
-    related = () if declared_place is value.place else (Related("declared here", declared_place),)
+    related = () if declaration_place is value.place else (Related("declared here", declaration_place),)
     return finding("wrong-starting-value", message, value.place, path=path, help=help, related=related)
 
 
@@ -120,9 +126,9 @@ def _misfit(value: StartingValue, declared_type: ValueType) -> tuple[str, str] |
     if kind is Kind.ENUM:
         if raw_value in declared_type.values:
             return None
-        near = suggest(str(raw_value), declared_type.values)
+        nearest_value = suggest(str(raw_value), declared_type.values)
         values_text = f"values are {', '.join(declared_type.values[:10])}"
-        return f"cannot be '{raw_value}'", f"did you mean '{near}'?" if near else values_text
+        return f"cannot be '{raw_value}'", f"did you mean '{nearest_value}'?" if nearest_value else values_text
     required_class = {Kind.BOOL: bool, Kind.STR: str}.get(kind)
     if required_class is not None:
         return None if isinstance(raw_value, required_class) else ("must be " + _NOUNS[kind], _EXAMPLES[kind])
@@ -164,5 +170,5 @@ def _number(value: StartingValue, declared_type: ValueType) -> float | None:
     return convert(value.value, source, target) if source.dimension == target.dimension else None
 
 
-KNOWLEDGE_TYPES = (wrong_ends, wrong_starting_values)
+KNOWLEDGE_TYPE_CHECKS = (wrong_ends, wrong_starting_values)
 """The checks of this module."""

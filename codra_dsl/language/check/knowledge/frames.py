@@ -6,34 +6,34 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from codra_dsl.language import graph
-from codra_dsl.language.check.index.graph_schema import DeclaredGraph, End, is_rigid
+from codra_dsl.language.check.index.graph_schema import DeclaredGraph, End, holds_poses
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
-from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
+from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import EdgeType, Reference
 
 
-def two_parents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def two_parents(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A frame has one parent at a time, so at most one edge with poses leads to the frame."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    rigid_edges = [edge for edge in scope.spec.edges if is_rigid(edge)]
-    for first, second in combinations(rigid_edges, 2):
+    pose_edges = [edge for edge in spec_index.spec.edges if holds_poses(edge)]
+    for first, second in combinations(pose_edges, 2):
         for target in second.targets:
-            other = next((end for end in first.targets if _same_frame(scope.world, end, target)), None)
+            other = next((end for end in first.targets if _same_frame(spec_index.declared_graph, end, target)), None)
             if other is not None:
                 yield _two_parents_finding(first, second, target)
                 break
 
 
-def _same_frame(world: DeclaredGraph, one: Reference, other: Reference) -> bool:
+def _same_frame(declared_graph: DeclaredGraph, one: Reference, other: Reference) -> bool:
     """Return whether two ends of edges may mean the same node."""
-    first, second = world.end(one.name), world.end(other.name)
+    first, second = declared_graph.end(one.name), declared_graph.end(other.name)
     if first.is_node == second.is_node:
         return first.name == second.name
     node, kind = (first, second) if first.is_node else (second, first)
-    return world.type_of(node.name) == kind.name
+    return declared_graph.type_of(node.name) == kind.name
 
 
 def _two_parents_finding(first: EdgeType, second: EdgeType, target: Reference) -> Diagnostic:
@@ -51,15 +51,15 @@ def _two_parents_finding(first: EdgeType, second: EdgeType, target: Reference) -
     )
 
 
-def frame_cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def frame_cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No frame is its own ancestor."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    parents = dict(_parents(scope.world))
-    needs = {target: (parent,) for target, (parent, _) in parents.items()}
-    for names in graph.strong_components(needs):
-        component_needs = {name: needs[name] for name in names}
-        cycle = graph.shortest_cycle(component_needs)
+    parents = dict(_parents(spec_index.declared_graph))
+    parents_by_frame = {target: (parent,) for target, (parent, _) in parents.items()}
+    for component in graph.strong_components(parents_by_frame):
+        component_parents = {name: parents_by_frame[name] for name in component}
+        cycle = graph.shortest_cycle(component_parents)
         edges = [parents[name][1] for name in cycle]
         cycle_text = " -> ".join((cycle[0], *reversed(cycle)))
         yield finding(
@@ -75,15 +75,15 @@ def frame_cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
         )
 
 
-def _parents(world: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]:
+def _parents(declared_graph: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]:
     """Yield each single node whose parent is certain, with this parent and the edge between them."""
-    for edge in world.edges.values():
-        origins: list[End] = [world.end(origin.name) for origin in edge.origins]
-        if is_rigid(edge) and len(origins) == 1 and origins[0].is_node:
+    for edge in declared_graph.edges.values():
+        origins: list[End] = [declared_graph.end(origin.name) for origin in edge.origins]
+        if holds_poses(edge) and len(origins) == 1 and origins[0].is_node:
             for target in edge.targets:
-                if world.end(target.name).is_node:
+                if declared_graph.end(target.name).is_node:
                     yield target.name, (origins[0].name, edge)
 
 
-FRAMES = (two_parents, frame_cycles)
+FRAME_CHECKS = (two_parents, frame_cycles)
 """The checks of this module."""

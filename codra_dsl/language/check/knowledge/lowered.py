@@ -16,59 +16,59 @@ from codra_dsl.language.model import Agent, AgentRule, Condition, Literal
 _READERS = frozenset({"value", "known", "age"})
 
 
-def checked_knowledge(scope: SpecIndex) -> CheckedKnowledge | None:
+def checked_knowledge(spec_index: SpecIndex) -> CheckedKnowledge | None:
     """Return the knowledge of a sound spec; None if it declares none."""
-    if not scope.spec.knows:
+    if not spec_index.spec.knows:
         return None
-    world = scope.world
+    declared_graph = spec_index.declared_graph
     return CheckedKnowledge(
-        world=world,
-        agents=tuple(_agent(scope, agent) for agent in scope.spec.agents),
-        writers=tuple(dict.fromkeys((*world.agents, *_writers(world)))),
-        values={node.name: dict(_values(world, node.name)) for node in scope.spec.nodes},
+        world=declared_graph,
+        agents=tuple(_agent(spec_index, agent) for agent in spec_index.spec.agents),
+        writers=tuple(dict.fromkeys((*declared_graph.agents, *_writers(declared_graph)))),
+        values={node.name: dict(_values(declared_graph, node.name)) for node in spec_index.spec.nodes},
     )
 
 
-def _agent(scope: SpecIndex, agent: Agent) -> CheckedAgent:
+def _agent(spec_index: SpecIndex, agent: Agent) -> CheckedAgent:
     return CheckedAgent(
         agent=agent,
-        owns=owns(scope.world, agent.name),
-        reads=reads(scope.world, agent),
-        wakes=_patterns(scope, agent.conduct.wakes),
-        rules=tuple(_rule(scope, rule) for rule in agent.conduct.rules),
+        owns=owns(spec_index.declared_graph, agent.name),
+        reads=reads(spec_index.declared_graph, agent),
+        wakes=_patterns(spec_index, agent.conduct.wakes),
+        rules=tuple(_rule(spec_index, rule) for rule in agent.conduct.rules),
     )
 
 
-def _rule(scope: SpecIndex, rule: AgentRule) -> CheckedRule:
+def _rule(spec_index: SpecIndex, rule: AgentRule) -> CheckedRule:
     return CheckedRule(
         name=rule.name,
         place=rule.place,
-        before=_patterns(scope, rule.before),
-        during=_patterns(scope, rule.during),
-        after=_patterns(scope, rule.after),
+        before=_patterns(spec_index, rule.before),
+        during=_patterns(spec_index, rule.during),
+        after=_patterns(spec_index, rule.after),
     )
 
 
-def _patterns(scope: SpecIndex, patterns: tuple[Condition, ...]) -> tuple[CheckedPattern, ...]:
-    return tuple(_pattern(scope, pattern) for pattern in patterns)
+def _patterns(spec_index: SpecIndex, patterns: tuple[Condition, ...]) -> tuple[CheckedPattern, ...]:
+    return tuple(_pattern(spec_index, pattern) for pattern in patterns)
 
 
-def _pattern(scope: SpecIndex, pattern: Condition) -> CheckedPattern:
+def _pattern(spec_index: SpecIndex, pattern: Condition) -> CheckedPattern:
     path = pattern.tree if isinstance(pattern.tree, Path) else None
-    python = "" if path is not None else over_knowledge(scope.world, scope.python(pattern, None))
+    python = "" if path is not None else over_knowledge(spec_index.declared_graph, spec_index.python(pattern, None))
     return CheckedPattern(text=pattern.text, place=pattern.place, path=path, python=python)
 
 
-def over_knowledge(world: DeclaredGraph, python: str) -> str:
+def over_knowledge(declared_graph: DeclaredGraph, python: str) -> str:
     """Return a lowered condition in which each name is read as an attribute of a node."""
-    return ast.unparse(_Naming(world).visit(ast.parse(python, mode="eval")))
+    return ast.unparse(_Naming(declared_graph).visit(ast.parse(python, mode="eval")))
 
 
 class _Naming(ast.NodeTransformer):
     """Puts the node of each context-variable before its name, and replaces readings of poses by runtime functions."""
 
-    def __init__(self, world: DeclaredGraph) -> None:
-        self._world = world
+    def __init__(self, declared_graph: DeclaredGraph) -> None:
+        self._declared_graph = declared_graph
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         """Return a call that reads a name from knowledge; other calls stay as they are."""
@@ -82,7 +82,9 @@ class _Naming(ast.NodeTransformer):
         function, first, second = reads_of(name)
         if function and reader == "value":
             return _make_call(function, first, second)
-        return _make_call(reader, name if function or first else f"{self._world.variables[second].node}.{second}")
+        return _make_call(
+            reader, name if function or first else f"{self._declared_graph.variables[second].node}.{second}"
+        )
 
 
 def _make_call(function: str, *arguments: str) -> ast.Call:
@@ -91,17 +93,17 @@ def _make_call(function: str, *arguments: str) -> ast.Call:
     )
 
 
-def _writers(world: DeclaredGraph) -> Iterator[str]:
+def _writers(declared_graph: DeclaredGraph) -> Iterator[str]:
     """Yield the names of all writers of the graph except `observer`, which is not an agent."""
-    for element in world.elements():
-        yield from (writer.name for writer in world.writers(element) if writer.name != OBSERVER)
-    for task in world.tasks.values():
+    for element in declared_graph.elements():
+        yield from (writer.name for writer in declared_graph.writers(element) if writer.name != OBSERVER)
+    for task in declared_graph.tasks.values():
         yield from (task.by.name, *(requester.name for requester in task.requesters))
 
 
-def _values(world: DeclaredGraph, name: str) -> Iterator[tuple[str, Literal]]:
+def _values(declared_graph: DeclaredGraph, name: str) -> Iterator[tuple[str, Literal]]:
     """Yield the initial values of a node."""
-    node = world.nodes[name]
-    kind = world.types.get(node.type.name)
+    node = declared_graph.nodes[name]
+    kind = declared_graph.types.get(node.type.name)
     attributes = {attribute.name: attribute for attribute in (kind.attributes if kind is not None else ())}
     yield from ((value.name, starting_value(value, attributes[value.name])) for value in node.values)

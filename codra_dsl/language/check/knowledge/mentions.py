@@ -49,9 +49,9 @@ class Step:
     target: NodeTerm
 
 
-def patterns(scope: SpecIndex) -> Iterator[Pattern]:
+def patterns(spec_index: SpecIndex) -> Iterator[Pattern]:
     """Yield every pattern that could be read."""
-    for agent in scope.spec.agents:
+    for agent in spec_index.spec.agents:
         yield from patterns_of(agent)
 
 
@@ -87,17 +87,17 @@ def names_read(pattern: Pattern) -> Iterator[Name]:
         yield from (part for part in walk(pattern.tree) if isinstance(part, Name))
 
 
-def mention_in(pattern: Pattern, name: str, part: Node) -> Mention:
+def mention_in_pattern(pattern: Pattern, name: str, part: Node) -> Mention:
     """Return the mention of a name in a pattern."""
     return Mention(name, pattern.condition.place_of(part), pattern.user, pattern.path)
 
 
-def type_mentions(scope: SpecIndex) -> Iterator[Mention]:
+def type_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every name in patterns that can only be the name of a type."""
-    for pattern in patterns(scope):
+    for pattern in patterns(spec_index):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.type:
-                yield mention_in(pattern, term.type, _last_word(pattern, term))
+                yield mention_in_pattern(pattern, term.type, _last_word(pattern, term))
 
 
 def _last_word(pattern: Pattern, term: NodeTerm) -> Node:
@@ -107,28 +107,28 @@ def _last_word(pattern: Pattern, term: NodeTerm) -> Node:
     return Node(start=start, end=start + len(term.type))
 
 
-def node_mentions(scope: SpecIndex) -> Iterator[Mention]:
+def node_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every name that can only be the name of a node."""
-    for variable in scope.spec.context:
+    for variable in spec_index.spec.context:
         if "of" in variable.places:
             place = variable.places["of"]
             yield Mention(variable.node, place, user_of("context", variable.name), f"context.{variable.name}.of")
         if variable.pose_condition is not None:
             yield from _pose_mentions(variable.pose_condition)
-    for task in scope.spec.tasks:
+    for task in spec_index.spec.tasks:
         if task.origin.name:
             yield mention_of(task.origin, "tasks", task.name, "from")
-    for pattern in patterns(scope):
+    for pattern in patterns(spec_index):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.name:
-                yield mention_in(pattern, term.name, term)
+                yield mention_in_pattern(pattern, term.name, term)
         for name in names_read(pattern):
             function, first, second = reads_of(name.name)
             if function:
-                yield from (mention_in(pattern, node_name, name) for node_name in (first, second))
+                yield from (mention_in_pattern(pattern, node_name, name) for node_name in (first, second))
             elif first:
                 node = Node(start=name.start, end=name.start + len(first))
-                yield mention_in(pattern, first, node)
+                yield mention_in_pattern(pattern, first, node)
 
 
 def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
@@ -141,16 +141,16 @@ def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
             )
 
 
-def end_mentions(scope: SpecIndex) -> Iterator[Mention]:
+def end_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every name at an end of a declared edge. It is the name of a type or of a node."""
-    for edge in scope.spec.edges:
+    for edge in spec_index.spec.edges:
         yield from (mention_of(origin, "edges", edge.name, "from") for origin in edge.origins)
         yield from (mention_of(target, "edges", edge.name, "to") for target in edge.targets)
 
 
-def edge_mentions(scope: SpecIndex) -> Iterator[Mention]:
+def edge_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every name of an edge in a pattern."""
-    for pattern in patterns(scope):
+    for pattern in patterns(spec_index):
         for step in steps(pattern):
             start = step.link.start + pattern.condition.text[step.link.start : step.link.end].index(step.link.edge)
-            yield mention_in(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))
+            yield mention_in_pattern(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))

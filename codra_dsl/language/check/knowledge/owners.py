@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns, patterns_of, steps
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import NodeTerm, Path, reads_of
@@ -19,33 +19,38 @@ from codra_dsl.language.model import Agent, Task, TaskState, Writer
 _SECTIONS = ("context", "types", "nodes", "edges", "tasks", "agents")
 
 
-def is_knowledge_complete(scope: SpecIndex, faults: Silenced) -> bool:
+def is_knowledge_checkable(spec_index: SpecIndex, faults: FaultyElements) -> bool:
     """Return whether knowledge is declared, could be read completely, and has no wrong names."""
-    if not scope.spec.knows or any(scope.spec.damaged.get(section) for section in _SECTIONS):
+    if not spec_index.spec.knows or any(spec_index.spec.damaged.get(section) for section in _SECTIONS):
         return False
     return not any(section in _SECTIONS for section, _ in faults.elements)
 
 
-def two_owners(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def two_owners(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Several writers of the same element have priorities.
 
     For context-variables this is not checked, because their newest evidence is used.
     """
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
     reported_places: set[Place] = set()
-    for element in scope.world.elements():
-        writers = scope.world.writers(element)
-        unranked = [writer for writer in writers if writer.priority is None]
-        if element.section == "context" or len(writers) < 2 or not unranked or unranked[-1].place in reported_places:
+    for element in spec_index.declared_graph.elements():
+        writers = spec_index.declared_graph.writers(element)
+        unranked_writers = [writer for writer in writers if writer.priority is None]
+        if (
+            element.section == "context"
+            or len(writers) < 2
+            or not unranked_writers
+            or unranked_writers[-1].place in reported_places
+        ):
             continue
         # attributes without a source of their own have the sources of their type or edge
-        reported_places.add(unranked[-1].place)
-        yield _unranked_finding(scope.world, element, writers, unranked[-1])
+        reported_places.add(unranked_writers[-1].place)
+        yield _unranked_writer_finding(spec_index.declared_graph, element, writers, unranked_writers[-1])
 
 
-def _unranked_finding(
-    world: DeclaredGraph, element: KnowledgeElement, writers: tuple[Writer, ...], offender: Writer
+def _unranked_writer_finding(
+    declared_graph: DeclaredGraph, element: KnowledgeElement, writers: tuple[Writer, ...], offender: Writer
 ) -> Diagnostic:
     priorities_text = ", ".join(
         f"{writer.name}: {rank}" for rank, writer in zip(range(len(writers), 0, -1), writers, strict=True)
@@ -59,138 +64,146 @@ def _unranked_finding(
         offender.place,
         path=f"knowledge.{element.section}.{element.name}{key}.source",
         help=f"write 'source: {{{priorities_text}}}' where it is declared: the larger number has priority",
-        related=(Related("declared here", world.place_of(element)),),
+        related=(Related("declared here", declared_graph.place_of(element)),),
     )
 
 
-def unwritten(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unwritten_knowledge(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Everything that an agent reads, and every declared edge, exists from the start or has a writer."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    world = scope.world
+    declared_graph = spec_index.declared_graph
     reported_elements: set[KnowledgeElement] = set()
-    for edge in scope.spec.edges:
+    for edge in spec_index.spec.edges:
         element = KnowledgeElement("edges", edge.name)
-        if not world.writers(element) and not world.starts_with(edge):
+        if not declared_graph.writers(element) and not declared_graph.exists_initially(edge):
             reported_elements.add(element)
             message = f"no agent writes edge '{edge.name}', and it does not exist from the start"
             help = "name its writer under 'source', or declare it between two single nodes"
             path = f"knowledge.edges.{edge.name}"
             yield finding("unwritten-knowledge", message, edge.place, path=path, help=help)
-    for agent in scope.spec.agents:
-        for element, place, path in _readings(world, agent):
-            if element not in reported_elements and not _is_written(world, element):
+    for agent in spec_index.spec.agents:
+        for element, place, path in _readings(declared_graph, agent):
+            if element not in reported_elements and not _is_written(declared_graph, element):
                 reported_elements.add(element)
                 message = f"agent '{agent.name}' reads {element}, which no agent writes"
-                related = (Related("declared here", world.place_of(element)),)
+                related = (Related("declared here", declared_graph.place_of(element)),)
                 help = "name its writer under 'source'"
                 yield finding("unwritten-knowledge", message, place, path=path, help=help, related=related)
 
 
-def _readings(world: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeElement, Place, str]]:
+def _readings(declared_graph: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeElement, Place, str]]:
     """Yield the elements that an agent reads, each with the place and the path where it is read."""
     for reference in agent.conduct.reads:
-        element = world.named(reference.name)
+        element = declared_graph.named(reference.name)
         if element is not None:
             yield element, reference.place, f"agents.{agent.name}.reads"
     for pattern in patterns_of(agent):
         for name in names_read(pattern) if pattern.role is not Role.AFTER else ():
-            element = world.read(name.name)
+            element = declared_graph.read(name.name)
             if element is not None:
                 yield element, pattern.condition.place_of(name), pattern.path
-        for term in _terms_sought(pattern):
+        for term in _searched_terms(pattern):
             if term.type:
                 yield KnowledgeElement("types", term.type), pattern.condition.place_of(term), pattern.path
 
 
-def _terms_sought(pattern: Pattern) -> tuple[NodeTerm, ...]:
+def _searched_terms(pattern: Pattern) -> tuple[NodeTerm, ...]:
     """Return the nodes that an agent searches for with a pattern."""
     path = pattern.tree
-    is_search = isinstance(path, Path) and pattern.role is not Role.AFTER and not path.negated
-    return path.terms if is_search and isinstance(path, Path) else ()
+    is_search_pattern = isinstance(path, Path) and pattern.role is not Role.AFTER and not path.negated
+    return path.terms if is_search_pattern and isinstance(path, Path) else ()
 
 
-def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
+def _is_written(declared_graph: DeclaredGraph, element: KnowledgeElement) -> bool:
     """Return whether an element has a writer, or exists from the start."""
-    if element.section in ("context", "tasks") or world.writers(element):
+    if element.section in ("context", "tasks") or declared_graph.writers(element):
         return True
     if element.section == "edges":
-        return world.starts_with(world.edges[element.name])
-    nodes_of_type = [node for node in world.spec.nodes if node.type.name == element.name]
+        return declared_graph.exists_initially(declared_graph.edges[element.name])
+    nodes_of_type = [node for node in declared_graph.spec.nodes if node.type.name == element.name]
     if not element.attribute:
-        return bool(nodes_of_type) or element.name not in world.types
+        return bool(nodes_of_type) or element.name not in declared_graph.types
     return any(value.name == element.attribute for node in nodes_of_type for value in node.values)
 
 
-def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def foreign_writes(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """An agent owns what its rules write; if a rule can write one of several elements, the agent owns one of them."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    for pattern in patterns(scope):
+    for pattern in patterns(spec_index):
         if pattern.role is Role.AFTER:
-            elements = _written_elements(scope.world, pattern)
-            if elements and not any(scope.world.owns(pattern.agent.name, element) for element, _ in elements):
-                yield _foreign_finding(scope.world, pattern, *elements[0])
-            yield from _foreign_state_findings(scope.world, pattern)
+            elements = _written_elements(spec_index.declared_graph, pattern)
+            if elements and not any(
+                spec_index.declared_graph.owns(pattern.agent.name, element) for element, _ in elements
+            ):
+                yield _foreign_write_finding(spec_index.declared_graph, pattern, *elements[0])
+            yield from _foreign_state_write_findings(spec_index.declared_graph, pattern)
 
 
-def _written_elements(world: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
+def _written_elements(declared_graph: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
     """Return elements of which a rule writes at least one to make a pattern under `after` true, each with its place.
 
     The list is empty if it is undecided which elements these are.
     """
     elements: list[tuple[KnowledgeElement, Place]] = []
     for step in steps(pattern):
-        if world.task_of(step.origin, step.link.edge, step.target) is not None:
+        if declared_graph.task_of(step.origin, step.link.edge, step.target) is not None:
             return []
-        edges = world.edges_between(step.origin, step.link.edge, step.target)
+        edges = declared_graph.edges_between(step.origin, step.link.edge, step.target)
         elements += [(KnowledgeElement("edges", edge.name), pattern.condition.place_of(step.link)) for edge in edges]
     for name in names_read(pattern):
-        element = world.read(name.name)
+        element = declared_graph.read(name.name)
         if element is None or reads_of(name.name)[0]:
             return []
         elements.append((element, pattern.condition.place_of(name)))
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
         kinds = [term.type for term in pattern.tree.terms if term.type]
         elements += [
-            (KnowledgeElement("types", kind), pattern.condition.place) for kind in kinds if kind in world.types
+            (KnowledgeElement("types", kind), pattern.condition.place) for kind in kinds if kind in declared_graph.types
         ]
     return elements
 
 
-def _foreign_finding(world: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, place: Place) -> Diagnostic:
-    owners = [writer.name for writer in world.writers(element)]
-    who = " and ".join(f"'{owner}'" for owner in owners)
+def _foreign_write_finding(
+    declared_graph: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, place: Place
+) -> Diagnostic:
+    owners = [writer.name for writer in declared_graph.writers(element)]
+    writers_text = " and ".join(f"'{owner}'" for owner in owners)
     assert pattern.rule is not None
     verb = "own" if len(owners) > 1 else "owns"
     key = "by" if element.section == "tasks" else "source"
-    own_help = f"write '{pattern.agent.name}' under '{key}' of {element}"
-    help = f"{own_help}, or leave this change to {who}: a rule may write only what its agent owns" if who else own_help
+    ownership_help = f"write '{pattern.agent.name}' under '{key}' of {element}"
+    help = (
+        f"{ownership_help}, or leave this change to {writers_text}: a rule may write only what its agent owns"
+        if writers_text
+        else ownership_help
+    )
     return finding(
         "foreign-write",
-        f"rule '{pattern.rule.name}' of {pattern.user} writes {element}, which {who or 'no agent'} {verb}",
+        f"rule '{pattern.rule.name}' of {pattern.user} writes {element}, which {writers_text or 'no agent'} {verb}",
         place,
         path=pattern.path,
         help=help,
-        related=(Related("declared here", world.place_of(element)),),
+        related=(Related("declared here", declared_graph.place_of(element)),),
     )
 
 
-def _foreign_state_findings(world: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnostic]:
+def _foreign_state_write_findings(declared_graph: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnostic]:
     for step in steps(pattern):
-        task = world.task_of(step.origin, step.link.edge, step.target)
+        task = declared_graph.task_of(step.origin, step.link.edge, step.target)
         if task is None or pattern.agent.name in state_writers(task, step.link.edge):
             continue
         assert pattern.rule is not None
-        who = " and ".join(f"'{name}'" for name in state_writers(task, step.link.edge))
+        writers_text = " and ".join(f"'{name}'" for name in state_writers(task, step.link.edge))
         yield finding(
             "foreign-write",
             f"rule '{pattern.rule.name}' of {pattern.user} writes '{step.link.edge}' of task '{task.name}', "
-            f"which only {who} may write",
+            f"which only {writers_text} may write",
             pattern.condition.place_of(step.link),
             path=pattern.path,
             help="requesters write 'wants' and 'aborted', the executor writes 'is' and 'finished'; "
-            f"leave this change to {who}",
+            f"leave this change to {writers_text}",
             related=(Related("declared here", task.place),),
         )
 
@@ -202,27 +215,30 @@ def state_writers(task: Task, state: str) -> tuple[str, ...]:
     return (task.by.name,)
 
 
-def claimed_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def claimed_tasks(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No rule of an agent takes up a task that another agent executes, since a task has one executor."""
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    for agent in scope.spec.agents:
+    for agent in spec_index.spec.agents:
         for rule in agent.conduct.rules:
-            wanted = {task.name for task, _ in _task_steps(scope.world, agent, rule.name, Role.BEFORE, TaskState.WANTS)}
-            for task, step in _task_steps(scope.world, agent, rule.name, Role.DURING, TaskState.IS):
+            wanted = {
+                task.name
+                for task, _ in _task_steps(spec_index.declared_graph, agent, rule.name, Role.BEFORE, TaskState.WANTS)
+            }
+            for task, step in _task_steps(spec_index.declared_graph, agent, rule.name, Role.DURING, TaskState.IS):
                 if task.name in wanted and task.by.name != agent.name:
                     yield _claimed_task_finding(agent, rule.name, task, step)
 
 
 def _task_steps(
-    world: DeclaredGraph, agent: Agent, rule: str, role: Role, state: TaskState
+    declared_graph: DeclaredGraph, agent: Agent, rule: str, role: Role, state: TaskState
 ) -> Iterator[tuple[Task, Step]]:
     """Yield the tasks in this state in a rule's patterns with this role, each with the step that contains it."""
     for pattern in patterns_of(agent):
         if pattern.rule is None or pattern.rule.name != rule or pattern.role is not role:
             continue
         for step in steps(pattern):
-            task = world.task_of(step.origin, step.link.edge, step.target)
+            task = declared_graph.task_of(step.origin, step.link.edge, step.target)
             if task is not None and step.link.edge == state:
                 yield task, step
 
@@ -238,23 +254,31 @@ def _claimed_task_finding(agent: Agent, rule: str, task: Task, step: Step) -> Di
     )
 
 
-def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unattended_tasks(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The executor of a task reacts to a request.
 
     It is always active, or the request wakes it. If it has rules, one of them is for the request.
     """
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    for task in scope.spec.tasks:
-        agent = scope.world.agents.get(task.by.name)
+    for task in spec_index.spec.tasks:
+        agent = spec_index.declared_graph.agents.get(task.by.name)
         if agent is None:
             continue
-        is_asleep = agent.conduct.wakes and not _names_request(scope.world, agent, task, Role.WAKES)
-        is_idle = agent.conduct.rules and not _names_request(scope.world, agent, task, Role.BEFORE)
-        if is_asleep or is_idle:
-            request = f"{task.origin.name} -wants-> {task.name}"
-            reason = "is not woken by a request" if is_asleep else "has no rule for a request"
-            help = f"add '{request}' to 'wakes' of the agent" if is_asleep else f"add a rule with 'before: [{request}]'"
+        is_never_woken = agent.conduct.wakes and not _has_request_pattern(
+            spec_index.declared_graph, agent, task, Role.WAKES
+        )
+        has_no_request_rule = agent.conduct.rules and not _has_request_pattern(
+            spec_index.declared_graph, agent, task, Role.BEFORE
+        )
+        if is_never_woken or has_no_request_rule:
+            request_text = f"{task.origin.name} -wants-> {task.name}"
+            reason = "is not woken by a request" if is_never_woken else "has no rule for a request"
+            help = (
+                f"add '{request_text}' to 'wakes' of the agent"
+                if is_never_woken
+                else f"add a rule with 'before: [{request_text}]'"
+            )
             yield finding(
                 "unattended-task",
                 f"no agent takes up task '{task.name}': agent '{agent.name}', which executes it, {reason}",
@@ -265,7 +289,7 @@ def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
             )
 
 
-def _names_request(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -> bool:
+def _has_request_pattern(declared_graph: DeclaredGraph, agent: Agent, task: Task, role: Role) -> bool:
     """Return whether an agent has a pattern with this role that contains the request of a task.
 
     A condition under `wakes` may depend on the request, so the result is True then too.
@@ -278,34 +302,36 @@ def _names_request(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -
                 return True
             continue
         for step in steps(pattern):
-            other = world.task_of(step.origin, step.link.edge, step.target)
+            other_task = declared_graph.task_of(step.origin, step.link.edge, step.target)
             is_any = not step.target.name and step.link.edge == TaskState.WANTS
-            if is_any or (other is not None and other.name == task.name and step.link.edge == TaskState.WANTS):
+            if is_any or (
+                other_task is not None and other_task.name == task.name and step.link.edge == TaskState.WANTS
+            ):
                 return True
     return False
 
 
-def owns(world: DeclaredGraph, agent: str) -> tuple[KnowledgeElement, ...]:
+def owns(declared_graph: DeclaredGraph, agent: str) -> tuple[KnowledgeElement, ...]:
     """Return the elements that an agent may write, in file order."""
-    return world.owned.get(agent, ())
+    return declared_graph.owned.get(agent, ())
 
 
-def reads(world: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
+def reads(declared_graph: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
     """Return the elements that an agent reads, each once: those under `reads`, and those in the agent's patterns."""
-    elements = dict.fromkeys(element for element, *_ in _readings(world, agent))
+    elements = dict.fromkeys(element for element, *_ in _readings(declared_graph, agent))
     for pattern in patterns_of(agent):
         if pattern.role is Role.AFTER:
             continue
         for step in steps(pattern):
-            task = world.task_of(step.origin, step.link.edge, step.target)
+            task = declared_graph.task_of(step.origin, step.link.edge, step.target)
             if task is not None:
                 elements[KnowledgeElement("tasks", task.name)] = None
             elements |= dict.fromkeys(
                 KnowledgeElement("edges", edge.name)
-                for edge in world.edges_between(step.origin, step.link.edge, step.target)
+                for edge in declared_graph.edges_between(step.origin, step.link.edge, step.target)
             )
     return tuple(elements)
 
 
-OWNERS = (two_owners, unwritten, foreign_writes, claimed_tasks, unattended_tasks)
+OWNER_CHECKS = (two_owners, unwritten_knowledge, foreign_writes, claimed_tasks, unattended_tasks)
 """The checks of this module."""

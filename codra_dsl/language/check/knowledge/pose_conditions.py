@@ -12,64 +12,68 @@ from codra_dsl.language.check.conditions.types import Problem, Typed, infer_cond
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.mentions import user_of
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.lowered import over_knowledge
-from codra_dsl.language.check.knowledge.owners import is_knowledge_complete
+from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.expression import Name, names_in, reads_of
 from codra_dsl.language.model import PoseCondition
 
 
-def wrong_comparisons(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def wrong_pose_comparisons(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """A distance is compared with lengths, and `in_view` is true or false."""
-    for pose_condition in scope.spec.pose_conditions:
-        for problem in _infer_pose_condition(scope, pose_condition)[1]:
+    for pose_condition in spec_index.spec.pose_conditions:
+        for problem in _infer_pose_condition(spec_index, pose_condition)[1]:
             place = pose_condition.condition.place_of(problem.node)
             message = f"{problem.message} ({_location_text(pose_condition)})"
             yield finding(problem.rule, message, place, path=".".join(pose_condition.owner), help=problem.help)
 
 
-def wrong_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def wrong_pose_operands(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Cameras have views, and edges with poses can connect the two nodes; otherwise the result is never known.
 
     The nodes are declared; the edges that lead to them may change while a program runs.
     """
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    for pose_condition in scope.spec.pose_conditions:
-        if faults.sound(pose_condition.owner[0], pose_condition.owner[1]):
+    for pose_condition in spec_index.spec.pose_conditions:
+        if faults.is_sound(pose_condition.owner[0], pose_condition.owner[1]):
             for name in dict.fromkeys(names_in(pose_condition.tree)):
-                yield from _name_findings(scope.world, pose_condition, name)
+                yield from _operand_findings(spec_index.declared_graph, pose_condition, name)
 
 
-POSE_CONDITIONS = (wrong_comparisons, wrong_poses)
+POSE_CONDITION_CHECKS = (wrong_pose_comparisons, wrong_pose_operands)
 """The checks of this module."""
 
 
-def python_of_poses(scope: SpecIndex) -> dict[str, str]:
+def pose_condition_texts(spec_index: SpecIndex) -> dict[str, str]:
     """Return, for each variable that is computed from poses, its comparison as Python text. The spec has no errors."""
     return {
-        variable.name: over_knowledge(scope.world, lower(_infer_pose_condition(scope, variable.pose_condition)[0]))
-        for variable in scope.spec.context
+        variable.name: over_knowledge(
+            spec_index.declared_graph, lower(_infer_pose_condition(spec_index, variable.pose_condition)[0])
+        )
+        for variable in spec_index.spec.context
         if variable.pose_condition is not None
     }
 
 
-def _name_findings(world: DeclaredGraph, pose_condition: PoseCondition, name: Name) -> Iterator[Diagnostic]:
+def _operand_findings(declared_graph: DeclaredGraph, pose_condition: PoseCondition, name: Name) -> Iterator[Diagnostic]:
     function, first, second = reads_of(name.name)
     place, path = pose_condition.condition.place_of(name), ".".join(pose_condition.owner)
-    kind = world.types.get(world.type_of(second))
-    if function == "in_view" and (kind is None or kind.view is None):
+    node_type = declared_graph.types.get(declared_graph.type_of(second))
+    if function == "in_view" and (node_type is None or node_type.view is None):
         message = f"'{second}' has no view ({_location_text(pose_condition)})"
-        yield finding("wrong-ends", message, place, path=path, help=f"give type '{world.type_of(second)}' a 'view'")
-    elif not world.may_meet(first, second):
+        yield finding(
+            "wrong-ends", message, place, path=path, help=f"give type '{declared_graph.type_of(second)}' a 'view'"
+        )
+    elif not declared_graph.may_meet(first, second):
         message = f"no edges with poses can connect '{first}' and '{second}', so {name.name} is never known"
         help = "declare edges with 'label: RT' that lead from one to the other, or from something else to both"
         yield finding("unconnected-nodes", f"{message} ({_location_text(pose_condition)})", place, path=path, help=help)
 
 
-def _infer_pose_condition(scope: SpecIndex, pose_condition: PoseCondition) -> tuple[Typed, tuple[Problem, ...]]:
-    types = {name.name: scope.world.read_type(name.name) for name in names_in(pose_condition.tree)}
+def _infer_pose_condition(spec_index: SpecIndex, pose_condition: PoseCondition) -> tuple[Typed, tuple[Problem, ...]]:
+    types = {name.name: spec_index.declared_graph.read_type(name.name) for name in names_in(pose_condition.tree)}
     return infer_condition(pose_condition.tree, types, known=True)
 
 

@@ -9,122 +9,133 @@ from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import Pattern, names_read, patterns_in, patterns_of, steps
-from codra_dsl.language.check.knowledge.owners import is_knowledge_complete, state_writers
-from codra_dsl.language.check.solver.contradictions import contradiction, never_true, related_to, stated
+from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable, state_writers
+from codra_dsl.language.check.solver.contradictions import (
+    contradiction,
+    never_true_message,
+    related_places,
+    state_condition,
+)
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Path
 from codra_dsl.language.model import Agent, AgentRule
 
 
-def contradictory_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def contradictory_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The patterns of one moment of a rule can hold together, and each pattern of `wakes` can hold.
 
     A pattern of `during` can also hold together with the patterns of `before`, unless the agent itself makes it true.
     """
-    if not is_knowledge_complete(scope, faults):
+    if not is_knowledge_checkable(spec_index, faults):
         return
-    for agent in scope.spec.agents:
+    for agent in spec_index.spec.agents:
         for pattern in patterns_of(agent):
             if pattern.role is Role.WAKES:
-                yield from _exclusion_findings(scope, [pattern])
+                yield from _exclusion_findings(spec_index, [pattern])
         for rule in agent.conduct.rules:
-            yield from _rule_findings(scope, agent, rule)
+            yield from _contradictory_rule_findings(spec_index, agent, rule)
 
 
-def _rule_findings(scope: SpecIndex, agent: Agent, rule: AgentRule) -> Iterator[Diagnostic]:
-    moments: dict[Role, list[Pattern]] = {Role.BEFORE: [], Role.DURING: [], Role.AFTER: []}
+def _contradictory_rule_findings(spec_index: SpecIndex, agent: Agent, rule: AgentRule) -> Iterator[Diagnostic]:
+    patterns_by_moment: dict[Role, list[Pattern]] = {Role.BEFORE: [], Role.DURING: [], Role.AFTER: []}
     for pattern in patterns_in(agent, rule):
-        moments[pattern.role].append(pattern)
-    findings_of_moments = [list(_exclusion_findings(scope, patterns)) for patterns in moments.values()]
-    for findings in findings_of_moments:
+        patterns_by_moment[pattern.role].append(pattern)
+    findings_by_moment = [list(_exclusion_findings(spec_index, patterns)) for patterns in patterns_by_moment.values()]
+    for findings in findings_by_moment:
         yield from findings
-    lasting_patterns = [pattern for pattern in moments[Role.DURING] if not _is_own(scope.world, pattern)]
-    if not any(findings_of_moments) and lasting_patterns:
-        yield from _exclusion_findings(scope, [*moments[Role.BEFORE], *lasting_patterns])
+    lasting_patterns = [
+        pattern for pattern in patterns_by_moment[Role.DURING] if not _is_own_effect(spec_index.declared_graph, pattern)
+    ]
+    if not any(findings_by_moment) and lasting_patterns:
+        yield from _exclusion_findings(spec_index, [*patterns_by_moment[Role.BEFORE], *lasting_patterns])
 
 
-def _exclusion_findings(scope: SpecIndex, patterns: Sequence[Pattern]) -> Iterator[Diagnostic]:
+def _exclusion_findings(spec_index: SpecIndex, patterns: Sequence[Pattern]) -> Iterator[Diagnostic]:
     """Yield findings about patterns that cannot hold together."""
     conditions = [
-        pattern for pattern in patterns if not isinstance(pattern.tree, Path) and not _is_wrong(scope, pattern)
+        pattern for pattern in patterns if not isinstance(pattern.tree, Path) and not _has_problem(spec_index, pattern)
     ]
     if conditions:
         types: Types = {
-            name.name: scope.world.read_type(name.name) for pattern in conditions for name in names_read(pattern)
+            name.name: spec_index.declared_graph.read_type(name.name)
+            for pattern in conditions
+            for name in names_read(pattern)
         }
-        core = contradiction([stated(pattern.condition, pattern.tree) for pattern in conditions], types)
+        core = contradiction([state_condition(pattern.condition, pattern.tree) for pattern in conditions], types)
         if core:
             offender = next(
                 pattern for pattern in conditions[::-1] if pattern.condition.place.span.line <= core[-1].place.span.line
             )
-            related = tuple(related_to(core, types, scope.spec.context))
-            yield _finding(
+            related = tuple(related_places(core, types, spec_index.spec.context))
+            yield _contradiction_finding(
                 offender,
-                never_true(core),
+                never_true_message(core),
                 "change one of them" if len(core) > 1 else "change it",
                 core[-1].place,
                 related,
             )
     for index, pattern in enumerate(patterns):
         for other in patterns[:index]:
-            reason = _clash(scope.world, other, pattern)
+            reason = _clash_reason(spec_index.declared_graph, other, pattern)
             if reason:
                 related = (Related("cannot hold together with this", other.condition.place),)
-                yield _finding(pattern, reason, "remove one of them", pattern.condition.place, related)
+                yield _contradiction_finding(pattern, reason, "remove one of them", pattern.condition.place, related)
                 break
 
 
-def _is_wrong(scope: SpecIndex, pattern: Pattern) -> bool:
-    judgement = scope.judgement(pattern.condition)
+def _has_problem(spec_index: SpecIndex, pattern: Pattern) -> bool:
+    judgement = spec_index.judgement(pattern.condition)
     return judgement is None or bool(judgement.problems)
 
 
-def _clash(world: DeclaredGraph, one: Pattern, other: Pattern) -> str:
+def _clash_reason(declared_graph: DeclaredGraph, one: Pattern, other: Pattern) -> str:
     """Return why two paths cannot hold together; empty if they can."""
     if not isinstance(one.tree, Path) or not isinstance(other.tree, Path):
         return ""
     if one.tree.negated != other.tree.negated:
-        is_same = replace(one.tree, negated=False) == replace(other.tree, negated=False)
-        return f"'{other.tree}' is the opposite of '{one.tree}'" if is_same else ""
+        is_opposite = replace(one.tree, negated=False) == replace(other.tree, negated=False)
+        return f"'{other.tree}' is the opposite of '{one.tree}'" if is_opposite else ""
     if one.tree.negated:
         return ""
-    states = dict(_states(world, one))
-    for task, state in _states(world, other):
+    states = dict(_task_states(declared_graph, one))
+    for task, state in _task_states(declared_graph, other):
         if states.get(task, state) != state:
             return f"task '{task}' has one state at a time, not '{states[task]}' and '{state}'"
     return ""
 
 
-def _states(world: DeclaredGraph, pattern: Pattern) -> Iterator[tuple[str, str]]:
+def _task_states(declared_graph: DeclaredGraph, pattern: Pattern) -> Iterator[tuple[str, str]]:
     for step in steps(pattern):
-        task = world.task_of(step.origin, step.link.edge, step.target)
+        task = declared_graph.task_of(step.origin, step.link.edge, step.target)
         if task is not None:
             yield task.name, step.link.edge
 
 
-def _is_own(world: DeclaredGraph, pattern: Pattern) -> bool:
+def _is_own_effect(declared_graph: DeclaredGraph, pattern: Pattern) -> bool:
     """Return whether an agent itself makes a pattern true, so that the pattern need not hold before."""
     name = pattern.agent.name
     for step in steps(pattern):
-        task = world.task_of(step.origin, step.link.edge, step.target)
-        edges = world.edges_between(step.origin, step.link.edge, step.target)
+        task = declared_graph.task_of(step.origin, step.link.edge, step.target)
+        edges = declared_graph.edges_between(step.origin, step.link.edge, step.target)
         if task is not None and name in state_writers(task, step.link.edge):
             return True
-        if any(world.owns(name, KnowledgeElement("edges", edge.name)) for edge in edges):
+        if any(declared_graph.owns(name, KnowledgeElement("edges", edge.name)) for edge in edges):
             return True
-    elements = (world.read(read_name.name) for read_name in names_read(pattern))
-    return any(element is not None and world.owns(name, element) for element in elements)
+    elements = (declared_graph.read(read_name.name) for read_name in names_read(pattern))
+    return any(element is not None and declared_graph.owns(name, element) for element in elements)
 
 
-def _finding(pattern: Pattern, reason: str, help: str, place: Place, related: Iterable[Related]) -> Diagnostic:
-    where = (
+def _contradiction_finding(
+    pattern: Pattern, reason: str, help: str, place: Place, related: Iterable[Related]
+) -> Diagnostic:
+    location_text = (
         f"rule '{pattern.rule.name}' of {pattern.user}" if pattern.rule is not None else f"'wakes' of {pattern.user}"
     )
-    message = f"{reason} ({where})"
+    message = f"{reason} ({location_text})"
     return finding("contradictory-rule", message, place, path=pattern.path, help=help, related=tuple(related))
 
 
-TRIPLETS = (contradictory_rules,)
+TRIPLET_CHECKS = (contradictory_rules,)
 """The checks of this module."""

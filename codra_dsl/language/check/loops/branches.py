@@ -11,7 +11,7 @@ from codra_dsl.language.behavior_trees.named import UNREAD_RESULT
 from codra_dsl.language.behavior_trees.ports import EntryKey, parse_port_value
 from codra_dsl.language.behavior_trees.scripts import parse_condition
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_errors
 from codra_dsl.language.expression import Compare, Name, Node, Text
 from codra_dsl.language.model import Course, TreeElement
@@ -99,36 +99,38 @@ def leaves(forest: Forest) -> Mapping[str, TreeNode]:
     return first_leaves
 
 
-def tree_files(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def tree_files(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Yield the findings about the files of trees."""
-    for tree in scope.spec.trees:
-        yield from scope.forests.get(tree.name, UNREAD_RESULT)[1]
+    for tree in spec_index.spec.trees:
+        yield from spec_index.forests.get(tree.name, UNREAD_RESULT)[1]
 
 
-def unmatched_branches(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unmatched_branches(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every action of a course has a branch, every branch has an action, and one entry selects all of them."""
     courses = [
         (adaptation.name, adaptation.does)
-        for adaptation in scope.spec.adaptation
+        for adaptation in spec_index.spec.adaptation
         if isinstance(adaptation.does, Course)
     ]
-    for tree in scope.spec.trees:
-        forest = _sound_forest(scope, faults, tree)
-        if forest is None or not scope.readable("trees", tree.name, "course"):
+    for tree in spec_index.spec.trees:
+        forest = _sound_forest(spec_index, faults, tree)
+        if forest is None or not spec_index.is_readable("trees", tree.name, "course"):
             continue
-        yield from _wrong_branches(tree, forest.forest)
-        yield from _branches_without_action(tree, [course for _, course in courses if course.within.name == tree.name])
+        yield from _wrong_branch_findings(tree, forest.forest)
+        yield from _findings_of_branches_without_action(
+            tree, [course for _, course in courses if course.within.name == tree.name]
+        )
         for name, course in courses:
             if course.within.name == tree.name:
-                yield from _actions_without_branch(tree, name, course)
+                yield from _findings_of_actions_without_branch(tree, name, course)
 
 
-def _sound_forest(scope: SpecIndex, faults: Silenced, tree: TreeElement) -> CheckedForest | None:
-    forest, findings = scope.forests.get(tree.name, UNREAD_RESULT)
-    return None if has_errors(findings) or not faults.sound("trees", tree.name) else forest
+def _sound_forest(spec_index: SpecIndex, faults: FaultyElements, tree: TreeElement) -> CheckedForest | None:
+    forest, findings = spec_index.forests.get(tree.name, UNREAD_RESULT)
+    return None if has_errors(findings) or not faults.is_sound("trees", tree.name) else forest
 
 
-def _wrong_branches(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
+def _wrong_branch_findings(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
     tree_ids = {forest_tree.id for forest_tree in forest.trees}
     branches_by_tree = {branch.tree: branch for branch in branches(forest)}
     entries: dict[str, str] = {}
@@ -157,7 +159,7 @@ def _wrong_branches(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
                 yield _branch_finding(message, place, path, f"add 'ACTION: {branch.tree}' under 'course'", related)
 
 
-def _branches_without_action(tree: TreeElement, courses: list[Course]) -> Iterator[Diagnostic]:
+def _findings_of_branches_without_action(tree: TreeElement, courses: list[Course]) -> Iterator[Diagnostic]:
     chosen_actions = {reference.name for course in courses for reference in course.choose}
     for action, _ in tree.course:
         if action.name not in chosen_actions:
@@ -169,7 +171,7 @@ def _branches_without_action(tree: TreeElement, courses: list[Course]) -> Iterat
             yield _branch_finding(message, action.place, f"trees.{tree.name}.course.{action.name}", help)
 
 
-def _actions_without_branch(tree: TreeElement, name: str, course: Course) -> Iterator[Diagnostic]:
+def _findings_of_actions_without_branch(tree: TreeElement, name: str, course: Course) -> Iterator[Diagnostic]:
     mapped_actions = {action.name for action, _ in tree.course}
     for reference in course.choose:
         if reference.name not in mapped_actions:
@@ -183,17 +185,17 @@ def _branch_finding(message: str, place: Place, path: str, help: str, related: t
     return finding("unmatched-branch", message, place, path=path, help=help, related=related)
 
 
-def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def idle_leaves(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """For every leaf, its tree states which tasks the leaf hands over, and the tree's agent may request these tasks."""
-    tasks = {task.name: task for task in scope.spec.tasks}
-    for tree in scope.spec.trees:
-        forest = _sound_forest(scope, faults, tree)
-        if forest is None or not scope.readable("trees", tree.name, "leaves"):
+    tasks = {task.name: task for task in spec_index.spec.tasks}
+    for tree in spec_index.spec.trees:
+        forest = _sound_forest(spec_index, faults, tree)
+        if forest is None or not spec_index.is_readable("trees", tree.name, "leaves"):
             continue
-        own_leaves = leaves(forest.forest)
-        stated_leaves = {entry.leaf.name: entry for entry in tree.leaves}
-        for id_, node in own_leaves.items():
-            if id_ not in stated_leaves:
+        forest_leaves = leaves(forest.forest)
+        leaf_entries = {entry.leaf.name: entry for entry in tree.leaves}
+        for id_, node in forest_leaves.items():
+            if id_ not in leaf_entries:
                 message = f"nothing executes leaf '{id_}' of tree '{tree.name}'"
                 help = f"add '{id_}: [TASK]' to 'leaves' of the tree, or '{id_}: []' if its code does everything"
                 related = (Related("the tree", tree.place),)
@@ -201,14 +203,19 @@ def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                 yield finding("leaf-without-executor", message, node.place, path=path, help=help, related=related)
         for entry in tree.leaves:
             path = f"trees.{tree.name}.leaves.{entry.leaf.name}"
-            if entry.leaf.name not in own_leaves:
+            if entry.leaf.name not in forest_leaves:
                 message = f"tree '{tree.name}' has no leaf '{entry.leaf.name}'"
-                help = f"the leaves of the tree are {', '.join(own_leaves)}" if own_leaves else "remove it"
+                help = f"the leaves of the tree are {', '.join(forest_leaves)}" if forest_leaves else "remove it"
                 yield finding("leaf-without-executor", message, entry.leaf.place, path=path, help=help)
             for reference in entry.tasks:
                 task = tasks.get(reference.name)
-                can_ask = task is not None and tree.agent is not None
-                if can_ask and task and tree.agent and tree.agent.name not in (who.name for who in task.requesters):
+                has_task_and_agent = task is not None and tree.agent is not None
+                if (
+                    has_task_and_agent
+                    and task
+                    and tree.agent
+                    and tree.agent.name not in (requester.name for requester in task.requesters)
+                ):
                     message = f"agent '{tree.agent.name}' may not request task '{task.name}'"
                     help = f"add the agent to 'requesters' of '{task.name}', or let another agent execute the tree"
                     related = (Related("the task", task.place),)
@@ -221,8 +228,8 @@ def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                     yield finding("leaf-without-executor", message, reference.place, path=path, help=help)
 
 
-TREE_FILES = (tree_files,)
+TREE_FILE_CHECKS = (tree_files,)
 """The checks of phase 1."""
 
-BRANCHES = (unmatched_branches, idle_leaves)
+BRANCH_CHECKS = (unmatched_branches, idle_leaves)
 """The checks of phase 4."""

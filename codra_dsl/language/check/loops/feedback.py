@@ -11,7 +11,7 @@ from itertools import pairwise
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.satisfiable import can_hold, implies
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Compare, Comparison, Name, Node, Or, Text, Truth, names_in, spelt_out
@@ -19,99 +19,109 @@ from codra_dsl.language.fuzzy.model import propositions
 from codra_dsl.language.model import ADAPTER, Adaptation, Condition, Course, Parameter, weight_name
 
 
-def self_defeating(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def self_defeating_adaptations(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every adaptation can set its variable, and has a stable value or action, which it does not change again."""
-    findings = list(_never_set(scope, faults))
+    findings = list(_never_set_findings(spec_index, faults))
     yield from findings
-    yield from _unstable_courses(scope, faults)
-    elements = frozenset(("adaptation", diagnostic.path.split(".")[1]) for diagnostic in findings)
-    yield from _unstable_parameters(scope, Silenced(faults.elements | elements, faults.suggested))
+    yield from _unstable_course_findings(spec_index, faults)
+    faulty_adaptations = frozenset(("adaptation", diagnostic.path.split(".")[1]) for diagnostic in findings)
+    yield from _unstable_parameter_findings(
+        spec_index, FaultyElements(faults.elements | faulty_adaptations, faults.suggested_variables)
+    )
 
 
-def _never_set(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def _never_set_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Yield findings about variables that only adaptations set and that wait for themselves; one for each cycle."""
-    values = {
+    adaptations_and_trees = {
         name: (adaptation, tree)
-        for adaptation, name, tree in adapted_variables(scope, faults)
-        if [source.name for source in scope.variables[name].sources] == [ADAPTER]
+        for adaptation, name, tree in adapted_variables(spec_index, faults)
+        if [source.name for source in spec_index.variables[name].sources] == [ADAPTER]
     }
-    needs = {name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in values.items()}
+    needs = {
+        name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in adaptations_and_trees.items()
+    }
     # such a comparison is true only if the value is known
-    equal_to_itself = {name: _equality(tree, tree) for name, (_, tree) in values.items()}
-    unknown_names = frozenset(values)
+    self_equalities = {name: _equality(tree, tree) for name, (_, tree) in adaptations_and_trees.items()}
+    unknown_names = frozenset(adaptations_and_trees)
     while True:
         while known_names := {
-            name for name in unknown_names if can_hold([equal_to_itself[name]], unknown_names, scope.context_types)
+            name for name in unknown_names if can_hold([self_equalities[name]], unknown_names, spec_index.context_types)
         }:
             unknown_names -= known_names
         awaited_names = {
             name: [need for need in needs[name] if need in unknown_names] for name in sorted(unknown_names)
         }
-        circle = next((cycle for name in awaited_names if (cycle := graph.cycle_through(awaited_names, name))), ())
-        if not circle:
+        waiting_cycle = next(
+            (cycle for name in awaited_names if (cycle := graph.cycle_through(awaited_names, name))), ()
+        )
+        if not waiting_cycle:
             return
-        adaptation, _ = values[circle[0]]
-        path = (*circle, circle[0])
+        adaptation, _ = adaptations_and_trees[waiting_cycle[0]]
+        path = (*waiting_cycle, waiting_cycle[0])
         message = (
-            f"adaptation '{adaptation.name}' never sets '{circle[0]}', which waits for itself: {' -> '.join(path)}"
+            f"adaptation '{adaptation.name}' never sets '{waiting_cycle[0]}', "
+            f"which waits for itself: {' -> '.join(path)}"
         )
         help = f"give a first value with 'known({path[1]}) and ...', or name another writer of it under 'source'"
-        yield _finding(adaptation, "value", message, help)
-        unknown_names -= set(circle)
+        yield _self_defeating_finding(adaptation, "value", message, help)
+        unknown_names -= set(waiting_cycle)
 
 
-def _unstable_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    for adaptation, name, tree in adapted_variables(scope, faults):
-        is_free = adaptation.dwell_s == 0.0 and name in {read_name.name for read_name in names_in(tree)}
-        if is_free and not can_hold([_equality(tree, _name_node(name))], (), scope.context_types):
+def _unstable_parameter_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    for adaptation, name, tree in adapted_variables(spec_index, faults):
+        has_undelayed_feedback = adaptation.dwell_s == 0.0 and name in {read_name.name for read_name in names_in(tree)}
+        if has_undelayed_feedback and not can_hold([_equality(tree, _name_node(name))], (), spec_index.context_types):
             message = (
                 f"adaptation '{adaptation.name}' never becomes stable: "
                 f"for every value of '{name}', it sets another value"
             )
             help = f"compute '{name}' from other variables, or add a 'dwell' if the value should alternate"
-            yield _finding(adaptation, "value", message, help)
+            yield _self_defeating_finding(adaptation, "value", message, help)
 
 
-def _unstable_courses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
-    for adaptation in scope.spec.adaptation:
+def _unstable_course_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    for adaptation in spec_index.spec.adaptation:
         course = adaptation.does
-        if isinstance(course, Course) and course.always and faults.sound("adaptation", adaptation.name):
-            trees = [_tree(scope, rule.condition) for rule in course.always]
+        if isinstance(course, Course) and course.always and faults.is_sound("adaptation", adaptation.name):
+            trees = [_sound_tree(spec_index, rule.condition) for rule in course.always]
             if not any(
-                _can_be_stable(scope, adaptation.name, course, trees, reference.name) for reference in course.choose
+                _can_be_stable(spec_index, adaptation.name, course, trees, reference.name)
+                for reference in course.choose
             ):
                 message = f"adaptation '{adaptation.name}' never becomes stable: hard rules replace each of its actions"
-                yield _finding(adaptation, "always", message, "make a rule false once its action is chosen")
+                yield _self_defeating_finding(
+                    adaptation, "always", message, "make a rule false once its action is chosen"
+                )
 
 
-def _can_be_stable(scope: SpecIndex, name: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
+def _can_be_stable(spec_index: SpecIndex, name: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
     """Return whether an action may stay chosen.
 
     This is so if, while the action is chosen, no hard rule holds, or the first rule that holds chooses the same action.
     """
-    types = scope.context_types
+    types = spec_index.context_types
     conditions = [Truth(start=0, end=0, value=True) if tree is None else tree for tree in trees]
-    choice = _equality(_name_node(name), Text(start=0, end=0, value=action))
-    if None in trees or not implies([choice], [_disjunction(conditions)], types):
+    chosen_condition = _equality(_name_node(name), Text(start=0, end=0, value=action))
+    if None in trees or not implies([chosen_condition], [_disjunction(conditions)], types):
         return True
     return any(
         rule.action.name == action
-        and not implies([choice, conditions[index]], [_disjunction(conditions[:index])], types)
+        and not implies([chosen_condition, conditions[index]], [_disjunction(conditions[:index])], types)
         for index, rule in enumerate(course.always)
     )
 
 
-def adapted_variables(scope: SpecIndex, faults: Silenced) -> Iterator[tuple[Adaptation, str, Node]]:
+def adapted_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[tuple[Adaptation, str, Node]]:
     """Yield each sound adaptation that sets a variable, with the variable's name and the expression for the value."""
-    for adaptation in scope.spec.adaptation:
-        if isinstance(adaptation.does, Parameter) and faults.sound("adaptation", adaptation.name):
-            name, tree = adaptation.does.variable.name, _tree(scope, adaptation.does.value)
-            if name in scope.variables and faults.sound("context", name) and tree is not None:
+    for adaptation in spec_index.spec.adaptation:
+        if isinstance(adaptation.does, Parameter) and faults.is_sound("adaptation", adaptation.name):
+            name, tree = adaptation.does.variable.name, _sound_tree(spec_index, adaptation.does.value)
+            if name in spec_index.variables and faults.is_sound("context", name) and tree is not None:
                 yield adaptation, name, tree
 
 
-def _tree(scope: SpecIndex, condition: Condition) -> Node | None:
-    judgement = scope.judgement(condition)
+def _sound_tree(spec_index: SpecIndex, condition: Condition) -> Node | None:
+    judgement = spec_index.judgement(condition)
     return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 
@@ -127,35 +137,35 @@ def _disjunction(conditions: Sequence[Node]) -> Node:
     return Or(start=0, end=0, operands=(Truth(start=0, end=0, value=False), *conditions))
 
 
-def _finding(adaptation: Adaptation, key: str, message: str, help: str) -> Diagnostic:
+def _self_defeating_finding(adaptation: Adaptation, key: str, message: str, help: str) -> Diagnostic:
     place = adaptation.places.get(key, adaptation.place)
     path = f"adaptation.{adaptation.name}.{key}"
     return finding("self-defeating-adaptation", message, place, path=path, help=help)
 
 
-def fed_back(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def adaptation_feedback(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No adaptation depends on a value that it sets or chooses itself; one finding for each cycle."""
-    needs = _needs(scope)
-    order = {name: tuple(places) for name, places in needs.items()}
+    dependencies = _dependencies(spec_index)
+    dependency_names = {name: tuple(places) for name, places in dependencies.items()}
     reported_names: set[str] = set()
-    for adaptation in scope.spec.adaptation:
+    for adaptation in spec_index.spec.adaptation:
         target, verb = (
             _written_variable(adaptation),
             "sets" if isinstance(adaptation.does, Parameter) else "chooses",
         )
-        circle = graph.cycle_through(order, target) if target not in reported_names else ()
-        reported_names.update(circle)
-        if not circle or not faults.sound("adaptation", adaptation.name):
+        feedback_cycle = graph.cycle_through(dependency_names, target) if target not in reported_names else ()
+        reported_names.update(feedback_cycle)
+        if not feedback_cycle or not faults.is_sound("adaptation", adaptation.name):
             continue
-        path = (*circle, target)
-        first, *others = [(name, need, needs[name][need]) for name, need in pairwise(path)]
+        path = (*feedback_cycle, target)
+        first, *others = [(name, dependency, dependencies[name][dependency]) for name, dependency in pairwise(path)]
         yield finding(
             "adaptation-feedback",
             f"adaptation '{adaptation.name}' depends on a value that it {verb} itself: {' -> '.join(path)}",
             first[2],
             path=f"adaptation.{adaptation.name}",
             help="read a measured value instead, or give the reason in a comment '# codra: ignore[CDR7127]'",
-            related=tuple(Related(f"'{name}' depends on '{need}'", place) for name, need, place in others),
+            related=tuple(Related(f"'{name}' depends on '{dependency}'", place) for name, dependency, place in others),
         )
 
 
@@ -164,30 +174,32 @@ def _written_variable(adaptation: Adaptation) -> str:
     return adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else adaptation.name
 
 
-def _needs(scope: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
+def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
     """Return, for each variable that loops compute, set or choose, its dependencies, each with its first place."""
-    needs: dict[str, dict[str, Place]] = {}
-    for section, output in scope.book.outputs:
+    dependencies: dict[str, dict[str, Place]] = {}
+    for section, output in spec_index.parsed_rules.outputs:
         name = output.name if section == "metrics" else weight_name(output.name)
-        for rule in scope.book.rules[section, output.name]:
+        for rule in spec_index.parsed_rules.rules[section, output.name]:
             for proposition in propositions(rule.rule.antecedent) if rule.rule is not None else ():
-                needs.setdefault(name, {}).setdefault(proposition.variable, rule.phrase.place)
-    for variable in scope.spec.context:
+                dependencies.setdefault(name, {}).setdefault(proposition.variable, rule.phrase.place)
+    for variable in spec_index.spec.context:
         if variable.rate is not None:
-            needs.setdefault(variable.name, {})[variable.rate.of.name] = variable.rate.of.place
-    for adaptation in scope.spec.adaptation:
-        own_needs = needs.setdefault(_written_variable(adaptation), {})
+            dependencies.setdefault(variable.name, {})[variable.rate.of.name] = variable.rate.of.place
+    for adaptation in spec_index.spec.adaptation:
+        own_dependencies = dependencies.setdefault(_written_variable(adaptation), {})
         for action in adaptation.does.choose if isinstance(adaptation.does, Course) else ():
-            own_needs.setdefault(weight_name(action.name), action.place)
-    for site in scope.sites:
+            own_dependencies.setdefault(weight_name(action.name), action.place)
+    for site in spec_index.sites:
         if site.owner[0] == "adaptation":
             for read_name in site.names:
-                needs[site.variable or site.owner[1]].setdefault(read_name.name, site.condition.place_of(read_name))
-    return needs
+                dependencies[site.variable or site.owner[1]].setdefault(
+                    read_name.name, site.condition.place_of(read_name)
+                )
+    return dependencies
 
 
-SELF_DEFEATING = (self_defeating,)
+SELF_DEFEAT_CHECKS = (self_defeating_adaptations,)
 """The checks of phase 4."""
 
-FED_BACK = (fed_back,)
+FEEDBACK_CHECKS = (adaptation_feedback,)
 """The checks of phase 5."""

@@ -12,132 +12,134 @@ from itertools import pairwise, product
 
 from codra_dsl.language.check.index.parsed_rules import ParsedRule, members, range_of
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.fuzzy.model import And, Antecedent, Or, Proposition, Rule, Term
 from codra_dsl.language.fuzzy.supports import Extent, extent
 from codra_dsl.language.fuzzy.words import Hedge
 from codra_dsl.language.model import Output, Variable
 
-MAX_CELLS = 20_000
+MAX_COMBINATIONS = 20_000
 """The maximum number of combinations of cells. An output with more combinations is not checked."""
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class RangeCell:
     """Numbers of a variable on which each term either holds everywhere or nowhere.
 
     Attributes:
-        holding: the terms with a degree above 0 on the cell.
-        wholly: the terms with degree 1 on the cell.
-        words: the numbers of the cell, as text for messages.
+        active_terms: the terms with a degree above 0 on the cell.
+        full_terms: the terms with degree 1 on the cell.
+        numbers_text: the numbers of the cell, as text for messages.
         is_point: whether the cell is a single number of a wider range.
     """
 
-    holding: frozenset[str]
-    wholly: frozenset[str]
-    words: str
+    active_terms: frozenset[str]
+    full_terms: frozenset[str]
+    numbers_text: str
     is_point: bool = False
 
 
-def cells(variable: Variable, terms: tuple[Term, ...]) -> tuple[Cell, ...]:
+def range_cells(variable: Variable, terms: tuple[Term, ...]) -> tuple[RangeCell, ...]:
     """Return all cells of a variable with a range."""
     extents = {term.name: extent(term) for term in terms}
     if members(variable):
-        return tuple(_cell(float(index), extents, name) for index, name in enumerate(members(variable)))
+        return tuple(_range_cell(float(index), extents, name) for index, name in enumerate(members(variable)))
     low, high = range_of(variable) or (0.0, 0.0)
-    inner_ends = {end for support in extents.values() for end in support.ends if low < end < high}
+    inner_ends = {end for term_extent in extents.values() for end in term_extent.ends if low < end < high}
     ends = (low, *sorted(inner_ends), high)
-    unit = f" {variable.type.unit}" if variable.type.unit else ""
-    cells_of_range = [_cell(low, extents, f"{low:g}{unit}", is_point=low < high)]
-    for one, other in pairwise(ends):
-        if one < other:
-            words = f"from {one:g}{unit} to {other:g}{unit}"
-            cells_of_range += [_cell((one + other) / 2.0, extents, words)]
-            cells_of_range += [_cell(other, extents, f"{other:g}{unit}", is_point=True)]
+    unit_text = f" {variable.type.unit}" if variable.type.unit else ""
+    cells_of_range = [_range_cell(low, extents, f"{low:g}{unit_text}", is_point=low < high)]
+    for left_end, right_end in pairwise(ends):
+        if left_end < right_end:
+            numbers_text = f"from {left_end:g}{unit_text} to {right_end:g}{unit_text}"
+            cells_of_range += [_range_cell((left_end + right_end) / 2.0, extents, numbers_text)]
+            cells_of_range += [_range_cell(right_end, extents, f"{right_end:g}{unit_text}", is_point=True)]
     return tuple(cells_of_range)
 
 
-def _cell(number: float, extents: Mapping[str, Extent], words: str, *, is_point: bool = False) -> Cell:
-    holding = frozenset(name for name, support in extents.items() if support.holds(number))
-    wholly = frozenset(name for name, support in extents.items() if support.is_full_at(number))
-    return Cell(holding, wholly, words, is_point)
+def _range_cell(
+    number: float, extents: Mapping[str, Extent], numbers_text: str, *, is_point: bool = False
+) -> RangeCell:
+    active_terms = frozenset(name for name, term_extent in extents.items() if term_extent.holds(number))
+    full_terms = frozenset(name for name, term_extent in extents.items() if term_extent.is_full_at(number))
+    return RangeCell(active_terms, full_terms, numbers_text, is_point)
 
 
-Combination = Mapping[str, Cell]
+Combination = Mapping[str, RangeCell]
 """One cell of each variable, by the name of the variable."""
 
 
-def acts(antecedent: Antecedent, combination: Combination) -> bool:
+def can_fire(antecedent: Antecedent, combination: Combination) -> bool:
     """Return whether an antecedent holds to a degree above 0. Norms must be above 0 if both of their operands are."""
     if isinstance(antecedent, And):
-        return acts(antecedent.left, combination) and acts(antecedent.right, combination)
+        return can_fire(antecedent.left, combination) and can_fire(antecedent.right, combination)
     if isinstance(antecedent, Or):
-        return acts(antecedent.left, combination) or acts(antecedent.right, combination)
+        return can_fire(antecedent.left, combination) or can_fire(antecedent.right, combination)
     if Hedge.ANY in antecedent.hedges:
         return True
     cell = combination[antecedent.variable]
-    negations = antecedent.hedges.count(Hedge.NOT)
-    if negations > 1:
+    negation_count = antecedent.hedges.count(Hedge.NOT)
+    if negation_count > 1:
         return True  # rare; True never causes a wrong finding
-    return antecedent.term in cell.holding if negations == 0 else antecedent.term not in cell.wholly
+    return antecedent.term in cell.active_terms if negation_count == 0 else antecedent.term not in cell.full_terms
 
 
-def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def uncovered_ranges(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """If a number has several terms, they cover its range together. Each term holds somewhere in the range."""
-    for variable in scope.spec.context:
-        is_readable = faults.sound("context", variable.name) and scope.readable(
+    for variable in spec_index.spec.context:
+        is_readable = faults.is_sound("context", variable.name) and spec_index.is_readable(
             "context", variable.name, "terms", "range"
         )
         if not variable.terms or variable.is_derived or not is_readable or variable.type.range is None:
             continue
-        variable_cells = cells(variable, scope.book.terms(variable))
+        variable_cells = range_cells(variable, spec_index.parsed_rules.terms(variable))
         place, path = variable.places.get("terms", variable.place), f"context.{variable.name}.terms"
         for term in variable.terms:
-            if not any(term.name in cell.holding for cell in variable_cells):
+            if not any(term.name in cell.active_terms for cell in variable_cells):
                 message = f"term '{term.name}' holds nowhere in the range of '{variable.name}'"
                 help = "correct the parameters of the term, or remove the term"
                 yield finding("uncovered-range", message, term.place, path=f"{path}.{term.name}", help=help)
-        gap = next((cell for cell in variable_cells if not cell.holding and not cell.is_point), None)
-        if gap is not None and len(variable.terms) > 1:
-            message = f"no term of '{variable.name}' holds {gap.words}"
+        uncovered_cell = next((cell for cell in variable_cells if not cell.active_terms and not cell.is_point), None)
+        if uncovered_cell is not None and len(variable.terms) > 1:
+            message = f"no term of '{variable.name}' holds {uncovered_cell.numbers_text}"
             yield finding("uncovered-range", message, place, path=path, help="let neighbouring terms overlap")
 
 
-def idle_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def idle_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every rule can fire, and in every case some rule fires."""
-    for section, output in scope.book.outputs:
-        parsed_rules = scope.book.rules[section, output.name]
+    for section, output in spec_index.parsed_rules.outputs:
+        parsed_rules = spec_index.parsed_rules.rules[section, output.name]
         rules = [parsed_rule.rule for parsed_rule in parsed_rules if parsed_rule.rule is not None]
-        if not faults.sound(section, output.name) or len(rules) < len(parsed_rules) or not rules:
+        if not faults.is_sound(section, output.name) or len(rules) < len(parsed_rules) or not rules:
             continue
         if any(parsed_rule.problems for parsed_rule in parsed_rules):
             continue
-        combinations = list(_combinations(scope, faults, scope.book.named(section, output.name)))
+        combinations = list(_combinations(spec_index, faults, spec_index.parsed_rules.named(section, output.name)))
         if not combinations:
             continue
-        yield from _never_firing(section, output, parsed_rules, combinations)
-        yield from _uncovered_combination(section, output, rules, combinations)
+        yield from _never_firing_findings(section, output, parsed_rules, combinations)
+        yield from _silent_combination_findings(section, output, rules, combinations)
 
 
-_KEYS = ("type", "range", "values", "terms")
+_VARIABLE_KEYS = ("type", "range", "values", "terms")
 
 
-def _combinations(scope: SpecIndex, faults: Silenced, names: tuple[str, ...]) -> Iterator[Combination]:
-    variables = [scope.book.variables[name] for name in names]
-    if any(range_of(variable) is None or not faults.sound("context", variable.name) for variable in variables):
+def _combinations(spec_index: SpecIndex, faults: FaultyElements, names: tuple[str, ...]) -> Iterator[Combination]:
+    variables = [spec_index.parsed_rules.variables[name] for name in names]
+    if any(range_of(variable) is None or not faults.is_sound("context", variable.name) for variable in variables):
         return
-    if not all(scope.readable("context", name, *_KEYS) for name in names):
+    if not all(spec_index.is_readable("context", name, *_VARIABLE_KEYS) for name in names):
         return
-    cells_of_variables = [cells(variable, scope.book.terms(variable)) for variable in variables]
-    count = 1
+    cells_of_variables = [range_cells(variable, spec_index.parsed_rules.terms(variable)) for variable in variables]
+    combination_count = 1
     for variable_cells in cells_of_variables:
-        count *= len(variable_cells)
-    if count <= MAX_CELLS:
+        combination_count *= len(variable_cells)
+    if combination_count <= MAX_COMBINATIONS:
         yield from (dict(zip(names, combination, strict=True)) for combination in product(*cells_of_variables))
 
 
-def _never_firing(
+def _never_firing_findings(
     section: str, output: Output, parsed_rules: tuple[ParsedRule, ...], combinations: list[Combination]
 ) -> Iterator[Diagnostic]:
     for number, parsed_rule in enumerate(parsed_rules):
@@ -145,7 +147,7 @@ def _never_firing(
             continue
         if parsed_rule.rule.weight == 0.0:
             reason = "its weight is 0"
-        elif not any(acts(parsed_rule.rule.antecedent, combination) for combination in combinations):
+        elif not any(can_fire(parsed_rule.rule.antecedent, combination) for combination in combinations):
             reason = "its condition never holds"
         else:
             continue
@@ -154,37 +156,37 @@ def _never_firing(
         yield finding("idle-fuzzy-rule", message, parsed_rule.phrase.place, path=path, help="correct it, or remove it")
 
 
-def _uncovered_combination(
+def _silent_combination_findings(
     section: str, output: Output, rules: list[Rule], combinations: list[Combination]
 ) -> Iterator[Diagnostic]:
     silent_combinations = [
         combination
         for combination in combinations
         if not any(cell.is_point for cell in combination.values())
-        and not any(rule.weight > 0.0 and acts(rule.antecedent, combination) for rule in rules)
+        and not any(rule.weight > 0.0 and can_fire(rule.antecedent, combination) for rule in rules)
     ]
     if silent_combinations:
-        case_text = " and ".join(f"{name} is {cell.words}" for name, cell in silent_combinations[0].items())
-        more_text = f", and in {len(silent_combinations) - 1} more cases" if len(silent_combinations) > 1 else ""
-        message = f"no rule of '{output.name}' fires if {case_text}{more_text}"
+        case_text = " and ".join(f"{name} is {cell.numbers_text}" for name, cell in silent_combinations[0].items())
+        other_cases_text = f", and in {len(silent_combinations) - 1} more cases" if len(silent_combinations) > 1 else ""
+        message = f"no rule of '{output.name}' fires if {case_text}{other_cases_text}"
         place = output.places.get("rules", output.place)
         help = "add a rule for this case: without a rule, the output is unknown"
         yield finding("silent-combination", message, place, path=f"{section}.{output.name}.rules", help=help)
 
 
-def contradictory_rules(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def contradictory_rules(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No two rules of an output have the same condition."""
-    for section, output in scope.book.outputs:
+    for section, output in spec_index.parsed_rules.outputs:
         first_rules: dict[object, ParsedRule] = {}
-        for number, parsed_rule in enumerate(scope.book.rules[section, output.name]):
+        for number, parsed_rule in enumerate(spec_index.parsed_rules.rules[section, output.name]):
             if parsed_rule.rule is None:
                 continue
-            other = first_rules.setdefault(_condition_key(parsed_rule.rule.antecedent), parsed_rule)
+            other = first_rules.setdefault(_antecedent_key(parsed_rule.rule.antecedent), parsed_rule)
             if other is parsed_rule or other.rule is None:
                 continue
             is_repetition = other.rule.conclusions == parsed_rule.rule.conclusions
-            effect = "repeats another one" if is_repetition else "contradicts another one"
-            message = f"this rule of '{output.name}' {effect}: both have the same condition"
+            relation_text = "repeats another one" if is_repetition else "contradicts another one"
+            message = f"this rule of '{output.name}' {relation_text}: both have the same condition"
             path = f"{section}.{output.name}.rules.{number}"
             related = (Related("the other rule", other.phrase.place),)
             help = "remove one of them" if is_repetition else "remove one of them, or change a condition"
@@ -193,21 +195,21 @@ def contradictory_rules(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             )
 
 
-def _condition_key(antecedent: Antecedent) -> object:
+def _antecedent_key(antecedent: Antecedent) -> object:
     """Return a key of an antecedent that ignores the order of operands of the same operator."""
     if isinstance(antecedent, Proposition):
         return antecedent
-    kind = type(antecedent)
-    parts: set[object] = set()
-    waiting_parts: list[Antecedent] = [antecedent]
-    while waiting_parts:
-        part = waiting_parts.pop()
-        if isinstance(part, kind) and not isinstance(part, Proposition):
-            waiting_parts += [part.left, part.right]
+    operator_type = type(antecedent)
+    operand_keys: set[object] = set()
+    pending_operands: list[Antecedent] = [antecedent]
+    while pending_operands:
+        operand = pending_operands.pop()
+        if isinstance(operand, operator_type) and not isinstance(operand, Proposition):
+            pending_operands += [operand.left, operand.right]
         else:
-            parts.add(_condition_key(part))
-    return kind, frozenset(parts)
+            operand_keys.add(_antecedent_key(operand))
+    return operator_type, frozenset(operand_keys)
 
 
-FIRING = (uncovered_ranges, idle_rules, contradictory_rules)
+FIRING_CHECKS = (uncovered_ranges, idle_rules, contradictory_rules)
 """The checks of this module."""

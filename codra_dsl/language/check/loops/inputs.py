@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from codra_dsl.language.check.index.parsed_rules import defuzzifier_of, output_terms, range_of
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.fuzzy.model import Term
 from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge, Shape
@@ -22,17 +22,19 @@ _NUMBERS = (Kind.INT, Kind.FLOAT)
 _RULE_KEYWORDS = KEYWORDS | set(Hedge)
 
 
-def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unfit_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every number that rules read has a range, only numbers have terms, and no term is a keyword of rules."""
-    for variable in scope.spec.context:
+    for variable in spec_index.spec.context:
         if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
             message = f"context-variable '{variable.name}' is not a number, but has terms"
             help = "remove the terms: rules use 'is true', or 'is MEMBER'"
             place = variable.places.get("terms", variable.place)
             yield finding("unfit-input", message, place, path=f"context.{variable.name}.terms", help=help)
-    for name in dict.fromkeys(name for key in scope.book.rules for name in scope.book.named(*key)):
-        input_variable = scope.book.variables.get(name)
-        is_readable = scope.readable("context", name, "range") and faults.sound("context", name)
+    for name in dict.fromkeys(
+        name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.named(*key)
+    ):
+        input_variable = spec_index.parsed_rules.variables.get(name)
+        is_readable = spec_index.is_readable("context", name, "range") and faults.is_sound("context", name)
         if (
             input_variable is not None
             and is_readable
@@ -43,7 +45,7 @@ def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             help = "add 'range': while the variable is unknown, rules assume the whole range"
             yield finding("unfit-input", message, input_variable.place, path=f"context.{name}", help=help)
         if input_variable is not None and is_readable:
-            yield from _reserved_words(input_variable, scope.book.terms(input_variable))
+            yield from _reserved_words(input_variable, spec_index.parsed_rules.terms(input_variable))
 
 
 def _reserved_words(variable: Variable, terms: tuple[Term, ...]) -> Iterator[Diagnostic]:
@@ -56,18 +58,19 @@ def _reserved_words(variable: Variable, terms: tuple[Term, ...]) -> Iterator[Dia
             yield finding("unfit-input", message, place, path=path, help=f"rename '{term.name}'")
 
 
-def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unfit_outputs(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The terms of an output fit its defuzzification method."""
-    for section, output in scope.book.outputs:
+    for section, output in spec_index.parsed_rules.outputs:
         method = defuzzifier_of(output)
         is_weighted = method.is_weighted
-        constants = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
-        if constants and not is_weighted:
+        constant_names = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
+        if constant_names and not is_weighted:
             message = (
-                f"term '{constants[0]}' of '{output.name}' is a number, but '{snake_case(method.value)}' needs shapes"
+                f"term '{constant_names[0]}' of '{output.name}' is a number, "
+                f"but '{snake_case(method.value)}' needs shapes"
             )
             help = "write 'inference: takagi_sugeno', or give the term a shape"
-        elif is_weighted and len(constants) < len(output_terms(output)):
+        elif is_weighted and len(constant_names) < len(output_terms(output)):
             message = f"'{output.name}' adds up numbers, but not all of its terms are numbers"
             help = "write its terms as 'constant 0.5'"
         else:
@@ -76,17 +79,19 @@ def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
         yield finding("unfit-output", message, place, path=f"{section}.{output.name}", help=help)
 
 
-def unfit_rates(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A rate is the rate of a number that loops do not compute, and that keeps enough readings.
 
     The unit of the rate is the unit of this number per time.
     """
-    for variable in scope.spec.context:
-        if variable.rate is None or not faults.sound("context", variable.name):
+    for variable in spec_index.spec.context:
+        if variable.rate is None or not faults.is_sound("context", variable.name):
             continue
-        base = scope.variables.get(variable.rate.of.name)
+        base = spec_index.variables.get(variable.rate.of.name)
         keys = ("type", "unit", "rate_of")
-        if base is None or not all(scope.readable("context", either.name, *keys) for either in (variable, base)):
+        if base is None or not all(
+            spec_index.is_readable("context", declared_variable.name, *keys) for declared_variable in (variable, base)
+        ):
             continue
         for message, help, key in _rate_problems(variable, base):
             place = variable.places.get(key, variable.place)
@@ -142,20 +147,24 @@ def _unit(variable: Variable) -> Unit | None:
     return ONE if variable.type.unit is None else parse_unit(variable.type.unit)
 
 
-def unfit_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unfit_parameters(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that an adaptation sets has the source `adaptation`, and no other adaptation sets the variable."""
     first_adaptations: dict[str, str] = {}
-    for adaptation in scope.spec.adaptation:
+    for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
         if not isinstance(does, Parameter):
             continue
         name, path = does.variable.name, f"adaptation.{adaptation.name}.set"
-        variable = scope.variables.get(name)
+        variable = spec_index.variables.get(name)
         other = first_adaptations.setdefault(name, adaptation.name)
         if other != adaptation.name:
             message = f"adaptation '{other}' also sets '{name}'"
             yield finding("two-adaptations", message, does.variable.place, path=path, help="set it in one of them")
-        if variable is None or not faults.sound("context", name) or not scope.readable("context", name, "source"):
+        if (
+            variable is None
+            or not faults.is_sound("context", name)
+            or not spec_index.is_readable("context", name, "source")
+        ):
             continue
         if ADAPTER not in (source.name for source in variable.sources) or variable.is_derived:
             message = f"adaptation '{adaptation.name}' sets '{name}', but is not its source"
@@ -163,13 +172,13 @@ def unfit_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
             yield finding("foreign-parameter", message, does.variable.place, path=path, help=help)
 
 
-def senseless_times(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def senseless_times(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The numbers of an adaptation fit together."""
-    for adaptation in scope.spec.adaptation:
+    for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
         for key, message, help in _time_problems(does, adaptation.dwell_s) if isinstance(does, Course) else ():
-            is_readable = scope.readable("adaptation", adaptation.name, key, "choose")
-            if is_readable and faults.sound("adaptation", adaptation.name):
+            is_readable = spec_index.is_readable("adaptation", adaptation.name, key, "choose")
+            if is_readable and faults.is_sound("adaptation", adaptation.name):
                 place = adaptation.places.get(key, adaptation.place)
                 path = f"adaptation.{adaptation.name}.{key}"
                 yield finding("senseless-filter", message, place, path=path, help=help)
@@ -182,14 +191,14 @@ def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, s
         yield "lead", message, "write a number from 0 to below 1"
     if course.hold_s > dwell_s > 0.0:
         yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
-    choices = [reference.name for reference in course.choose]
-    if course.otherwise.name and course.otherwise.name not in choices:
+    action_names = [reference.name for reference in course.choose]
+    if course.otherwise.name and course.otherwise.name not in action_names:
         message = f"'{course.otherwise.name}' is not one of the actions under 'choose'"
         yield "otherwise", message, "add it to 'choose', or write one of these actions"
     for rule in course.always:
-        if rule.action.name not in choices:
+        if rule.action.name not in action_names:
             yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"
 
 
-LOOP_TYPES = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
+LOOP_TYPE_CHECKS = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
 """The checks of this module."""

@@ -35,31 +35,31 @@ from codra_dsl.language.fuzzy.write import rule_text
 from codra_dsl.language.model import Adaptation, Course, Loop, Output, Parameter, TreeElement, Variable, weight_name
 
 
-def checked_mape(scope: SpecIndex) -> CheckedMape | None:
+def checked_mape(spec_index: SpecIndex) -> CheckedMape | None:
     """Return the loops of a sound spec; None if it declares none."""
-    spec = scope.spec
+    spec = spec_index.spec
     if not spec.adapts:
         return None
     return CheckedMape(
-        metrics=_stage(scope.book, "metrics", spec.metrics),
-        actions=_stage(scope.book, "actions", spec.actions),
-        rates=tuple(_rate(scope, variable) for variable in spec.context if variable.rate is not None),
-        adaptation=tuple(_adaptation(scope, adaptation) for adaptation in spec.adaptation),
-        trees=tuple(_tree(scope, tree) for tree in spec.trees),
-        loops=tuple(_loop(scope, loop) for loop in spec.loops),
+        metrics=_stage(spec_index.parsed_rules, "metrics", spec.metrics),
+        actions=_stage(spec_index.parsed_rules, "actions", spec.actions),
+        rates=tuple(_rate(spec_index, variable) for variable in spec.context if variable.rate is not None),
+        adaptation=tuple(_adaptation(spec_index, adaptation) for adaptation in spec.adaptation),
+        trees=tuple(_tree(spec_index, tree) for tree in spec.trees),
+        loops=tuple(_loop(spec_index, loop) for loop in spec.loops),
     )
 
 
-def _stage(book: ParsedRules, section: str, outputs: tuple[Output, ...]) -> CheckedStage | None:
+def _stage(parsed_rules: ParsedRules, section: str, outputs: tuple[Output, ...]) -> CheckedStage | None:
     if not outputs:
         return None
-    names = dict.fromkeys(name for output in outputs for name in book.named(section, output.name))
-    inputs = tuple(_input(book, book.variables[name]) for name in names)
+    names = dict.fromkeys(name for output in outputs for name in parsed_rules.named(section, output.name))
+    inputs = tuple(_input(parsed_rules, parsed_rules.variables[name]) for name in names)
     checked_outputs = tuple(
         CheckedOutput(output=output, variable=output.name if section == "metrics" else weight_name(output.name))
         for output in outputs
     )
-    blocks = tuple(_block(book, section, checked_output) for checked_output in checked_outputs)
+    blocks = tuple(_block(parsed_rules, section, checked_output) for checked_output in checked_outputs)
     engine = Engine(
         name=section,
         inputs=tuple(
@@ -82,14 +82,14 @@ def _stage(book: ParsedRules, section: str, outputs: tuple[Output, ...]) -> Chec
     return CheckedStage(engine=engine, inputs=inputs, outputs=checked_outputs, rules=rules)
 
 
-def _input(book: ParsedRules, variable: Variable) -> CheckedInput:
+def _input(parsed_rules: ParsedRules, variable: Variable) -> CheckedInput:
     low, high = range_of(variable) or (0.0, 0.0)
     return CheckedInput(
         variable=variable,
         minimum=float(low),
         maximum=float(high),
         members=members(variable),
-        terms=book.terms(variable),
+        terms=parsed_rules.terms(variable),
     )
 
 
@@ -105,52 +105,52 @@ def _output(checked_output: CheckedOutput) -> OutputVariable:
     )
 
 
-def _block(book: ParsedRules, section: str, checked_output: CheckedOutput) -> RuleBlock:
+def _block(parsed_rules: ParsedRules, section: str, checked_output: CheckedOutput) -> RuleBlock:
     method = checked_output.output.method
-    rules = (parsed_rule.rule for parsed_rule in book.rules[section, checked_output.output.name])
+    rules = (parsed_rule.rule for parsed_rule in parsed_rules.rules[section, checked_output.output.name])
     return RuleBlock(
         name=checked_output.output.name,
         conjunction=method.conjunction,
         disjunction=method.disjunction,
         implication=method.implication,
         activation=Activation(method=Method.GENERAL),
-        rules=tuple(_with_variable(rule, checked_output.variable) for rule in rules if rule is not None),
+        rules=tuple(_conclude_about(rule, checked_output.variable) for rule in rules if rule is not None),
     )
 
 
-def _with_variable(rule: Rule, variable: str) -> Rule:
-    concluded: tuple[Proposition, ...] = tuple(
+def _conclude_about(rule: Rule, variable: str) -> Rule:
+    conclusions: tuple[Proposition, ...] = tuple(
         replace(conclusion, variable=variable) for conclusion in rule.conclusions
     )
-    return replace(rule, conclusions=concluded)
+    return replace(rule, conclusions=conclusions)
 
 
-def _rate(scope: SpecIndex, variable: Variable) -> CheckedRate:
+def _rate(spec_index: SpecIndex, variable: Variable) -> CheckedRate:
     assert variable.rate is not None
-    base = scope.variables[variable.rate.of.name]
-    factor = rate_factor(variable, base)
+    base_variable = spec_index.variables[variable.rate.of.name]
+    factor = rate_factor(variable, base_variable)
     assert factor is not None
-    return CheckedRate(variable=variable, of=base.name, over_s=variable.rate.over_s, factor=factor)
+    return CheckedRate(variable=variable, of=base_variable.name, over_s=variable.rate.over_s, factor=factor)
 
 
-def _adaptation(scope: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
+def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
     does = adaptation.does
     if isinstance(does, Parameter):
-        python: tuple[str, ...] = (scope.python(does.value, scope.context_types[does.variable.name]),)
+        python: tuple[str, ...] = (spec_index.python(does.value, spec_index.context_types[does.variable.name]),)
     else:
-        python = tuple(scope.python(rule.condition, None) for rule in does.always)
-    own_sites = (site for site in scope.sites if site.owner == ("adaptation", adaptation.name))
-    reads = sorted({read_name.name for site in own_sites for read_name in site.names})
+        python = tuple(spec_index.python(rule.condition, None) for rule in does.always)
+    adaptation_sites = (site for site in spec_index.sites if site.owner == ("adaptation", adaptation.name))
+    reads = sorted({read_name.name for site in adaptation_sites for read_name in site.names})
     return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads))
 
 
-def _tree(scope: SpecIndex, tree: TreeElement) -> CheckedTree:
-    forest = scope.forests[tree.name][0]
+def _tree(spec_index: SpecIndex, tree: TreeElement) -> CheckedTree:
+    forest = spec_index.forests[tree.name][0]
     assert forest is not None
     entry, values = chosen_values(tree, forest.forest)
     courses = (
         adaptation.name
-        for adaptation in scope.spec.adaptation
+        for adaptation in spec_index.spec.adaptation
         if isinstance(adaptation.does, Course) and adaptation.does.within.name == tree.name
     )
     tasks = dict.fromkeys(task.name for leaf in tree.leaves for task in leaf.tasks)
@@ -159,33 +159,35 @@ def _tree(scope: SpecIndex, tree: TreeElement) -> CheckedTree:
     )
 
 
-def _loop(scope: SpecIndex, loop: Loop) -> CheckedLoop:
+def _loop(spec_index: SpecIndex, loop: Loop) -> CheckedLoop:
     """Return a loop with the rates that its rules and conditions read; unread rates belong to the first loop."""
-    rates_by_loop = {reader.name: tuple(_rates(scope, reader)) for reader in scope.spec.loops}
+    rates_by_loop = {
+        reading_loop.name: tuple(_rates(spec_index, reading_loop)) for reading_loop in spec_index.spec.loops
+    }
     owners: dict[str, str] = {}
     for owner, rates in rates_by_loop.items():
         for rate in rates:
             owners.setdefault(rate, owner)
-    for variable in scope.spec.context:
+    for variable in spec_index.spec.context:
         if variable.rate is not None:
-            owners.setdefault(variable.name, scope.spec.loops[0].name)
+            owners.setdefault(variable.name, spec_index.spec.loops[0].name)
     return CheckedLoop(loop=loop, rates=tuple(rate for rate in sorted(owners) if owners[rate] == loop.name))
 
 
-def _rates(scope: SpecIndex, loop: Loop) -> Iterator[str]:
-    names = {name for metric in loop.analyse for name in scope.book.named("metrics", metric.name)}
-    for adaptation in scope.spec.adaptation:
+def _rates(spec_index: SpecIndex, loop: Loop) -> Iterator[str]:
+    names = {name for metric in loop.analyse for name in spec_index.parsed_rules.named("metrics", metric.name)}
+    for adaptation in spec_index.spec.adaptation:
         if adaptation.name in (reference.name for reference in loop.adapt):
             does = adaptation.does
             actions = [reference.name for reference in does.choose] if isinstance(does, Course) else []
-            names |= {name for action in actions for name in scope.book.named("actions", action)}
+            names |= {name for action in actions for name in spec_index.parsed_rules.named("actions", action)}
             names |= {
                 read_name.name
-                for site in scope.sites
+                for site in spec_index.sites
                 if site.owner == ("adaptation", adaptation.name)
                 for read_name in site.names
             }
     for name in sorted(names):
-        variable = scope.variables.get(name)
+        variable = spec_index.variables.get(name)
         if variable is not None and variable.rate is not None:
             yield name

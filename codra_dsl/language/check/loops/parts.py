@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT
+from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES
 from codra_dsl.language.check.index.mentions import references
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import reads_of
 from codra_dsl.language.model import Adaptation, Course, Loop, Output, Reference, TreeElement
@@ -16,20 +16,22 @@ _KEYS = ("analyse", "adapt", "execute")
 _SECTIONS = (("metrics", "analyse", "computes"), ("adaptation", "adapt", "makes"), ("trees", "execute", "executes"))
 
 
-def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def parts_of_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric, adaptation and tree belongs to one loop."""
-    if any(scope.lost(section) for section in ("metrics", "adaptation", "trees")) or scope.lost("loops", *_KEYS):
+    if any(spec_index.lost(section) for section in ("metrics", "adaptation", "trees")) or spec_index.lost(
+        "loops", *_KEYS
+    ):
         return
-    if not all(faults.sound("loops", loop.name) for loop in scope.spec.loops):
+    if not all(faults.is_sound("loops", loop.name) for loop in spec_index.spec.loops):
         return
     elements: Mapping[str, tuple[Output | Adaptation | TreeElement, ...]] = {
-        "metrics": scope.spec.metrics,
-        "adaptation": scope.spec.adaptation,
-        "trees": scope.spec.trees,
+        "metrics": spec_index.spec.metrics,
+        "adaptation": spec_index.spec.adaptation,
+        "trees": spec_index.spec.trees,
     }
     for section, key, does in _SECTIONS:
         owners: dict[str, tuple[Loop, Reference]] = {}
-        for loop in scope.spec.loops:
+        for loop in spec_index.spec.loops:
             for reference in getattr(loop, key):
                 owner, first = owners.setdefault(reference.name, (loop, reference))
                 if owner is not loop:
@@ -45,10 +47,10 @@ def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
                 yield finding("part-without-loop", message, element.place, path=path, help=help)
 
 
-def split_courses(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def split_courses(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The loop that adapts a course also executes its tree, and each tree has one course."""
     first_adaptations: dict[str, Adaptation] = {}
-    for adaptation in scope.spec.adaptation:
+    for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
         if not isinstance(does, Course):
             continue
@@ -58,11 +60,15 @@ def split_courses(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
             message = f"adaptation '{other.name}' also chooses the course of tree '{does.within.name}'"
             help = "put all actions under 'choose' of only one of the two adaptations"
             yield finding("two-adaptations", message, does.within.place, path=path, help=help)
-        adapting_loops = [loop for loop in scope.spec.loops if adaptation.name in _names(loop.adapt)]
+        adapting_loops = [loop for loop in spec_index.spec.loops if adaptation.name in _names(loop.adapt)]
         if adapting_loops and not any(does.within.name in _names(loop.execute) for loop in adapting_loops):
-            executing_loops = [loop.name for loop in scope.spec.loops if does.within.name in _names(loop.execute)]
-            where = f"which loop '{executing_loops[0]}' executes" if executing_loops else "which no loop executes"
-            message = f"loop '{adapting_loops[0].name}' chooses the course of tree '{does.within.name}', {where}"
+            executing_loop_names = [
+                loop.name for loop in spec_index.spec.loops if does.within.name in _names(loop.execute)
+            ]
+            where_text = (
+                f"which loop '{executing_loop_names[0]}' executes" if executing_loop_names else "which no loop executes"
+            )
+            message = f"loop '{adapting_loops[0].name}' chooses the course of tree '{does.within.name}', {where_text}"
             help = f"name '{does.within.name}' under 'execute' of loop '{adapting_loops[0].name}'"
             yield finding("two-loops", message, does.within.place, path=path, help=help)
 
@@ -75,23 +81,25 @@ _READERS = {
 }
 
 
-def unread_outputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unread_outputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric is read, and every action can be chosen."""
-    if any(scope.lost(section, *keys) for section, keys in _READERS.items()):
+    if any(spec_index.lost(section, *keys) for section, keys in _READERS.items()):
         return
-    read_names = {name for key in scope.book.rules for name in scope.book.named(*key)}
-    read_names |= {mention.name for mention in references(scope)}
-    read_names |= {reads_of(name.name)[2] for site in scope.sites if site.role in OVER_CONTEXT for name in site.names}
-    read_names |= {reference.name for agent in scope.spec.agents for reference in agent.conduct.reads}
-    for metric in scope.spec.metrics:
-        if metric.name not in read_names and faults.sound("metrics", metric.name):
+    read_names = {name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.named(*key)}
+    read_names |= {mention.name for mention in references(spec_index)}
+    read_names |= {
+        reads_of(name.name)[2] for site in spec_index.sites if site.role in CONTEXT_ROLES for name in site.names
+    }
+    read_names |= {reference.name for agent in spec_index.spec.agents for reference in agent.conduct.reads}
+    for metric in spec_index.spec.metrics:
+        if metric.name not in read_names and faults.is_sound("metrics", metric.name):
             message = f"nothing reads metric '{metric.name}'"
             help = "name it in a rule of an action or in an adaptation, or remove it"
             yield finding("unread-output", message, metric.place, path=f"metrics.{metric.name}", help=help)
-    courses = [adaptation.does for adaptation in scope.spec.adaptation if isinstance(adaptation.does, Course)]
+    courses = [adaptation.does for adaptation in spec_index.spec.adaptation if isinstance(adaptation.does, Course)]
     chosen_actions = {reference.name for course in courses for reference in course.choose}
-    for action in scope.spec.actions:
-        if action.name not in chosen_actions and faults.sound("actions", action.name):
+    for action in spec_index.spec.actions:
+        if action.name not in chosen_actions and faults.is_sound("actions", action.name):
             message = f"no adaptation chooses action '{action.name}'"
             help = "name it under 'choose' of an adaptation, or remove it"
             yield finding("unread-output", message, action.place, path=f"actions.{action.name}", help=help)
@@ -101,8 +109,8 @@ def _names(references_: tuple[Reference, ...]) -> list[str]:
     return [reference.name for reference in references_]
 
 
-LOOP_PARTS = (parts_of_loops, split_courses)
+LOOP_PART_CHECKS = (parts_of_loops, split_courses)
 """The checks of phase 4."""
 
-UNREAD_OUTPUTS = (unread_outputs,)
+UNREAD_OUTPUT_CHECKS = (unread_outputs,)
 """The checks of phase 5."""

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.solver.intervals import Interval, Number, in_base
 from codra_dsl.language.check.solver.satisfiable import can_hold
@@ -16,72 +16,77 @@ from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Choice, Compare, Comparison, Name, Node, Not, names_in
 from codra_dsl.language.model import Parameter
 
-_END = "the end of the range"
+_END_NAME = "the end of the range"
 """A name that cannot occur in a condition, because it contains spaces."""
 
 
-def leaving_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The value that an adaptation sets is in the range of the variable.
 
     This is checked as far as it follows from the ranges of the names in the value.
     """
-    for adaptation, name, tree in adapted_variables(scope, faults):
-        variable_type, variable = scope.context_types[name], scope.variables[name]
+    for adaptation, name, tree in adapted_variables(spec_index, faults):
+        variable_type, variable = spec_index.context_types[name], spec_index.variables[name]
         if variable_type is None or variable_type.range is None or not isinstance(adaptation.does, Parameter):
             continue
         low, high = (f"{end:g}" if end else "0" for end in variable_type.range)
-        unit = "" if variable.type.unit is None else f" {variable_type.unit}"
-        for branch, assumptions in _branches(tree, ()):
-            sides = [_SIDES[operator] for operator in _exit_sides(scope, variable_type, branch, assumptions)]
-            if sides:
-                sides_text = " or ".join(sides).format(low=f"{low}{unit}", high=f"{high}{unit}")
+        unit_text = "" if variable.type.unit is None else f" {variable_type.unit}"
+        for branch, assumptions in _choice_branches(tree, ()):
+            side_texts = [
+                _SIDE_TEXTS[operator] for operator in _exit_sides(spec_index, variable_type, branch, assumptions)
+            ]
+            if side_texts:
+                sides_text = " or ".join(side_texts).format(low=f"{low}{unit_text}", high=f"{high}{unit_text}")
                 yield finding(
                     "value-leaves-range",
                     f"adaptation '{adaptation.name}' can set '{name}' to {sides_text}, outside of its range",
                     adaptation.does.value.place_of(branch),
                     path=f"adaptation.{adaptation.name}.value",
-                    help=f"keep the value in [{low}, {high}]{unit}, e.g. with 'min' and 'max', or write a wider range",
+                    help=f"keep the value in [{low}, {high}]{unit_text}, e.g. with 'min' and 'max', "
+                    "or write a wider range",
                     related=(Related("declared here", variable.type.places.get("range", variable.place)),),
                 )
 
 
-_SIDES = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more than {high}"}
+_SIDE_TEXTS = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more than {high}"}
 
 
-def _branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
+def _choice_branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
     """Yield each branch of a value that is a choice, with the conditions under which it is used."""
     if not isinstance(tree, Choice):
         yield tree, assumptions
         return
-    yield from _branches(tree.then, (*assumptions, tree.condition))
-    yield from _branches(tree.otherwise, (*assumptions, Not(start=0, end=0, operand=tree.condition)))
+    yield from _choice_branches(tree.then, (*assumptions, tree.condition))
+    yield from _choice_branches(tree.otherwise, (*assumptions, Not(start=0, end=0, operand=tree.condition)))
 
 
 def _exit_sides(
-    scope: SpecIndex, variable_type: Type, branch: Node, assumptions: Sequence[Node]
+    spec_index: SpecIndex, variable_type: Type, branch: Node, assumptions: Sequence[Node]
 ) -> Iterator[Comparison]:
     """Yield the sides on which a value can leave the range of its variable.
 
     If a name in the value has no range, or occurs twice, a side is yielded only if the value is certainly on this side
     of the range.
     """
-    types = scope.context_types
+    types = spec_index.context_types
     occurrences = [occurrence.name for occurrence in names_in(branch)]
     names = set(occurrences)
     is_exact = len(names) == len(occurrences)
     values = {name: known_values(types.get(name)) | UNKNOWN for name in names}
-    results = outcomes(branch, Context(values | {age_key(name): AGES for name in names}))
-    intervals = [result for result in results if isinstance(result, Interval)]
+    possible_values = outcomes(branch, Context(values | {age_key(name): AGES for name in names}))
+    intervals = [value for value in possible_values if isinstance(value, Interval)]
     assert variable_type.range is not None
-    for operator, end in zip(_SIDES, variable_type.range, strict=True):
+    for operator, end in zip(_SIDE_TEXTS, variable_type.range, strict=True):
         limit = in_base(end, variable_type.unit)
         if any(
             _is_beyond(interval, operator, limit) or (is_exact and _has_finite_end(interval, operator))
             for interval in intervals
         ):
             end_type = Type(variable_type.kind, variable_type.unit, range=(end, end))
-            exit_condition = Compare(start=0, end=0, first=branch, rest=((operator, Name(start=0, end=0, name=_END)),))
-            if can_hold([*assumptions, exit_condition], (), {**types, _END: end_type}):
+            exit_condition = Compare(
+                start=0, end=0, first=branch, rest=((operator, Name(start=0, end=0, name=_END_NAME)),)
+            )
+            if can_hold([*assumptions, exit_condition], (), {**types, _END_NAME: end_type}):
                 yield operator
 
 
@@ -94,5 +99,5 @@ def _is_beyond(interval: Interval, operator: Comparison, limit: Number) -> bool:
     return interval.high < limit if operator is Comparison.LESS else interval.low > limit
 
 
-RANGE_EXIT = (leaving_values,)
+RANGE_EXIT_CHECKS = (values_leaving_range,)
 """The checks of this module."""

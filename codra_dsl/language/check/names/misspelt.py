@@ -13,29 +13,36 @@ from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 
 
 def find_misspelt_declarations(
-    scope: SpecIndex, unknown: Iterable[Sequence[Mention]], declared: Iterable[str], used: Iterable[str]
+    spec_index: SpecIndex,
+    unknown_mentions: Iterable[Sequence[Mention]],
+    declared_names: Iterable[str],
+    used_names: Iterable[str],
 ) -> dict[str, str]:
     """Return, for unknown names, the misspelt declarations that cause them.
 
     Args:
-        scope: the spec.
-        unknown: the mentions of each unknown name.
-        declared: all declared names.
-        used: all names that are used, unknown or not.
+        spec_index: the spec.
+        unknown_mentions: the mentions of each unknown name.
+        declared_names: all declared names.
+        used_names: all names that are used, unknown or not.
     """
-    compared_mentions = (mentions for mentions, _ in zip(unknown, range(MAX_SUGGESTIONS), strict=False))
-    uses = {mentions[0].name: len(_first_mentions(mentions)) for mentions in compared_mentions}
-    if not uses:
+    compared_mentions = (mentions for mentions, _ in zip(unknown_mentions, range(MAX_SUGGESTIONS), strict=False))
+    use_counts = {mentions[0].name: len(_first_mentions(mentions)) for mentions in compared_mentions}
+    if not use_counts:
         return {}
-    used_names, declared_names = frozenset(used), list(declared)
-    unused_names = [name for name in declared_names if name not in used_names]
-    return misspelt_declarations(uses, unused_names, declared_names, scope.vocabulary, suggest) if unused_names else {}
+    used_name_set, declarations = frozenset(used_names), list(declared_names)
+    unused_names = [name for name in declarations if name not in used_name_set]
+    return (
+        misspelt_declarations(use_counts, unused_names, declarations, spec_index.vocabulary, suggest)
+        if unused_names
+        else {}
+    )
 
 
 def misspelt_finding(
-    scope: SpecIndex,
+    spec_index: SpecIndex,
     owner: Owner,
-    declared: str,
+    declared_name: str,
     mentions: Sequence[Mention],
     *,
     rule: str,
@@ -44,20 +51,20 @@ def misspelt_finding(
     path: str,
 ) -> Diagnostic:
     """Return the finding about a misspelt declaration, and record its correction."""
-    name = mentions[0].name
-    scope.corrections.add_declaration(owner, declared, name)
+    intended_name = mentions[0].name
+    spec_index.corrections.add_misspelt_declaration(owner, declared_name, intended_name)
     first_mentions = _first_mentions(mentions)
     uses_text = (
         f", used {len(first_mentions)} times," if len(first_mentions) > 1 else f", which {mentions[0].user} uses,"
     )
     return finding(
         rule,
-        f"{noun} '{declared}' is used nowhere, and '{name}'{uses_text} is not declared",
+        f"{noun} '{declared_name}' is used nowhere, and '{intended_name}'{uses_text} is not declared",
         place,
         path=path,
-        help=f"did you mean '{name}'?",
+        help=f"did you mean '{intended_name}'?",
         related=tuple(Related(f"in {mention.user}", mention.place) for mention in first_mentions),
-        fix=replacing(place, declared, name, safe=False),
+        fix=replacing(place, declared_name, intended_name, safe=False),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from itertools import chain
 
 from codra_dsl.language.check.conditions.conditions import Role
-from codra_dsl.language.check.index.fixes import renaming
+from codra_dsl.language.check.index.fixes import renaming_fix
 from codra_dsl.language.check.index.mentions import (
     Mention,
     mentions_in_preconditions,
@@ -19,10 +19,10 @@ from codra_dsl.language.check.index.mentions import (
     used_variables,
 )
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.index.words import NOUNS
 from codra_dsl.language.check.names.misspelt import find_misspelt_declarations, misspelt_finding
-from codra_dsl.language.check.types.literals import Literal, intended_literal, literal_compared
+from codra_dsl.language.check.types.literals import LiteralHelp, compared_literal_help, intended_literal_help
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, is_slip
 from codra_dsl.language.load.templates.templates import INSTANCE
 from codra_dsl.language.load.yaml.names import is_identifier
@@ -37,81 +37,99 @@ _SOURCES = {"agents": (OBSERVER, MAIN_EXECUTION)}
 _WORD = re.compile(r"\w+")
 
 
-def unknown_variables(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_variables(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every context-variable that something refers to is declared: one finding per name, with all its mentions."""
-    groups = list(unknown_mentions(scope, "context", chain(references(scope), mentions_in_preconditions(scope))))
+    groups = list(
+        unknown_mentions(spec_index, "context", chain(references(spec_index), mentions_in_preconditions(spec_index)))
+    )
     if not groups:
         return
-    plain_groups = [
-        group for group in groups if not _is_returned(scope, group[0]) and _intended_literal(scope, group[0]) is None
+    misspelling_candidates = [
+        group
+        for group in groups
+        if not _is_returned(spec_index, group[0]) and _intended_literal_help(spec_index, group[0]) is None
     ]
-    other_groups = yield from _report_misspelt(
-        scope, "context", plain_groups, _places(scope.world.variables), used_variables(scope)
+    remaining_groups = yield from _report_misspelt_declarations(
+        spec_index,
+        "context",
+        misspelling_candidates,
+        _places(spec_index.declared_graph.variables),
+        used_variables(spec_index),
     )
-    reported_names = {group[0].name for group in plain_groups} - {group[0].name for group in other_groups}
+    reported_names = {group[0].name for group in misspelling_candidates} - {group[0].name for group in remaining_groups}
     for first, *others in groups:
         if first.name in reported_names:
             continue
-        if _is_returned(scope, first):
+        if _is_returned(spec_index, first):
             message = f"'{first.name}' in 'observable_when' of {first.user} is a value that the algorithm returns"
             help = "move the condition to 'accept_when'"
             yield _mention_finding("name-out-of-sight", message, help, first, others)
         else:
-            yield _undeclared_finding(scope, "context", first, others, literal=_intended_literal(scope, first))
+            yield _undeclared_name_finding(
+                spec_index, "context", first, others, literal=_intended_literal_help(spec_index, first)
+            )
 
 
-def unknown_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every resource that an algorithm uses is declared."""
-    groups = list(unknown_mentions(scope, "resources", resource_mentions(scope)))
+    groups = list(unknown_mentions(spec_index, "resources", resource_mentions(spec_index)))
     if groups:
-        used = (mention.name for mention in resource_mentions(scope))
-        for first, *others in (yield from _report_misspelt(scope, "resources", groups, _places(scope.resources), used)):
-            yield _undeclared_finding(scope, "resources", first, others)
+        used = (mention.name for mention in resource_mentions(spec_index))
+        for first, *others in (
+            yield from _report_misspelt_declarations(
+                spec_index, "resources", groups, _places(spec_index.resources), used
+            )
+        ):
+            yield _undeclared_name_finding(spec_index, "resources", first, others)
 
 
-def unknown_sources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_sources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every source is `observer`, `main_execution` or an agent."""
-    groups = list(unknown_mentions(scope, "agents", source_mentions(scope)))
+    groups = list(unknown_mentions(spec_index, "agents", source_mentions(spec_index)))
     if groups:
-        places = _places(scope.agents)
-        used = (mention.name for mention in source_mentions(scope))
-        sources = frozenset({OBSERVER, MAIN_EXECUTION}) | scope.names("agents")
-        for first, *others in (yield from _report_misspelt(scope, "agents", groups, places, used, known=sources)):
-            yield _undeclared_finding(scope, "agents", first, others, known=sources)
+        places = _places(spec_index.agents)
+        used = (mention.name for mention in source_mentions(spec_index))
+        sources = frozenset({OBSERVER, MAIN_EXECUTION}) | spec_index.names("agents")
+        for first, *others in (
+            yield from _report_misspelt_declarations(spec_index, "agents", groups, places, used, known=sources)
+        ):
+            yield _undeclared_name_finding(spec_index, "agents", first, others, known=sources)
 
 
-def unknown_names_in_results(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unknown_names_in_results(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """`accept_when` and `identifies` read only the values that the algorithm returns."""
     groups_by_algorithm: dict[str, dict[str, list[Mention]]] = {}
-    for site in scope.sites:
-        if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES) and scope.readable(*site.owner, "returns"):
+    for site in spec_index.sites:
+        if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES) and spec_index.is_readable(*site.owner, "returns"):
             algorithm = site.owner[1]
-            returned = scope.returned_types[algorithm]
+            returned = spec_index.returned_types[algorithm]
             for mention in mentions_of(site, [name for name in site.values if name.name not in returned]):
                 groups_by_algorithm.setdefault(algorithm, {}).setdefault(mention.name, []).append(mention)
     for algorithm, groups in groups_by_algorithm.items():
-        yield from _unknown_in_results(scope, algorithm, list(groups.values()))
+        yield from _unknown_in_results(spec_index, algorithm, list(groups.values()))
 
 
-def _unknown_in_results(scope: SpecIndex, algorithm: str, groups: list[list[Mention]]) -> Iterator[Diagnostic]:
-    plain_groups = [group for group in groups if not _is_something_else(scope, group[0])]
-    places = {returned.name: returned.place for returned in scope.algorithms[algorithm].returns}
-    misspelt_declarations = find_misspelt_declarations(scope, plain_groups, places, scope.used_values[algorithm])
+def _unknown_in_results(spec_index: SpecIndex, algorithm: str, groups: list[list[Mention]]) -> Iterator[Diagnostic]:
+    misspelling_candidates = [group for group in groups if not _is_other_element_or_literal(spec_index, group[0])]
+    places = {returned.name: returned.place for returned in spec_index.algorithms[algorithm].returns}
+    misspelt_declarations = find_misspelt_declarations(
+        spec_index, misspelling_candidates, places, spec_index.used_values[algorithm]
+    )
     for first, *others in groups:
         declared = misspelt_declarations.get(first.name)
         if declared is None:
-            yield _unreturned_finding(scope, algorithm, first, others)
+            yield _unknown_returned_value_finding(spec_index, algorithm, first, others)
         else:
             path = f"perception.{algorithm}.returns.{declared}"
             noun, place = "returned value", places[declared]
             rule = "unknown-returned-value"
             yield misspelt_finding(
-                scope, (algorithm,), declared, (first, *others), rule=rule, noun=noun, place=place, path=path
+                spec_index, (algorithm,), declared, (first, *others), rule=rule, noun=noun, place=place, path=path
             )
 
 
-def _report_misspelt(
-    scope: SpecIndex,
+def _report_misspelt_declarations(
+    spec_index: SpecIndex,
     section: str,
     groups: list[list[Mention]],
     places: Mapping[str, Place],
@@ -124,29 +142,29 @@ def _report_misspelt(
     Names without a similar declaration are not returned if the names of at least as many elements could not be read.
     """
     rule, noun = _UNKNOWN[section]
-    plain_groups = [group for group in groups if scope.other_kind(group[0].name, section) is None]
-    undeclared_names = {group[0].name for group in plain_groups}
-    misspelt_declarations = find_misspelt_declarations(scope, plain_groups, places, used)
+    misspelling_candidates = [group for group in groups if spec_index.other_kind(group[0].name, section) is None]
+    undeclared_names = {group[0].name for group in misspelling_candidates}
+    misspelt_declarations = find_misspelt_declarations(spec_index, misspelling_candidates, places, used)
     for group in groups:
         declared = misspelt_declarations.get(group[0].name)
         if declared is not None:
             place, path = places[declared], f"{section}.{declared}"
-            yield misspelt_finding(scope, section, declared, group, rule=rule, noun=noun, place=place, path=path)
-    other_groups = [group for group in groups if group[0].name not in misspelt_declarations]
-    candidates = known or scope.names(section)
-    unknown_names = [group[0].name for group in other_groups if group[0].name in undeclared_names]
-    nameless_count = scope.nameless(section)
-    suggestions = ((name, scope.nearest(name, section, candidates)) for name in unknown_names)
+            yield misspelt_finding(spec_index, section, declared, group, rule=rule, noun=noun, place=place, path=path)
+    remaining_groups = [group for group in groups if group[0].name not in misspelt_declarations]
+    candidates = known or spec_index.names(section)
+    unknown_names = [group[0].name for group in remaining_groups if group[0].name in undeclared_names]
+    nameless_count = spec_index.unnamed_element_count(section)
+    suggestions = ((name, spec_index.nearest(name, section, candidates)) for name in unknown_names)
     unmatched_names = {
         name
         for name, suggestion in suggestions
         if suggestion is None or (nameless_count and not is_slip(name, suggestion))
     }
-    spans = {group[0].place.span for group in other_groups if group[0].name in unmatched_names}
+    spans = {group[0].place.span for group in remaining_groups if group[0].name in unmatched_names}
     return (
-        other_groups
+        remaining_groups
         if len(spans) > nameless_count
-        else [group for group in other_groups if group[0].name not in unmatched_names]
+        else [group for group in remaining_groups if group[0].name not in unmatched_names]
     )
 
 
@@ -154,61 +172,63 @@ def _places(declared: Mapping[str, Variable] | Mapping[str, Resource] | Mapping[
     return {name: element.place for name, element in declared.items()}
 
 
-def _is_returned(scope: SpecIndex, mention: Mention) -> bool:
+def _is_returned(spec_index: SpecIndex, mention: Mention) -> bool:
     """Return whether a name in a precondition is a returned value of its algorithm."""
     site = mention.site
     if site is None or site.owner[0] != "perception":
         return False
-    return mention.name in scope.returned_types[site.owner[1]]
+    return mention.name in spec_index.returned_types[site.owner[1]]
 
 
-def _intended_literal(scope: SpecIndex, mention: Mention) -> Literal | None:
-    return None if mention.site is None else intended_literal(scope, mention.site, mention.name)
+def _intended_literal_help(spec_index: SpecIndex, mention: Mention) -> LiteralHelp | None:
+    return None if mention.site is None else intended_literal_help(spec_index, mention.site, mention.name)
 
 
-def _is_something_else(scope: SpecIndex, mention: Mention) -> bool:
+def _is_other_element_or_literal(spec_index: SpecIndex, mention: Mention) -> bool:
     """Return whether a name in a condition over a result belongs to another element, or is intended as a literal."""
-    is_named = scope.declares("context", mention.name) or scope.other_kind(mention.name, "context") is not None
-    return is_named or _intended_literal(scope, mention) is not None
+    is_named = (
+        spec_index.declares("context", mention.name) or spec_index.other_kind(mention.name, "context") is not None
+    )
+    return is_named or _intended_literal_help(spec_index, mention) is not None
 
 
-def names_in_expectations(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def names_in_expectations(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The expectations of skills compare variables with literals."""
-    for site in scope.sites:
+    for site in spec_index.sites:
         if site.role is Role.MONITOR:
             for mention in mentions_of(site, site.values):
                 if mention.name != site.variable:
                     message = f"'{mention.name}' is not a value that {mention.user} can expect of '{site.variable}'"
-                    literal_help = literal_compared(scope, mention) or "write a literal"
-                    literal = intended_literal(scope, site, mention.name) or Literal(literal_help)
+                    literal_help = compared_literal_help(spec_index, mention) or "write a literal"
+                    literal = intended_literal_help(spec_index, site, mention.name) or LiteralHelp(literal_help)
                     yield _mention_finding(
                         "name-out-of-sight", message, literal.help, mention, (), fix=literal.fix((mention,))
                     )
 
 
-def reserved_agents(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def reserved_agents(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No agent has the name of one of the two sources that every spec has."""
-    for agent in scope.spec.agents:
+    for agent in spec_index.spec.agents:
         if agent.name in (OBSERVER, MAIN_EXECUTION):
             message = f"agent '{agent.name}' has the name of a source that every spec has"
             path = f"agents.{agent.name}"
             yield finding("reserved-agent", message, agent.place, path=path, help="choose another name")
 
 
-def ambiguous_arguments(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def ambiguous_arguments(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No two arguments of a perception function have the same name, and none has the name `job`."""
-    for algorithm in scope.spec.perception:
-        origins = {"job": "the argument 'job', which every perception function gets"}
+    for algorithm in spec_index.spec.perception:
+        origin_texts = {"job": "the argument 'job', which every perception function gets"}
         for name, key, place in _arguments(algorithm):
-            if name in origins:
-                argument = f"argument '{name}' of algorithm '{algorithm.name}' from '{key}'"
-                message = f"{argument} has the same name as {origins[name]}"
+            if name in origin_texts:
+                argument_text = f"argument '{name}' of algorithm '{algorithm.name}' from '{key}'"
+                message = f"{argument_text} has the same name as {origin_texts[name]}"
                 path = f"perception.{algorithm.name}.{key}"
                 yield finding("ambiguous-argument", message, place, path=path, help="rename one of the two")
-            origins[name] = f"an argument from '{key}'"
+            origin_texts[name] = f"an argument from '{key}'"
 
 
-NAMES = (
+NAME_CHECKS = (
     unknown_variables,
     unknown_resources,
     unknown_sources,
@@ -231,17 +251,17 @@ def _arguments(algorithm: Algorithm) -> Iterator[tuple[str, str, Place]]:
         yield reference.name, "given", reference.place
 
 
-def _undeclared_finding(
-    scope: SpecIndex,
+def _undeclared_name_finding(
+    spec_index: SpecIndex,
     section: str,
     first: Mention,
     others: list[Mention],
     *,
-    literal: Literal | None = None,
+    literal: LiteralHelp | None = None,
     known: frozenset[str] | None = None,
 ) -> Diagnostic:
     """Return the finding about a name that a section does not declare; `known` are the names to suggest."""
-    kind = scope.other_kind(first.name, section)
+    kind = spec_index.other_kind(first.name, section)
     if kind is not None:
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
         return _mention_finding("wrong-kind-of-name", message, f"write the name of {NOUNS[section]}", first, others)
@@ -251,66 +271,72 @@ def _undeclared_finding(
     message = f"unknown {noun} '{first.name}' in {first.user}"
     if literal is not None:
         return _mention_finding(rule, message, literal.help, first, others, fix=literal.fix((first, *others)))
-    candidates = scope.names(section) if known is None else known
-    nearest = scope.nearest(first.name, section, candidates)
-    if nearest is not None and is_slip(first.name, nearest):
-        scope.corrections.add_reference(section, first.name, nearest)
-    fix = _renaming(scope, first, others, nearest, candidates)
-    help = f"did you mean '{nearest}'?" if nearest else _declaration_help(scope, first, section)
+    candidates = spec_index.names(section) if known is None else known
+    nearest_name = spec_index.nearest(first.name, section, candidates)
+    if nearest_name is not None and is_slip(first.name, nearest_name):
+        spec_index.corrections.add_misspelt_reference(section, first.name, nearest_name)
+    fix = _renaming(spec_index, first, others, nearest_name, candidates)
+    help = f"did you mean '{nearest_name}'?" if nearest_name else _declaration_help(spec_index, first, section)
     return _mention_finding(rule, message, help, first, others, fix=fix)
 
 
 def _renaming(
-    scope: SpecIndex, first: Mention, others: Iterable[Mention], near: str | None, candidates: Iterable[str]
+    spec_index: SpecIndex,
+    first: Mention,
+    others: Iterable[Mention],
+    nearest_name: str | None,
+    candidates: Iterable[str],
 ) -> Fix | None:
-    if near is None:
+    if nearest_name is None:
         return None
-    known = scope.mentioned | {OBSERVER, MAIN_EXECUTION}
-    return renaming(first.name, near, candidates, [mention.place for mention in (first, *others)], known)
+    known = spec_index.mentioned | {OBSERVER, MAIN_EXECUTION}
+    return renaming_fix(first.name, nearest_name, candidates, [mention.place for mention in (first, *others)], known)
 
 
-def _declaration_help(scope: SpecIndex, mention: Mention, section: str) -> str:
+def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str) -> str:
     """Return the help for a name without a similar declaration."""
-    specific_help = _parameter_help(scope, mention) or literal_compared(scope, mention)
+    specific_help = _parameter_help(spec_index, mention) or compared_literal_help(spec_index, mention)
     if specific_help is not None:
         return specific_help
     if mention.site is None and not is_identifier(mention.name):
-        return _invalid_name_help(scope, mention, section)
+        return _invalid_name_help(spec_index, mention, section)
     if section == "agents":
         others = "'observer', 'main_execution'" if mention.path.startswith("context.") else "'main_execution'"
         return f"write {others}, or declare '{mention.name}' under 'agents'"
     return f"declare '{mention.name}' under '{section}'"
 
 
-def _invalid_name_help(scope: SpecIndex, mention: Mention, section: str) -> str:
+def _invalid_name_help(spec_index: SpecIndex, mention: Mention, section: str) -> str:
     """Return the help for a text that is not a name, e.g. several names without ',', or a name with other text."""
     words = _WORD.findall(mention.name)
-    known = [word for word in words if word in scope.names(section) or word in _SOURCES.get(section, ())]
+    known = [word for word in words if word in spec_index.names(section) or word in _SOURCES.get(section, ())]
     if len(known) == len(words) > 1:
         return f"write the names as a list: [{', '.join(known)}]"
     return f"write only '{known[0]}'" if len(known) == 1 else "write a name: letters A to Z, digits and '_'"
 
 
-def _parameter_help(scope: SpecIndex, mention: Mention) -> str | None:
+def _parameter_help(spec_index: SpecIndex, mention: Mention) -> str | None:
     """Return the help for a name in a template that is, or begins with, the name of a parameter."""
     if mention.place.use is None:
         return None
     words = mention.name.split("_")
     prefixes = ("_".join(words[:count]) for count in range(len(words), 0, -1))
-    parameter = next((prefix for prefix in prefixes if prefix == INSTANCE or prefix in scope.parameters), "")
+    parameter = next((prefix for prefix in prefixes if prefix == INSTANCE or prefix in spec_index.parameters), "")
     return f"write {mention.name.replace(parameter, f'$({parameter})', 1)}" if parameter else None
 
 
-def _unreturned_finding(scope: SpecIndex, algorithm: str, first: Mention, others: list[Mention]) -> Diagnostic:
+def _unknown_returned_value_finding(
+    spec_index: SpecIndex, algorithm: str, first: Mention, others: list[Mention]
+) -> Diagnostic:
     assert first.site is not None
-    key, returned = first.site.role, scope.returned_types[algorithm]
-    if scope.declares("context", first.name):
+    key, returned = first.site.role, spec_index.returned_types[algorithm]
+    if spec_index.declares("context", first.name):
         message = f"'{first.name}' in '{key}' of {first.user} is a context-variable, which cannot be read there"
         move_help = "use it in 'observable_when'"
         help = move_help if key is Role.ACCEPT_WHEN else f"{move_help}, or pass it to the algorithm with 'given'"
         return _mention_finding("name-out-of-sight", message, help, first, others)
-    kind = scope.other_kind(first.name, "context")
-    literal = intended_literal(scope, first.site, first.name)
+    kind = spec_index.other_kind(first.name, "context")
+    literal = intended_literal_help(spec_index, first.site, first.name)
     if kind is not None and literal is None:
         message = f"'{first.name}' in '{key}' of {first.user} is {kind}, not a value that the algorithm returns"
         return _mention_finding("wrong-kind-of-name", message, "write the name of a returned value", first, others)
@@ -318,11 +344,11 @@ def _unreturned_finding(scope: SpecIndex, algorithm: str, first: Mention, others
     if literal is not None:
         fix = literal.fix((first, *others))
         return _mention_finding("unknown-returned-value", message, literal.help, first, others, fix=fix)
-    nearest = scope.nearest(first.name, f"returned by {algorithm}", returned)
-    if nearest is not None and is_slip(first.name, nearest):
-        scope.corrections.add_reference((algorithm,), first.name, nearest)
-    help = f"did you mean '{nearest}'?" if nearest else _declaration_help(scope, first, "returns")
-    fix = _renaming(scope, first, others, nearest, returned)
+    nearest_name = spec_index.nearest(first.name, f"returned by {algorithm}", returned)
+    if nearest_name is not None and is_slip(first.name, nearest_name):
+        spec_index.corrections.add_misspelt_reference((algorithm,), first.name, nearest_name)
+    help = f"did you mean '{nearest_name}'?" if nearest_name else _declaration_help(spec_index, first, "returns")
+    fix = _renaming(spec_index, first, others, nearest_name, returned)
     return _mention_finding("unknown-returned-value", message, help, first, others, fix=fix)
 
 

@@ -4,13 +4,13 @@ A rule reports a defect only if the defect certainly follows from the spec. If t
 the rule reports nothing.
 """
 
-from codra_dsl.language.check.quality.conditions import CONDITIONS
-from codra_dsl.language.check.quality.decisions import DECISIONS
-from codra_dsl.language.check.quality.times import TIMES
-from codra_dsl.language.check.quality.trust import TRUST
-from codra_dsl.language.check.quality.unused import UNUSED
+from codra_dsl.language.check.quality.conditions import CONDITION_CHECKS
+from codra_dsl.language.check.quality.decisions import DECISION_CHECKS
+from codra_dsl.language.check.quality.times import TIMING_CHECKS
+from codra_dsl.language.check.quality.trust import TRUST_CHECKS
+from codra_dsl.language.check.quality.unused import UNUSED_CHECKS
 
-QUALITY = (*TRUST, *CONDITIONS, *DECISIONS, *TIMES, *UNUSED)
+QUALITY_CHECKS = (*TRUST_CHECKS, *CONDITION_CHECKS, *DECISION_CHECKS, *TIMING_CHECKS, *UNUSED_CHECKS)
 """The rules of this phase."""
 
-__all__ = ["QUALITY"]
+__all__ = ["QUALITY_CHECKS"]

@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.contradictions import (
-    Stated,
+    StatedCondition,
     contradiction,
-    limits_of,
-    never_true,
-    related_to,
-    stated,
-    without_ranges,
+    limit_places,
+    never_true_message,
+    related_places,
+    state_condition,
+    types_without_ranges,
 )
 from codra_dsl.language.check.solver.satisfiable import always_holds
 from codra_dsl.language.diagnostics import Diagnostic, Related
@@ -28,107 +28,115 @@ MAX_RELATED_PLACES = 5
 """The maximum number of further members in a finding."""
 
 
-def never_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def never_holding(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Some result can be accepted, and each value that has a condition can follow from an accepted result."""
-    yield from _once_per_shape(scope, faults, _never_holding_of)
+    yield from _once_per_shape(spec_index, faults, _never_holding_findings)
 
 
-def _never_holding_of(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
-    accepted = tuple(_sound_conditions(scope, algorithm.accept_when))
-    types = scope.returned_types[algorithm.name]
+def _never_holding_findings(
+    spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm
+) -> Iterator[Diagnostic]:
+    accepted = tuple(_sound_conditions(spec_index, algorithm.accept_when))
+    types = spec_index.returned_types[algorithm.name]
     core = contradiction(accepted, types)
     if core:
-        yield _never_finding(algorithm, "accept_when", "rejects every result", core, types)
+        yield _never_holds_finding(algorithm, "accept_when", "rejects every result", core, types)
         return
     for entry in algorithm.identifies:
-        if faults.sound("context", entry.variable.name) and entry.variable.name in scope.variables:
-            yield from _never_identified(scope, algorithm, entry, accepted)
+        if faults.is_sound("context", entry.variable.name) and entry.variable.name in spec_index.variables:
+            yield from _never_identified(spec_index, algorithm, entry, accepted)
 
 
-def always_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def always_holding(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every condition is false for some value; otherwise it has no effect."""
-    for algorithm in scope.algorithms.values():
-        if not faults.sound("perception", algorithm.name):
+    for algorithm in spec_index.algorithms.values():
+        if not faults.is_sound("perception", algorithm.name):
             continue
-        context_types = scope.context_types
-        for condition in _parts_of_conditions(scope, algorithm.observable_when):
+        context_types = spec_index.context_types
+        for condition in _parts_of_conditions(spec_index, algorithm.observable_when):
             if always_holds(condition.tree, context_types):
-                variables = [scope.variables[name] for name in _names(condition) if name in scope.variables]
-                yield _always_finding(algorithm, "observable_when", condition, context_types, variables)
-    yield from _once_per_shape(scope, faults, _always_holding_of)
+                variables = [spec_index.variables[name] for name in _names(condition) if name in spec_index.variables]
+                yield _always_holds_finding(algorithm, "observable_when", condition, context_types, variables)
+    yield from _once_per_shape(spec_index, faults, _always_holding_findings)
 
 
-def _always_holding_of(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
-    returned_types = scope.returned_types[algorithm.name]
+def _always_holding_findings(
+    spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm
+) -> Iterator[Diagnostic]:
+    returned_types = spec_index.returned_types[algorithm.name]
     optional_names = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
-    for condition in _parts_of_conditions(scope, algorithm.accept_when):
-        if always_holds(condition.tree, returned_types, absent=optional_names):
-            yield _always_finding(algorithm, "accept_when", condition, returned_types, algorithm.returns)
+    for condition in _parts_of_conditions(spec_index, algorithm.accept_when):
+        if always_holds(condition.tree, returned_types, optional_names=optional_names):
+            yield _always_holds_finding(algorithm, "accept_when", condition, returned_types, algorithm.returns)
     for entry in algorithm.identifies:
-        for condition in _true_conditions(scope, faults, entry):
-            if always_holds(condition.tree, returned_types, absent=optional_names):
+        for condition in _true_conditions(spec_index, faults, entry):
+            if always_holds(condition.tree, returned_types, optional_names=optional_names):
                 key = f"identifies.{entry.variable.name}"
-                yield _always_finding(algorithm, key, condition, returned_types, algorithm.returns)
+                yield _always_holds_finding(algorithm, key, condition, returned_types, algorithm.returns)
 
 
-CONDITIONS = (never_holding, always_holding)
+CONDITION_CHECKS = (never_holding, always_holding)
 """The checks of this module."""
 
 
 def _once_per_shape(
-    scope: SpecIndex, faults: Silenced, rule: Callable[[SpecIndex, Silenced, Algorithm], Iterable[Diagnostic]]
+    spec_index: SpecIndex,
+    faults: FaultyElements,
+    rule: Callable[[SpecIndex, FaultyElements, Algorithm], Iterable[Diagnostic]],
 ) -> Iterator[Diagnostic]:
     """Yield the findings of a rule about the use of results, for each algorithm.
 
     Many algorithms of a large spec are alike: if one of them has no finding, all others with the same shape have none.
     """
     clean_shapes: set[object] = set()
-    for algorithm in scope.algorithms.values():
-        if faults.sound("perception", algorithm.name):
-            shape = scope.shape_over_results(algorithm, faults)
-            findings = () if shape in clean_shapes else tuple(rule(scope, faults, algorithm))
+    for algorithm in spec_index.algorithms.values():
+        if faults.is_sound("perception", algorithm.name):
+            shape = spec_index.shape_over_results(algorithm, faults)
+            findings = () if shape in clean_shapes else tuple(rule(spec_index, faults, algorithm))
             yield from findings
             if not findings:
                 clean_shapes.add(shape)
 
 
-def _sound_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+def _sound_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions without a problem."""
     for condition in conditions:
-        judgement = scope.judgement(condition)
+        judgement = spec_index.judgement(condition)
         if judgement is not None and not judgement.problems:
-            yield stated(condition, spelt_out(judgement.typed.node))
+            yield state_condition(condition, spelt_out(judgement.typed.node))
 
 
-def _parts_of_conditions(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+def _parts_of_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions of a list, except plain names and negated names. Each part of an `and` is separate."""
     for condition in conditions:
-        for stated_condition in _sound_conditions(scope, [condition]):
+        for stated_condition in _sound_conditions(spec_index, [condition]):
             for part in stated_condition.parts or (stated_condition,):
                 if not isinstance(part.tree.operand if isinstance(part.tree, Not) else part.tree, Name):
                     yield part
 
 
-def _names(condition: Stated) -> Iterable[str]:
+def _names(condition: StatedCondition) -> Iterable[str]:
     return dict.fromkeys(name.name for name in names_in(condition.tree))
 
 
-def _true_conditions(scope: SpecIndex, faults: Silenced, entry: Identification) -> Iterator[Stated]:
+def _true_conditions(spec_index: SpecIndex, faults: FaultyElements, entry: Identification) -> Iterator[StatedCondition]:
     """Yield the condition under which a bool is True, except literals and plain names, which are intended."""
-    variable = scope.variables.get(entry.variable.name)
+    variable = spec_index.variables.get(entry.variable.name)
     by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
-    if variable is None or not faults.sound("context", variable.name) or not isinstance(by, Condition):
+    if variable is None or not faults.is_sound("context", variable.name) or not isinstance(by, Condition):
         return
-    if _is_bool(scope, entry):
+    if _is_bool(spec_index, entry):
         yield from (
-            condition for condition in _sound_conditions(scope, [by]) if not isinstance(condition.tree, (Truth, Name))
+            condition
+            for condition in _sound_conditions(spec_index, [by])
+            if not isinstance(condition.tree, (Truth, Name))
         )
 
 
-def _always_finding(
-    algorithm: Algorithm, key: str, condition: Stated, types: Types, variables: Iterable[Variable | Returned]
+def _always_holds_finding(
+    algorithm: Algorithm, key: str, condition: StatedCondition, types: Types, variables: Iterable[Variable | Returned]
 ) -> Diagnostic:
-    needs_range = not always_holds(condition.tree, without_ranges(types, [condition.tree]))
+    depends_on_range = not always_holds(condition.tree, types_without_ranges(types, [condition.tree]))
     names = tuple(_names(condition))
     place = f"'{key.partition('.')[0]}' of algorithm '{algorithm.name}'"
     precondition_help = f"remove it, or write 'known({names[0]})' if that is intended" if names else "remove it"
@@ -139,48 +147,52 @@ def _always_finding(
         condition.place,
         path=f"perception.{algorithm.name}.{key}",
         help=help_by_key.get(key, "change the condition: as it is, the variable is never False"),
-        related=tuple(limits_of([condition.tree], variables)) if needs_range else (),
+        related=tuple(limit_places([condition.tree], variables)) if depends_on_range else (),
     )
 
 
 def _never_identified(
-    scope: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[Stated, ...]
+    spec_index: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[StatedCondition, ...]
 ) -> Iterator[Diagnostic]:
     """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
-    types = scope.returned_types[algorithm.name]
-    earlier_values: dict[str, tuple[str, Stated]] = {}
-    shadowed_values: dict[tuple[str, ...], list[tuple[str, Stated]]] = {}
-    for value, condition in _values(scope, entry):
-        for stated_condition in _sound_conditions(scope, [condition]):
+    types = spec_index.returned_types[algorithm.name]
+    earlier_conditions: dict[str, tuple[str, StatedCondition]] = {}
+    shadowed_values: dict[tuple[str, ...], list[tuple[str, StatedCondition]]] = {}
+    for value, condition in _values(spec_index, entry):
+        for stated_condition in _sound_conditions(spec_index, [condition]):
             if isinstance(stated_condition.tree, Truth) and not stated_condition.tree.value:
                 continue
             core = contradiction((*accepted, stated_condition), types)
             if core:
                 name = entry.variable.name
-                yield _never_finding(
+                yield _never_holds_finding(
                     algorithm, f"identifies.{name}", f"never identifies '{name}' as {value}", core, types
                 )
                 continue
-            if len(earlier_values) == MAX_MEMBERS:
+            if len(earlier_conditions) == MAX_MEMBERS:
                 break
-            if not earlier_values:
-                earlier_values[value] = value, stated_condition
+            if not earlier_conditions:
+                earlier_conditions[value] = value, stated_condition
                 continue
-            denials = [Stated(_negation(other), other.text, other.place) for _, other in earlier_values.values()]
-            blocking_core = contradiction((*accepted, *denials, stated_condition), types)
+            negated_conditions = [
+                StatedCondition(_negation(other), other.text, other.place) for _, other in earlier_conditions.values()
+            ]
+            blocking_core = contradiction((*accepted, *negated_conditions, stated_condition), types)
             blocking_values = [
-                name for name, denial in zip(earlier_values, denials, strict=True) if denial in blocking_core
+                name
+                for name, denial in zip(earlier_conditions, negated_conditions, strict=True)
+                if denial in blocking_core
             ]
             if blocking_core:
                 shadowed_values.setdefault(tuple(blocking_values), []).append((value, stated_condition))
             else:
-                earlier_values[value] = value, stated_condition
+                earlier_conditions[value] = value, stated_condition
     for names, values in shadowed_values.items():
-        if not isinstance(entry.by, Hysteresis) or not always_holds(earlier_values["true"][1].tree, types):
-            yield _shadowed_finding(algorithm, entry, values, [earlier_values[name] for name in names])
+        if not isinstance(entry.by, Hysteresis) or not always_holds(earlier_conditions["true"][1].tree, types):
+            yield _shadowed_value_finding(algorithm, entry, values, [earlier_conditions[name] for name in names])
 
 
-def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Condition]]:
+def _values(spec_index: SpecIndex, entry: Identification) -> Iterator[tuple[str, Condition]]:
     """Yield the values of a variable with their conditions, in the order in which they are tried."""
     by = entry.by
     if isinstance(by, Members):
@@ -189,43 +201,45 @@ def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Cond
         yield "true", by.enter
         if by.leave is not None:
             yield "false", by.leave
-    elif _is_bool(scope, entry):
+    elif _is_bool(spec_index, entry):
         yield "true", by
 
 
-def _is_bool(scope: SpecIndex, entry: Identification) -> bool:
-    declared = scope.context_types.get(entry.variable.name)
+def _is_bool(spec_index: SpecIndex, entry: Identification) -> bool:
+    declared = spec_index.context_types.get(entry.variable.name)
     return declared is not None and declared.kind is Kind.BOOL
 
 
-def _negation(condition: Stated) -> Node:
+def _negation(condition: StatedCondition) -> Node:
     return Not(start=condition.tree.start, end=condition.tree.end, operand=condition.tree)
 
 
-def _never_finding(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stated], types: Types) -> Diagnostic:
+def _never_holds_finding(
+    algorithm: Algorithm, key: str, effect: str, core: Sequence[StatedCondition], types: Types
+) -> Diagnostic:
     return finding(
         "never-holds",
-        f"algorithm '{algorithm.name}' {effect}: {never_true(core)}",
+        f"algorithm '{algorithm.name}' {effect}: {never_true_message(core)}",
         core[-1].place,
         path=f"perception.{algorithm.name}.{key}",
         help="change the condition",
-        related=tuple(related_to(core, types, algorithm.returns)),
+        related=tuple(related_places(core, types, algorithm.returns)),
     )
 
 
-def _shadowed_finding(
+def _shadowed_value_finding(
     algorithm: Algorithm,
     entry: Identification,
-    values: Sequence[tuple[str, Stated]],
-    blocking_conditions: Sequence[tuple[str, Stated]],
+    values: Sequence[tuple[str, StatedCondition]],
+    blocking_conditions: Sequence[tuple[str, StatedCondition]],
 ) -> Diagnostic:
     name = entry.variable.name
     (value, first), *others = values
-    wider_texts = " or ".join(f"'{condition.text}'" for _, condition in blocking_conditions)
+    blocking_text = " or ".join(f"'{condition.text}'" for _, condition in blocking_conditions)
     return finding(
         "never-holds",
         f"algorithm '{algorithm.name}' never identifies '{name}' as {value}: whenever '{first.text}' holds, "
-        f"{wider_texts} above it also holds",
+        f"{blocking_text} above it also holds",
         first.place,
         path=f"perception.{algorithm.name}.identifies.{name}",
         help="change the order: the first condition that holds gives the value"

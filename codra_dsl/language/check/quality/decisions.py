@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.owners import reads
 from codra_dsl.language.check.quality.exclusion import excluded_previews
-from codra_dsl.language.check.quality.reach import judges_reach, unreached_settings
+from codra_dsl.language.check.quality.reach import can_judge_reach, unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.model import ADAPTER, ANALYST, Skill, Variable
 
@@ -16,29 +16,33 @@ MAX_RELATED_PLACES = 5
 """The maximum number of further places of one kind in a finding."""
 
 
-def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unreached_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable is needed by a skill or loop, directly or through others. Without skills, all are observed.
 
     Variables that loops add or set are exempt, since programs read them.
     """
-    if not judges_reach(scope):
+    if not can_judge_reach(spec_index):
         return
-    observer_variables = {reference.name for setting in unreached_settings(scope) for reference in setting.identifies}
-    agent_variables = {
+    unreached_observer_variables = {
+        reference.name for setting in unreached_settings(spec_index) for reference in setting.identifies
+    }
+    variables_read_by_agents = {
         element.name
-        for agent in scope.spec.agents
-        for element in reads(scope.world, agent)
+        for agent in spec_index.spec.agents
+        for element in reads(spec_index.declared_graph, agent)
         if element.section == "context"
     }
-    for variable in scope.variables.values():
+    for variable in spec_index.variables.values():
         name = variable.name
-        is_exempt = name in scope.read_by_loops or any(source.name in (ADAPTER, ANALYST) for source in variable.sources)
-        is_exempt = is_exempt or variable.pose_condition is not None or name in observer_variables
-        is_exempt = is_exempt or name in scope.spec.damaged.get("context", ())
-        is_exempt = is_exempt or (name in agent_variables and name not in scope.producers)
-        if name not in scope.reached and not is_exempt and faults.sound("context", name):
+        is_exempt = name in spec_index.read_by_loops or any(
+            source.name in (ADAPTER, ANALYST) for source in variable.sources
+        )
+        is_exempt = is_exempt or variable.pose_condition is not None or name in unreached_observer_variables
+        is_exempt = is_exempt or name in spec_index.spec.damaged.get("context", ())
+        is_exempt = is_exempt or (name in variables_read_by_agents and name not in spec_index.producers)
+        if name not in spec_index.reached and not is_exempt and faults.is_sound("context", name):
             message, help = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"
-            if name in scope.producers:
+            if name in spec_index.producers:
                 message += ": it gets no observer"
             else:
                 help = f"its source writes it, but no observer uses it: {help}"
@@ -46,17 +50,18 @@ def unreached_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
             yield finding("unreached-variable", message, variable.place, path=f"context.{name}", help=help)
 
 
-def decisions_without_observer(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def decisions_without_observer(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill previews can be observed: by an observer, or by the main execution as a fallback."""
-    for variable, mentions in _unidentified_variables(scope, faults, _previews(scope, faults)):
+    for variable, mentions in _unidentified_variables(spec_index, faults, _preview_mentions(spec_index, faults)):
         sources = [source.name for source in variable.sources]
         if OBSERVER in sources or MAIN_EXECUTION in sources:
             continue
         (skill, place), *others = mentions
-        agents = " and ".join(f"agent '{name}'" for name in sources)
+        agents_text = " and ".join(f"agent '{name}'" for name in sources)
         yield finding(
             "decision-without-observer",
-            f"skill '{skill.name}' decides on '{variable.name}', which nothing can observe: only {agents} can write it",
+            f"skill '{skill.name}' decides on '{variable.name}', which nothing can observe: "
+            f"only {agents_text} can write it",
             place,
             path=f"skills.{skill.name}.preview",
             help="add an algorithm that identifies it, or 'main_execution' to its 'source' "
@@ -65,9 +70,9 @@ def decisions_without_observer(scope: SpecIndex, faults: Silenced) -> Iterator[D
         )
 
 
-def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unwatched_monitors(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill monitors has a source other than the main execution, which is busy acting."""
-    for variable, mentions in _unidentified_variables(scope, faults, _monitors(scope, faults)):
+    for variable, mentions in _unidentified_variables(spec_index, faults, _monitor_mentions(spec_index, faults)):
         if {source.name for source in variable.sources} != {MAIN_EXECUTION}:
             continue
         (skill, place), *others = mentions
@@ -82,47 +87,52 @@ def unwatched_monitors(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnosti
         )
 
 
-DECISIONS = (unreached_variables, decisions_without_observer, unwatched_monitors, excluded_previews)
+DECISION_CHECKS = (unreached_variables, decisions_without_observer, unwatched_monitors, excluded_previews)
 """The checks of this module."""
 
 
 _Mentions = Mapping[str, list[tuple[Skill, Place]]]
 
 
-def _sound_skills(scope: SpecIndex, faults: Silenced, key: str) -> Iterator[Skill]:
+def _sound_skills(spec_index: SpecIndex, faults: FaultyElements, key: str) -> Iterator[Skill]:
     """Yield the sound skills with a readable key."""
-    for skill in scope.spec.skills:
-        if faults.sound("skills", skill.name) and scope.readable("skills", skill.name, key):
+    for skill in spec_index.spec.skills:
+        if faults.is_sound("skills", skill.name) and spec_index.is_readable("skills", skill.name, key):
             yield skill
 
 
-def _previews(scope: SpecIndex, faults: Silenced) -> _Mentions:
+def _preview_mentions(spec_index: SpecIndex, faults: FaultyElements) -> _Mentions:
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
-    for skill in _sound_skills(scope, faults, "preview"):
+    for skill in _sound_skills(spec_index, faults, "preview"):
         for reference in skill.preview:
             mentions.setdefault(reference.name, []).append((skill, reference.place))
     return mentions
 
 
-def _monitors(scope: SpecIndex, faults: Silenced) -> _Mentions:
+def _monitor_mentions(spec_index: SpecIndex, faults: FaultyElements) -> _Mentions:
     mentions: dict[str, list[tuple[Skill, Place]]] = {}
-    for skill in _sound_skills(scope, faults, "monitor"):
+    for skill in _sound_skills(spec_index, faults, "monitor"):
         for expectation in skill.monitor:
             mentions.setdefault(expectation.variable.name, []).append((skill, expectation.variable.place))
     return mentions
 
 
 def _unidentified_variables(
-    scope: SpecIndex, faults: Silenced, mentions: _Mentions
+    spec_index: SpecIndex, faults: FaultyElements, mentions: _Mentions
 ) -> Iterator[tuple[Variable, list[tuple[Skill, Place]]]]:
     """Yield the variables that have sources but no algorithm, each with the skills that refer to it."""
-    if scope.lost("perception", "identifies"):
+    if spec_index.lost("perception", "identifies"):
         return
     for name, skills_and_places in mentions.items():
-        variable = scope.variables.get(name)
-        if variable is None or not variable.sources or name in scope.producers or name in faults.suggested:
+        variable = spec_index.variables.get(name)
+        if (
+            variable is None
+            or not variable.sources
+            or name in spec_index.producers
+            or name in faults.suggested_variables
+        ):
             continue
-        if faults.sound("context", name) and scope.readable("context", name, "source"):
+        if faults.is_sound("context", name) and spec_index.is_readable("context", name, "source"):
             yield variable, skills_and_places
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Node, names_in, spelt_out
@@ -16,32 +16,32 @@ MAX_STEPS = 100_000
 """The maximum number of evaluated algorithms. After this number, the search stops."""
 
 
-def excluded_previews(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def excluded_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable that a skill previews can be observed after other skills have changed its other variables.
 
     Let a skill preview `x` and `y`, and let other skills make `x` become V. Then `y` is excluded if every algorithm for
     `y` has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and
     the skills that make `x` become V have previewed `y` before, then `y` counts as known.
     """
-    if scope.lost("perception", *NEED_KEYS, "identifies") or scope.lost("skills", "preview", "monitor"):
+    if spec_index.lost("perception", *NEED_KEYS, "identifies") or spec_index.lost("skills", "preview", "monitor"):
         return
-    makers_by_variable = _makers_by_variable(scope, faults)
-    search = _Search(scope, faults)
+    achievers_by_variable = _achievers_by_variable(spec_index, faults)
+    search = _Search(spec_index, faults)
     reported_pairs: set[tuple[str, str]] = set()
-    for skill in scope.spec.skills:
+    for skill in spec_index.spec.skills:
         for state in skill.preview:
-            makers = makers_by_variable.get(state.name, [])
-            if any(maker is not skill for maker, _ in makers):
-                exclusions = search.exclusions_of(state.name, [expectation for _, expectation in makers])
+            achievers = achievers_by_variable.get(state.name, [])
+            if any(achiever is not skill for achiever, _ in achievers):
+                exclusions = search.common_exclusions(state.name, [expectation for _, expectation in achievers])
                 for preview in skill.preview:
                     exclusion = exclusions.get(preview.name)
                     is_new = (state.name, preview.name) not in reported_pairs
-                    if exclusion is not None and is_new and not _is_kept(scope, preview.name, makers):
+                    if exclusion is not None and is_new and not _is_kept(spec_index, preview.name, achievers):
                         reported_pairs.add((state.name, preview.name))
-                        yield _finding(skill, state, preview, makers, exclusion)
+                        yield _exclusion_finding(skill, state, preview, achievers, exclusion)
 
 
-_Makers = Sequence[tuple[Skill, Expectation]]
+_Achievers = Sequence[tuple[Skill, Expectation]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,38 +59,42 @@ class _Exclusion:
     cause: str | None
 
 
-def _makers_by_variable(scope: SpecIndex, faults: Silenced) -> Mapping[str, list[tuple[Skill, Expectation]]]:
+def _achievers_by_variable(
+    spec_index: SpecIndex, faults: FaultyElements
+) -> Mapping[str, list[tuple[Skill, Expectation]]]:
     """Return, for each variable, the skills that make the variable become a value, with their expectations."""
-    makers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
-    for skill in scope.spec.skills:
+    achievers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
+    for skill in spec_index.spec.skills:
         for expectation in skill.monitor:
             name, condition = expectation.variable.name, expectation.condition
-            if expectation.expected is Expected.BECOMES and condition is not None and faults.sound("context", name):
-                judgement = scope.judgement(condition)
-                if judgement is not None and not judgement.problems and name in scope.variables:
-                    makers_by_variable.setdefault(name, []).append((skill, expectation))
-    return makers_by_variable
+            if expectation.expected is Expected.BECOMES and condition is not None and faults.is_sound("context", name):
+                judgement = spec_index.judgement(condition)
+                if judgement is not None and not judgement.problems and name in spec_index.variables:
+                    achievers_by_variable.setdefault(name, []).append((skill, expectation))
+    return achievers_by_variable
 
 
-def _is_kept(scope: SpecIndex, name: str, makers: _Makers) -> bool:
+def _is_kept(spec_index: SpecIndex, name: str, achievers: _Achievers) -> bool:
     """Return whether the value of a variable is kept, and all makers preview the variable before."""
-    keeps = scope.variables[name].when_unobservable is WhenUnobservable.KEEP
-    return keeps and all(any(reference.name == name for reference in maker.preview) for maker, _ in makers)
+    keeps = spec_index.variables[name].when_unobservable is WhenUnobservable.KEEP
+    return keeps and all(any(reference.name == name for reference in achiever.preview) for achiever, _ in achievers)
 
 
-def _finding(skill: Skill, state: Reference, preview: Reference, makers: _Makers, exclusion: _Exclusion) -> Diagnostic:
-    maker, expectation = makers[0]
-    through_text = "" if exclusion.cause is None else f", and '{exclusion.cause}' cannot be observed then"
+def _exclusion_finding(
+    skill: Skill, state: Reference, preview: Reference, achievers: _Achievers, exclusion: _Exclusion
+) -> Diagnostic:
+    achiever, expectation = achievers[0]
+    cause_text = "" if exclusion.cause is None else f", and '{exclusion.cause}' cannot be observed then"
     return finding(
         "excluded-preview",
         f"skill '{skill.name}' decides on '{preview.name}', which cannot be observed once '{state.name}' has the value "
-        f"from skill '{maker.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{through_text}",
+        f"from skill '{achiever.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{cause_text}",
         preview.place,
         path=f"skills.{skill.name}.preview",
-        help=f"preview '{preview.name}' in skill '{maker.name}' instead, or add an algorithm that can run after it",
+        help=f"preview '{preview.name}' in skill '{achiever.name}' instead, or add an algorithm that can run after it",
         related=(
             Related(f"'{state.name}' is in the same decision", state.place),
-            Related(f"skill '{maker.name}' changes '{state.name}'", expectation.place),
+            Related(f"skill '{achiever.name}' changes '{state.name}'", expectation.place),
             Related("cannot be true afterwards", exclusion.place),
         ),
     )
@@ -102,17 +106,17 @@ class _Search:
     The value prevents this directly, or through variables that are forgotten.
     """
 
-    def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
-        self._scope = scope
+    def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
+        self._spec_index = spec_index
         self._faults = faults
         self._steps_left = MAX_STEPS
         self._exclusions: dict[str, Mapping[str, _Exclusion]] = {}
         self._readers: dict[str, list[str]] = {}
-        for name, needs in scope.needs.items():
+        for name, needs in spec_index.needs.items():
             for need in needs:
                 self._readers.setdefault(need, []).append(name)
 
-    def exclusions_of(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
+    def common_exclusions(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
         """Return the variables that cannot be observed with any of the expected values of a variable."""
         if name not in self._exclusions:
             conditions = (expectation.condition for expectation in expectations if expectation.condition is not None)
@@ -126,7 +130,7 @@ class _Search:
 
     def _find_exclusions(self, name: str, fact: Node) -> Mapping[str, _Exclusion]:
         """Return the variables that cannot be observed while a fact about a variable holds, with the reasons."""
-        reasons: dict[str, _Exclusion] = {}
+        exclusion_by_algorithm: dict[str, _Exclusion] = {}
         exclusions: dict[str, _Exclusion] = {}
         unknown_names: set[str] = set()
         readers = list(self._readers.get(name, ()))
@@ -134,38 +138,40 @@ class _Search:
             self._steps_left -= 1
             reader = readers.pop()
             exclusion = (
-                None if reader in reasons else self._exclusion(self._scope.algorithms[reader], fact, unknown_names)
+                None
+                if reader in exclusion_by_algorithm
+                else self._exclusion(self._spec_index.algorithms[reader], fact, unknown_names)
             )
             if exclusion is None:
                 continue
-            reasons[reader] = exclusion
+            exclusion_by_algorithm[reader] = exclusion
             for entry in exclusion.algorithm.identifies:
                 variable = entry.variable.name
-                producers = self._scope.producers[variable]
+                producers = self._spec_index.producers[variable]
                 if (
                     variable != name
                     and variable not in exclusions
-                    and all(producer in reasons for producer in producers)
+                    and all(producer in exclusion_by_algorithm for producer in producers)
                 ):
                     if self._has_other_sources(variable):
                         continue
-                    exclusions[variable] = reasons[producers[0]]
-                    if self._scope.variables[variable].when_unobservable is WhenUnobservable.FORGET:
+                    exclusions[variable] = exclusion_by_algorithm[producers[0]]
+                    if self._spec_index.variables[variable].when_unobservable is WhenUnobservable.FORGET:
                         unknown_names.add(variable)
                         readers += self._readers.get(variable, ())
         return exclusions if self._steps_left > 0 else {}
 
     def _has_other_sources(self, name: str) -> bool:
-        variable = self._scope.variables.get(name)
-        if variable is None or not self._faults.sound("context", name):
+        variable = self._spec_index.variables.get(name)
+        if variable is None or not self._faults.is_sound("context", name):
             return True
         keys = ("source", "when_unobservable")
-        others = any(source.name != OBSERVER for source in variable.sources)
-        return others or not self._scope.readable("context", name, *keys)
+        has_other_source = any(source.name != OBSERVER for source in variable.sources)
+        return has_other_source or not self._spec_index.is_readable("context", name, *keys)
 
     def _exclusion(self, algorithm: Algorithm, fact: Node, unknown_names: set[str]) -> _Exclusion | None:
         """Return why an algorithm cannot run while a fact holds and some variables are unknown; None if it can run."""
-        if not self._faults.sound("perception", algorithm.name):
+        if not self._faults.is_sound("perception", algorithm.name):
             return None
         for reference in algorithm.given:
             if reference.name in unknown_names:
@@ -174,13 +180,13 @@ class _Search:
             (condition, tree) for condition in algorithm.observable_when if (tree := self._sound_tree(condition))
         ]
         trees = [tree for _, tree in conditions]
-        types = self._scope.context_types
+        types = self._spec_index.context_types
         if can_hold([fact, *trees], unknown_names, types):
             return None
         for condition, tree in conditions:
             if not can_hold([fact, tree], unknown_names, types):
                 cause = next(
-                    (unknown_name for unknown_name in sorted(unknown_names) if _is_through(condition, unknown_name)),
+                    (unknown_name for unknown_name in sorted(unknown_names) if _reads_name(condition, unknown_name)),
                     None,
                 )
                 is_direct = not can_hold([fact, tree], (), types)
@@ -189,9 +195,9 @@ class _Search:
         return _Exclusion(algorithm, " and ".join(condition.text for condition, _ in conditions), place, None)
 
     def _sound_tree(self, condition: Condition) -> Node | None:
-        judgement = self._scope.judgement(condition)
+        judgement = self._spec_index.judgement(condition)
         return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 
-def _is_through(condition: Condition, name: str) -> bool:
-    return condition.tree is not None and any(read.name == name for read in names_in(condition.tree))
+def _reads_name(condition: Condition, name: str) -> bool:
+    return condition.tree is not None and any(read_name.name == name for read_name in names_in(condition.tree))

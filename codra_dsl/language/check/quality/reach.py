@@ -19,15 +19,19 @@ _NEEDS = {
 """For each section, the keys that define which elements are needed."""
 
 
-def judges_reach(scope: SpecIndex) -> bool:
+def can_judge_reach(spec_index: SpecIndex) -> bool:
     """Return whether unneeded elements are known: a skill is declared, and nothing that could need them is damaged."""
-    lost = any(scope.lost(section, *keys) for section, keys in _NEEDS.items())
-    return bool(scope.spec.skills) and scope.book.is_complete and not (lost or scope.undeclared_names)
+    lost = any(spec_index.lost(section, *keys) for section, keys in _NEEDS.items())
+    return (
+        bool(spec_index.spec.skills)
+        and spec_index.parsed_rules.is_fully_parsed
+        and not (lost or spec_index.undeclared_names)
+    )
 
 
-def unreached_settings(scope: SpecIndex) -> Iterator[ObserverSetting]:
+def unreached_settings(spec_index: SpecIndex) -> Iterator[ObserverSetting]:
     """Yield the entries under `observers` without a reached variable."""
-    for setting in scope.spec.observers if judges_reach(scope) else ():
+    for setting in spec_index.spec.observers if can_judge_reach(spec_index) else ():
         names = [reference.name for reference in setting.identifies]
-        if names and all(name in scope.variables and name not in scope.reached for name in names):
+        if names and all(name in spec_index.variables and name not in spec_index.reached for name in names):
             yield setting

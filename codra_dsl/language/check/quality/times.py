@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import OBSERVER, Group, Silenced, SpecIndex, watched_by
+from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, Group, SpecIndex, watched_by
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import (
@@ -59,86 +59,88 @@ class Renewal:
 
     def confirming_s(self, variable: str) -> float:
         """Return the maximum age that the first result needed to confirm a variable has when the last one arrives."""
-        needed_count = max(needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable)
-        return round((needed_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
+        needed_result_count = max(
+            needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable
+        )
+        return round((needed_result_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
 
 
-def stale_before_renewed(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def stale_before_renewed(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Evidence is valid until newer evidence can arrive, for the variable itself and for conditions on its age."""
-    if scope.lost("observers", "identifies", "period") or scope.lost("perception", "identifies"):
+    if spec_index.lost("observers", "identifies", "period") or spec_index.lost("perception", "identifies"):
         return
-    for name, variable in scope.variables.items():
-        if name in scope.reached and variable.valid_for_s < FOREVER_S and faults.sound("context", name):
-            renewal = _slowest_renewal(scope, faults, name)
+    for name, variable in spec_index.variables.items():
+        if name in spec_index.reached and variable.valid_for_s < FOREVER_S and faults.is_sound("context", name):
+            renewal = _slowest_renewal(spec_index, faults, name)
             if renewal is not None and variable.valid_for_s < renewal.oldest_s:
                 yield _stale_finding(variable, renewal)
             elif renewal is not None and variable.valid_for_s <= renewal.confirming_s(name):
                 yield _never_confirmed_finding(variable, renewal)
-    for algorithm in scope.algorithms.values():
-        is_reached = any(entry.variable.name in scope.reached for entry in algorithm.identifies)
-        if is_reached and algorithm.observable_when and faults.sound("perception", algorithm.name):
-            yield from _age_findings(scope, faults, algorithm)
+    for algorithm in spec_index.algorithms.values():
+        is_reached = any(entry.variable.name in spec_index.reached for entry in algorithm.identifies)
+        if is_reached and algorithm.observable_when and faults.is_sound("perception", algorithm.name):
+            yield from _age_findings(spec_index, faults, algorithm)
 
 
-def oversubscribed_slots(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def oversubscribed_slots(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Observers that run together need no more time of a resource than its slots have."""
-    contested_shares = _contested_shares(scope, faults)
+    contested_shares = _contested_shares(spec_index, faults)
     demands: dict[str, _Demand] = {}
     visits_left = MAX_VISITS
-    for skill in (scope.spec.skills or (None,)) if contested_shares else ():
-        needed_names = graph.closure(scope.trees, scope.decisions if skill is None else watched_by(skill))
+    for skill in (spec_index.spec.skills or (None,)) if contested_shares else ():
+        needed_names = graph.closure(spec_index.trees, spec_index.decisions if skill is None else watched_by(skill))
         visits_left -= len(needed_names)
         if visits_left < 0:
             break
-        groups = dict.fromkeys(group for name in needed_names if (group := scope.group_of.get(name)) is not None)
+        groups = dict.fromkeys(group for name in needed_names if (group := spec_index.group_of.get(name)) is not None)
         for name, shares in contested_shares.items():
             demand = _Demand(skill, tuple(shares[group] for group in groups if group in shares))
             if (
                 demand.total
-                > max(demands[name].total if name in demands else 0, scope.resources[name].slots or 0) + _ROUNDING
+                > max(demands[name].total if name in demands else 0, spec_index.resources[name].slots or 0) + _ROUNDING
             ):
                 demands[name] = demand
-    yield from (_oversubscribed_finding(scope.resources[name], demand) for name, demand in demands.items())
+    yield from (_oversubscribed_finding(spec_index.resources[name], demand) for name, demand in demands.items())
 
 
-def ineffective_on_event(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def ineffective_on_event(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No algorithm identifies both variables with `refresh: on_event` and periodic variables."""
-    for algorithm in scope.algorithms.values():
+    for algorithm in spec_index.algorithms.values():
         variables = [
-            candidate for entry in algorithm.identifies if (candidate := scope.variables.get(entry.variable.name))
+            candidate for entry in algorithm.identifies if (candidate := spec_index.variables.get(entry.variable.name))
         ]
-        periodic = next((variable for variable in variables if variable.refresh is Refresh.PERIODIC), None)
-        if periodic is None or not faults.sound("perception", algorithm.name):
+        periodic_variable = next((variable for variable in variables if variable.refresh is Refresh.PERIODIC), None)
+        if periodic_variable is None or not faults.is_sound("perception", algorithm.name):
             continue
         for variable in variables:
-            if variable.refresh is Refresh.ON_EVENT and faults.sound("context", variable.name):
+            if variable.refresh is Refresh.ON_EVENT and faults.is_sound("context", variable.name):
                 yield finding(
                     "ineffective-on-event",
                     f"'refresh: on_event' of '{variable.name}' has no effect: algorithm '{algorithm.name}' also "
-                    f"identifies '{periodic.name}', for which it looks periodically",
+                    f"identifies '{periodic_variable.name}', for which it looks periodically",
                     variable.places.get("refresh", variable.place),
                     path=f"context.{variable.name}.refresh",
-                    help=f"write 'refresh: on_event' for '{periodic.name}' as well, or for neither",
-                    related=(Related("declared here", periodic.place),),
+                    help=f"write 'refresh: on_event' for '{periodic_variable.name}' as well, or for neither",
+                    related=(Related("declared here", periodic_variable.place),),
                 )
 
 
-TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
+TIMING_CHECKS = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
 """The checks of this module."""
 
 
-def _slowest_renewal(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
+def _slowest_renewal(spec_index: SpecIndex, faults: FaultyElements, name: str) -> Renewal | None:
     """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or one is unknown."""
-    setting, _ = scope.claims.get(name, (None, None))
-    if setting is not None and not faults.sound("observers", setting.name):
+    setting, _ = spec_index.claims.get(name, (None, None))
+    if setting is not None and not faults.is_sound("observers", setting.name):
         return None
     renewals = []
-    for producer in scope.producers.get(name, ()):
-        is_sound = faults.sound("perception", producer)
-        if not is_sound or not scope.readable("perception", producer, "timeout", "min_interval"):
+    for producer in spec_index.producers.get(name, ()):
+        is_sound = faults.is_sound("perception", producer)
+        if not is_sound or not spec_index.is_readable("perception", producer, "timeout", "min_interval"):
             return None
         period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
-        renewals.append(Renewal(scope.algorithms[producer], period_s, setting))
+        renewals.append(Renewal(spec_index.algorithms[producer], period_s, setting))
     return max(renewals, key=lambda renewal: renewal.oldest_s, default=None)
 
 
@@ -168,17 +170,17 @@ def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic
     )
 
 
-def _age_findings(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+def _age_findings(spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
     """Yield a finding for each maximum age in a precondition that observers cannot guarantee."""
     for condition in algorithm.observable_when:
-        judgement = scope.judgement(condition)
+        judgement = spec_index.judgement(condition)
         for bound in upper_bounds(condition) if judgement is not None and not judgement.problems else ():
-            variable = scope.variables.get(bound.name)
-            if variable is None or bound.limit_s is None or not faults.sound("context", variable.name):
+            variable = spec_index.variables.get(bound.name)
+            if variable is None or bound.limit_s is None or not faults.is_sound("context", variable.name):
                 continue
-            is_observed = all(source.name == OBSERVER for source in variable.sources)
-            renewal = _slowest_renewal(scope, faults, variable.name)
-            if is_observed and renewal is not None and bound.limit_s < renewal.oldest_s:
+            is_only_observed = all(source.name == OBSERVER for source in variable.sources)
+            renewal = _slowest_renewal(spec_index, faults, variable.name)
+            if is_only_observed and renewal is not None and bound.limit_s < renewal.oldest_s:
                 yield finding(
                     "stale-before-renewed",
                     f"algorithm '{algorithm.name}' needs '{condition.text_of(bound.node)}', but evidence about "
@@ -229,12 +231,12 @@ class _Demand:
         return sum(share.slot_fraction for share in self.shares)
 
 
-def _contested_shares(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mapping[Group, _Share]]:
+def _contested_shares(spec_index: SpecIndex, faults: FaultyElements) -> Mapping[str, Mapping[Group, _Share]]:
     """Return, for each resource that all observers together overload, the share of each group of alternatives."""
     contested_shares: dict[str, dict[Group, _Share]] = {}
-    for group in scope.groups:
+    for group in spec_index.groups:
         for algorithm in group.algorithms:
-            share = _share(scope, faults, algorithm)
+            share = _share(spec_index, faults, algorithm)
             for usage in algorithm.uses if share is not None else ():
                 if usage.access is Access.SLOT and share is not None:
                     shares = contested_shares.setdefault(usage.resource.name, {})
@@ -242,24 +244,24 @@ def _contested_shares(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mappin
     return {
         name: shares
         for name, shares in contested_shares.items()
-        if (resource := scope.resources.get(name)) is not None
+        if (resource := spec_index.resources.get(name)) is not None
         and resource.slots is not None
-        and faults.sound("resources", name)
-        and scope.readable("resources", name, "slots")
+        and faults.is_sound("resources", name)
+        and spec_index.is_readable("resources", name, "slots")
         and sum(share.slot_fraction for share in shares.values()) > resource.slots
     }
 
 
-def _share(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> _Share | None:
+def _share(spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> _Share | None:
     """Return the share of a slot that an algorithm needs; None if it needs no share, or if the share is unknown."""
-    is_sound = faults.sound("perception", algorithm.name)
-    if not is_sound or not scope.readable("perception", algorithm.name, "timeout", "uses"):
+    is_sound = faults.is_sound("perception", algorithm.name)
+    if not is_sound or not spec_index.is_readable("perception", algorithm.name, "timeout", "uses"):
         return None
     names = [entry.variable.name for entry in algorithm.identifies]
     validities_s = [
-        scope.variables[name].valid_for_s
+        spec_index.variables[name].valid_for_s
         for name in names
-        if name in scope.variables and scope.readable("context", name, "valid_for")
+        if name in spec_index.variables and spec_index.is_readable("context", name, "valid_for")
     ]
     valid_for_s = min(validities_s, default=FOREVER_S)
     return _Share(algorithm, valid_for_s) if valid_for_s < FOREVER_S else None
@@ -267,12 +269,12 @@ def _share(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> _Share |
 
 def _oversubscribed_finding(resource: Resource, demand: _Demand) -> Diagnostic:
     skill = demand.skill
-    who = "all observers together need" if skill is None else f"the observers of skill '{skill.name}' need"
+    user_text = "all observers together need" if skill is None else f"the observers of skill '{skill.name}' need"
     slots_text = "1 slot" if resource.slots == 1 else f"{resource.slots} slots"
-    largest_shares = sorted(demand.shares, key=lambda share: (-share.slot_fraction, share.algorithm.name))
+    sorted_shares = sorted(demand.shares, key=lambda share: (-share.slot_fraction, share.algorithm.name))
     return finding(
         "oversubscribed-slot",
-        f"resource '{resource.name}' has {slots_text}, but {who} {demand.total:.4g}: some value becomes stale "
+        f"resource '{resource.name}' has {slots_text}, but {user_text} {demand.total:.4g}: some value becomes stale "
         "in any order of the looks",
         resource.place,
         path=f"resources.{resource.name}",
@@ -285,7 +287,7 @@ def _oversubscribed_finding(resource: Resource, demand: _Demand) -> Diagnostic:
                     f"in every {_seconds(share.valid_for_s)}",
                     share.algorithm.places.get("timeout", share.algorithm.place),
                 )
-                for share in largest_shares[:MAX_RELATED_PLACES]
+                for share in sorted_shares[:MAX_RELATED_PLACES]
             ),
         ),
     )

@@ -7,52 +7,53 @@ from functools import partial
 
 from codra_dsl.language.check.conditions.conditions import Role, Site
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.model import Algorithm, Variable, WhenUnobservable
 
 
-def unnoticed_preconditions(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unnoticed_preconditions(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable in a precondition states how long it is valid; otherwise the precondition could stay true forever.
 
     It is enough to state `valid_for`. `when_unobservable: forget` is enough if each algorithm that identifies the
     variable has preconditions itself, and only observers write the variable. Conditions that bound the age of the
     variable use no old value, and neither do conditions that read the variable only by `known` or `age`.
     """
-    for name, (algorithm, place) in _trusting_algorithms(scope).items():
-        variable = scope.variables.get(name)
-        if variable is None or not faults.sound("context", name) or _goes_stale(scope, variable):
+    for name, (algorithm, place) in _trusting_algorithms(spec_index).items():
+        variable = spec_index.variables.get(name)
+        if variable is None or not faults.is_sound("context", name) or _goes_stale(spec_index, variable):
             continue
-        if not scope.readable("context", name, "source", "valid_for", "when_unobservable"):
+        if not spec_index.is_readable("context", name, "source", "valid_for", "when_unobservable"):
             continue
         yield finding(
             "unnoticed-precondition",
-            f"context-variable '{name}' is a precondition, but its value never expires: {_reason(scope, variable)}",
+            f"context-variable '{name}' is a precondition, but its value never expires: "
+            f"{_reason(spec_index, variable)}",
             variable.place,
             path=f"context.{name}",
-            help=_cure(scope, variable),
+            help=_help_text(spec_index, variable),
             related=(Related(f"algorithm '{algorithm.name}' uses it", place()),),
         )
 
 
-TRUST = (unnoticed_preconditions,)
+TRUST_CHECKS = (unnoticed_preconditions,)
 """The checks of this module."""
 
 
-def _trusting_algorithms(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
+def _trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
     """Return, for each variable whose last value preconditions use, the first algorithm that uses it and the place."""
     trusting_algorithms: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
     sites: dict[str, list[Site]] = {}
-    for site in scope.sites:
-        if site.role is Role.OBSERVABLE_WHEN and not scope.judgements[id(site.condition)].problems:
+    for site in spec_index.sites:
+        if site.role is Role.OBSERVABLE_WHEN and not spec_index.judgements[id(site.condition)].problems:
             sites.setdefault(site.owner[1], []).append(site)
-    for algorithm in scope.algorithms.values():
-        if not scope.readable("perception", algorithm.name, "observable_when"):
+    for algorithm in spec_index.algorithms.values():
+        if not spec_index.is_readable("perception", algorithm.name, "observable_when"):
             continue  # a condition that could not be read may bound the age
-        own_sites = sites.get(algorithm.name, [])
-        bounded_names = {bound.name for site in own_sites for bound in upper_bounds(site.condition)}
-        for site in own_sites:
+        algorithm_sites = sites.get(algorithm.name, [])
+        bounded_names = {bound.name for site in algorithm_sites for bound in upper_bounds(site.condition)}
+        for site in algorithm_sites:
             for name in site.values:
                 if name.name not in bounded_names and name.name not in trusting_algorithms:
                     trusting_algorithms[name.name] = algorithm, partial(site.condition.place_of, name)
@@ -62,38 +63,44 @@ def _trusting_algorithms(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Call
     return trusting_algorithms
 
 
-def _goes_stale(scope: SpecIndex, variable: Variable) -> bool:
+def _goes_stale(spec_index: SpecIndex, variable: Variable) -> bool:
     """Return whether a variable becomes unknown by itself, or whether this is undecided."""
     if variable.states_validity or variable.pose_condition is not None:  # a comparison of poses expires with the poses
         return True
-    forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(scope, variable)
-    return forgets or not (_others_write(variable) or variable.name in scope.producers)
+    forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(spec_index, variable)
+    return forgets or not (_has_other_source(variable) or variable.name in spec_index.producers)
 
 
-def _can_be_forgotten(scope: SpecIndex, variable: Variable) -> bool:
+def _can_be_forgotten(spec_index: SpecIndex, variable: Variable) -> bool:
     """Return whether preconditions decide when a variable can no longer be observed."""
-    producers = scope.producers.get(variable.name, ())
-    return not _others_write(variable) and all(_waits(scope, name) for name in producers)
+    producers = spec_index.producers.get(variable.name, ())
+    return not _has_other_source(variable) and all(_has_preconditions(spec_index, name) for name in producers)
 
 
-def _waits(scope: SpecIndex, algorithm: str) -> bool:
+def _has_preconditions(spec_index: SpecIndex, algorithm: str) -> bool:
     """Return whether an algorithm has preconditions, or whether this is unknown."""
-    return bool(scope.needs[algorithm]) or not scope.readable("perception", algorithm, *NEED_KEYS)
+    return bool(spec_index.needs[algorithm]) or not spec_index.is_readable("perception", algorithm, *NEED_KEYS)
 
 
-def _others_write(variable: Variable) -> bool:
+def _has_other_source(variable: Variable) -> bool:
     return any(source.name != OBSERVER for source in variable.sources)
 
 
-def _reason(scope: SpecIndex, variable: Variable) -> str:
-    if _others_write(variable):
+def _reason(spec_index: SpecIndex, variable: Variable) -> str:
+    if _has_other_source(variable):
         return "it has a source other than observers"
     if variable.when_unobservable is WhenUnobservable.KEEP:
         return "its last value is kept"
-    unconditional_algorithms = (name for name in scope.producers[variable.name] if not _waits(scope, name))
+    unconditional_algorithms = (
+        name for name in spec_index.producers[variable.name] if not _has_preconditions(spec_index, name)
+    )
     return f"it is never forgotten, because algorithm '{next(unconditional_algorithms)}' has no preconditions"
 
 
-def _cure(scope: SpecIndex, variable: Variable) -> str:
+def _help_text(spec_index: SpecIndex, variable: Variable) -> str:
     valid_for_help = "add 'valid_for', for example 'valid_for: forever'"
-    return f"{valid_for_help}, or 'when_unobservable: forget'" if _can_be_forgotten(scope, variable) else valid_for_help
+    return (
+        f"{valid_for_help}, or 'when_unobservable: forget'"
+        if _can_be_forgotten(spec_index, variable)
+        else valid_for_help
+    )

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from codra_dsl.language.check.index.mentions import source_mentions
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.quality.reach import unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import Agent, Algorithm, DeclaredTemplate, Reference, Resource, Variable
@@ -16,10 +16,10 @@ from codra_dsl.language.model import Agent, Algorithm, DeclaredTemplate, Referen
 _PARAMETER = re.compile(r"\$\(\w+\)")
 
 
-def unreached_observers(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unreached_observers(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every observer is generated, because some skill needs one of its variables."""
-    for setting in unreached_settings(scope):
-        if faults.sound("observers", setting.name):
+    for setting in unreached_settings(spec_index):
+        if faults.is_sound("observers", setting.name):
             names_text = " and ".join(f"'{reference.name}'" for reference in setting.identifies)
             yield finding(
                 "unreached-observer",
@@ -30,14 +30,16 @@ def unreached_observers(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnost
             )
 
 
-def unused_resources(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unused_resources(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every resource is used by an algorithm, or may be used by an algorithm of a template."""
-    usages = [usage.resource.name for algorithm in scope.spec.perception for usage in algorithm.uses]
-    if scope.lost("perception", "uses") or not scope.resources.keys() >= set(usages):
+    usages = [usage.resource.name for algorithm in spec_index.spec.perception for usage in algorithm.uses]
+    if spec_index.lost("perception", "uses") or not spec_index.resources.keys() >= set(usages):
         return  # an undeclared name may be meant as any of the resources
-    used_names = _UsedNames(scope, usages, ((template.name, template.resources) for template in scope.spec.templates))
-    for resource in _own_elements(scope, scope.resources.values()):
-        if resource.name not in used_names and faults.sound("resources", resource.name):
+    used_names = _UsedNames(
+        spec_index, usages, ((template.name, template.resources) for template in spec_index.spec.templates)
+    )
+    for resource in _own_elements(spec_index, spec_index.resources.values()):
+        if resource.name not in used_names and faults.is_sound("resources", resource.name):
             yield finding(
                 "unused-resource",
                 f"no algorithm uses resource '{resource.name}'",
@@ -47,18 +49,20 @@ def unused_resources(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]
             )
 
 
-def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+def unused_agents(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every agent is the source of something, or takes part in knowledge."""
-    sources = [source.name for variable in scope.spec.context for source in variable.sources]
-    sources += [tree.agent.name for tree in scope.spec.trees if tree.agent is not None]
-    if scope.spec.knows:
-        sources += [mention.name for mention in source_mentions(scope)]
-        sources += [agent.name for agent in scope.spec.agents if not agent.conduct.is_bare]
-    if scope.lost("context", "source") or not {OBSERVER, MAIN_EXECUTION, *scope.agents} >= set(sources):
+    sources = [source.name for variable in spec_index.spec.context for source in variable.sources]
+    sources += [tree.agent.name for tree in spec_index.spec.trees if tree.agent is not None]
+    if spec_index.spec.knows:
+        sources += [mention.name for mention in source_mentions(spec_index)]
+        sources += [agent.name for agent in spec_index.spec.agents if not agent.conduct.is_bare]
+    if spec_index.lost("context", "source") or not {OBSERVER, MAIN_EXECUTION, *spec_index.agents} >= set(sources):
         return
-    used_names = _UsedNames(scope, sources, ((template.name, template.sources) for template in scope.spec.templates))
-    for agent in _own_elements(scope, scope.agents.values()):
-        if agent.name not in used_names and faults.sound("agents", agent.name):
+    used_names = _UsedNames(
+        spec_index, sources, ((template.name, template.sources) for template in spec_index.spec.templates)
+    )
+    for agent in _own_elements(spec_index, spec_index.agents.values()):
+        if agent.name not in used_names and faults.is_sound("agents", agent.name):
             yield finding(
                 "unused-agent",
                 f"agent '{agent.name}' is not the source of anything",
@@ -68,49 +72,49 @@ def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
             )
 
 
-def unused_templates(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def unused_templates(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every template in the spec's own file is used; templates of parts may be used by other specs."""
-    for template in scope.spec.templates:
-        if not template.is_used and template.place.span.file == scope.spec.file:
+    for template in spec_index.spec.templates:
+        if not template.is_used and template.place.span.file == spec_index.spec.file:
             message = f"nothing uses template '{template.name}'"
             path, help = f"templates.{template.name}", "use it, or remove it"
             yield finding("unused-template", message, template.place, path=path, help=help)
 
 
-def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def shadowed_names(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No parameter has the name of an element that its template can also refer to, such as `$(door)` and `door`."""
-    names = {parameter.name for template in scope.spec.templates for parameter in template.parameters}
+    names = {parameter.name for template in spec_index.spec.templates for parameter in template.parameters}
     visible_elements: dict[str, list[tuple[str, _VisibleElement]]] = {}
-    for noun, element in _visible_elements(scope) if names else ():
+    for noun, element in _visible_elements(spec_index) if names else ():
         if element.name in names:
             visible_elements.setdefault(element.name, []).append((noun, element))
-    templates_by_use = {use.place.span: use.template for use in scope.spec.uses}
-    for template in scope.spec.templates:
-        if not template.is_used and template.place.span.file != scope.spec.file:
+    templates_by_use = {use.place.span: use.template for use in spec_index.spec.uses}
+    for template in spec_index.spec.templates:
+        if not template.is_used and template.place.span.file != spec_index.spec.file:
             continue
         for parameter in template.parameters:
             for noun, element in visible_elements.get(parameter.name, ()):
                 if element.place.use is None or templates_by_use.get(element.place.use) != template.name:
-                    yield _shadowed_finding(template, parameter, noun, element)
+                    yield _shadowed_name_finding(template, parameter, noun, element)
                     break
 
 
-def same_labels(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+def same_labels(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """All labels of variables are different. A variable without a label is shown by its name."""
-    first_variables: dict[str, Variable] = {}
-    variables_by_name = {name.casefold(): variable for name, variable in scope.variables.items()}
-    for variable in scope.variables.values():
-        if not scope.readable("context", variable.name, "label"):
+    first_variable_by_label: dict[str, Variable] = {}
+    variables_by_name = {name.casefold(): variable for name, variable in spec_index.variables.items()}
+    for variable in spec_index.variables.values():
+        if not spec_index.is_readable("context", variable.name, "label"):
             continue
         normalized_label = _normalize_label(variable.label)
-        other = first_variables.setdefault(normalized_label, variable)
+        other = first_variable_by_label.setdefault(normalized_label, variable)
         if other is variable:
             other = variables_by_name.get(normalized_label, variable)
         if other is not variable and variable.label != variable.name:
             yield _same_label_finding(variable, other)
 
 
-UNUSED = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
+UNUSED_CHECKS = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
 """The checks of this module."""
 
 _VisibleElement = Variable | Resource | Algorithm | Agent
@@ -119,20 +123,20 @@ _VisibleElement = Variable | Resource | Algorithm | Agent
 _Element = TypeVar("_Element", Resource, Agent)
 
 
-def _own_elements(scope: SpecIndex, elements: Iterable[_Element]) -> Iterator[_Element]:
+def _own_elements(spec_index: SpecIndex, elements: Iterable[_Element]) -> Iterator[_Element]:
     """Yield the elements in the spec's own file; elements of a part may be for another spec."""
-    return (element for element in elements if element.place.span.file == scope.spec.file)
+    return (element for element in elements if element.place.span.file == spec_index.spec.file)
 
 
 class _UsedNames:
     """The names that elements use, and the names in templates without a use, as far as these names are known."""
 
     def __init__(
-        self, scope: SpecIndex, names: Iterable[str], templates: Iterable[tuple[str, tuple[str, ...]]]
+        self, spec_index: SpecIndex, names: Iterable[str], templates: Iterable[tuple[str, tuple[str, ...]]]
     ) -> None:
-        used_templates = {use.template for use in scope.spec.uses}
+        used_templates = {use.template for use in spec_index.spec.uses}
         names_in_templates = {
-            name for template, own_names in templates if template not in used_templates for name in own_names
+            name for template, template_names in templates if template not in used_templates for name in template_names
         }
         self._names = {*names, *names_in_templates}
         self._patterns = [_pattern(name) for name in sorted(names_in_templates) if _PARAMETER.search(name)]
@@ -146,14 +150,14 @@ def _pattern(written: str) -> re.Pattern[str]:
     return re.compile(r"\w*".join(map(re.escape, _PARAMETER.split(written))))
 
 
-def _visible_elements(scope: SpecIndex) -> Iterator[tuple[str, _VisibleElement]]:
-    yield from (("context-variable", variable) for variable in scope.variables.values())
-    yield from (("resource", resource) for resource in scope.resources.values())
-    yield from (("algorithm", algorithm) for algorithm in scope.algorithms.values())
-    yield from (("agent", agent) for agent in scope.agents.values())
+def _visible_elements(spec_index: SpecIndex) -> Iterator[tuple[str, _VisibleElement]]:
+    yield from (("context-variable", variable) for variable in spec_index.variables.values())
+    yield from (("resource", resource) for resource in spec_index.resources.values())
+    yield from (("algorithm", algorithm) for algorithm in spec_index.algorithms.values())
+    yield from (("agent", agent) for agent in spec_index.agents.values())
 
 
-def _shadowed_finding(
+def _shadowed_name_finding(
     template: DeclaredTemplate, parameter: Reference, noun: str, element: _VisibleElement
 ) -> Diagnostic:
     name = parameter.name

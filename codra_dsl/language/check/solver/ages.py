@@ -10,8 +10,8 @@ from codra_dsl.language.check.solver.values import Context, links, outcomes
 from codra_dsl.language.expression import And, Call, Compare, Name, Node, Not, Or, names_in
 from codra_dsl.language.model import Condition
 
-_MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
-_NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
+_MIRRORED_OPERATORS = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+_NEGATED_OPERATORS = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,22 +33,27 @@ def upper_bounds(condition: Condition) -> Iterator[Bound]:
     """Yield the maximum ages that a condition requires, such as `age(x) < 2 s`; inside an `or`, none is required."""
     pending_nodes = [] if condition.tree is None else [(condition.tree, condition.tree, False)]
     while pending_nodes:
-        node, outermost_node, is_denied = pending_nodes.pop()
+        node, outermost_node, is_negated = pending_nodes.pop()
         if isinstance(node, Not):
-            pending_nodes.append((node.operand, outermost_node, not is_denied))
-        elif (isinstance(node, And) and not is_denied) or (isinstance(node, Or) and is_denied):
+            pending_nodes.append((node.operand, outermost_node, not is_negated))
+        elif (isinstance(node, And) and not is_negated) or (isinstance(node, Or) and is_negated):
             pending_nodes.extend(
-                (operand, outermost_node if is_denied else operand, is_denied) for operand in reversed(node.operands)
+                (operand, outermost_node if is_negated else operand, is_negated) for operand in reversed(node.operands)
             )
-        elif isinstance(node, Compare) and (not is_denied or len(node.rest) == 1):
+        elif isinstance(node, Compare) and (not is_negated or len(node.rest) == 1):
             for operator, left, right in links(node):
-                yield from _bound(_NEGATED.get(operator, "") if is_denied else operator, left, right, outermost_node)
+                yield from _bound(
+                    _NEGATED_OPERATORS.get(operator, "") if is_negated else operator, left, right, outermost_node
+                )
 
 
 def _bound(operator: str, left: Node, right: Node, outermost_node: Node) -> Iterator[Bound]:
-    for aging, limit, direction in ((left, right, operator), (right, left, _MIRRORED.get(operator, ""))):
-        if isinstance(aging, Call) and aging.function == "age" and direction in ("<", "<="):
-            (argument,) = aging.arguments
+    for age_side, limit, age_operator in (
+        (left, right, operator),
+        (right, left, _MIRRORED_OPERATORS.get(operator, "")),
+    ):
+        if isinstance(age_side, Call) and age_side.function == "age" and age_operator in ("<", "<="):
+            (argument,) = age_side.arguments
             assert isinstance(argument, Name)
             yield Bound(argument.name, outermost_node, _limit_s(limit))
 

@@ -47,13 +47,13 @@ def cuts(key: str, sides: Iterable[tuple[Node, Node]]) -> frozenset[Fraction]:
         key: the name's key in a context.
         sides: the two sides of each comparison. They depend on nothing else.
     """
-    numbers: set[Fraction] = set()
+    breakpoints: set[Fraction] = set()
     for left, right in sides:
         kinks = _kinks(left, key), _kinks(right, key)
         if kinks[0] is not None and kinks[1] is not None:
             bends = kinks[0] | kinks[1]
-            numbers |= bends | _roots(_difference(left, right, key), bends)
-    return frozenset(numbers)
+            breakpoints |= bends | _roots(_difference(left, right, key), bends)
+    return frozenset(breakpoints)
 
 
 def _kinks(node: Node, key: str) -> set[Fraction] | None:

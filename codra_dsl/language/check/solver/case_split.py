@@ -194,10 +194,10 @@ class _Search:
         """Return whether there may be such a case. Cases are split until one is certain or none is left."""
         keys = [key for key in self._mentions.counts if self._is_contested(key)]
         keys += self._sides
-        remaining_cases = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
+        remaining_case_count = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
         pending_cases: list[tuple[Mapping[str, Values], int]] = [(self._values, 0)]
-        while pending_cases and remaining_cases > 0:
-            remaining_cases -= 1
+        while pending_cases and remaining_case_count > 0:
+            remaining_case_count -= 1
             values, index = pending_cases.pop()
             context = Context(values, self._pairs)
             required_truths = [outcomes(condition, context) for condition in self._group.required]
@@ -212,11 +212,13 @@ class _Search:
 
     def _is_contested(self, key: str) -> bool:
         """Return whether the search splits by the values of a key, i.e. of a name, of its age, or of being known."""
-        occurs_often = self._mentions.counts[key] > 1
+        occurs_repeatedly = self._mentions.counts[key] > 1
         if key not in self._mentions.names:
-            return occurs_often and (key in self._values or not key.startswith("known("))
+            return occurs_repeatedly and (key in self._values or not key.startswith("known("))
         declared = self._types.get(key)
-        return declared is not None and self._values[key] != UNKNOWN and (occurs_often or declared.kind is Kind.INT)
+        return (
+            declared is not None and self._values[key] != UNKNOWN and (occurs_repeatedly or declared.kind is Kind.INT)
+        )
 
     def _contested_pairs(self) -> tuple[Mapping[tuple[int, int], Pair], Mapping[str, tuple[Node, Node, Pair]]]:
         """Return the pairs of numbers whose difference occurs more than once or is 0.
@@ -226,20 +228,20 @@ class _Search:
         Differences that depend on only one name are left out, since the range of this name is cut where its comparisons
         change. If one of the sides is curved, the difference is included, because then there are no such cuts.
         """
-        compared_numbers = [
+        number_comparisons = [
             (left, right, pair(left, right))
             for left, right, on in self._links
             if on and self._is_number(left) and self._is_number(right)
         ]
-        counts = Counter(pair_.key for _, _, pair_ in compared_numbers)
-        contested_numbers = [
+        counts = Counter(pair_.key for _, _, pair_ in number_comparisons)
+        contested_comparisons = [
             (left, right, pair_)
-            for left, right, pair_ in compared_numbers
+            for left, right, pair_ in number_comparisons
             if not pair_.key
             or (counts[pair_.key] > 1 and (len(subjects(left) | subjects(right)) > 1 or is_curved(left, right)))
         ]
-        pairs = {(id(left), id(right)): pair_ for left, right, pair_ in contested_numbers}
-        return pairs, {pair_.key: (left, right, pair_) for left, right, pair_ in contested_numbers if pair_.key}
+        pairs = {(id(left), id(right)): pair_ for left, right, pair_ in contested_comparisons}
+        return pairs, {pair_.key: (left, right, pair_) for left, right, pair_ in contested_comparisons if pair_.key}
 
     def _is_number(self, node: Node) -> bool:
         values = outcomes(node, Context(self._values)) - UNKNOWN

@@ -18,15 +18,15 @@ MAX_CONDITIONS = 50
 """If there are more conditions than this, the search for those that exclude each other is skipped."""
 
 
-MAX_QUOTED = 3
+MAX_QUOTED_CONDITIONS = 3
 """The maximum number of conditions that a message quotes besides the offender."""
 
-MAX_RELATED = 10
+MAX_RELATED_PLACES = 10
 """The maximum number of places of these conditions in a finding."""
 
 
 @dataclass(frozen=True, slots=True)
-class Stated:
+class StatedCondition:
     """A condition that must be true, and where it is written.
 
     Attributes:
@@ -36,17 +36,17 @@ class Stated:
     tree: Node
     text: str
     place: Place
-    parts: tuple[Stated, ...] = ()
+    parts: tuple[StatedCondition, ...] = ()
 
 
-def stated(condition: Condition, tree: Node) -> Stated:
+def state_condition(condition: Condition, tree: Node) -> StatedCondition:
     """Return a condition with its parts; `tree` is its typed syntax tree."""
     operands = conjuncts([tree]) if isinstance(tree, And) else ()
-    parts = (Stated(part, condition.text_of(part), condition.place_of(part)) for part in operands)
-    return Stated(tree, condition.text, condition.place, tuple(parts))
+    parts = (StatedCondition(part, condition.text_of(part), condition.place_of(part)) for part in operands)
+    return StatedCondition(tree, condition.text, condition.place, tuple(parts))
 
 
-def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
+def contradiction(conditions: Sequence[StatedCondition], types: Types) -> tuple[StatedCondition, ...]:
     """Return conditions that can never be true together, in their order; () if all can be true together.
 
     Conditions that are found to be unnecessary for the contradiction are left out.
@@ -59,60 +59,64 @@ def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, .
     )
     if impossible_condition is not None:
         return (impossible_condition,)
-    needed = _needed(conditions, types)
-    return _needed([part for condition in needed for part in condition.parts or (condition,)], types)
+    needed_conditions = _needed_conditions(conditions, types)
+    return _needed_conditions(
+        [part for condition in needed_conditions for part in condition.parts or (condition,)], types
+    )
 
 
-def _needed(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
-    needed = list(conditions)
+def _needed_conditions(conditions: Sequence[StatedCondition], types: Types) -> tuple[StatedCondition, ...]:
+    needed_conditions = list(conditions)
     for condition in conditions if len(conditions) <= MAX_CONDITIONS else ():
-        fewer_conditions = [other for other in needed if other is not condition]
+        fewer_conditions = [other for other in needed_conditions if other is not condition]
         if not can_hold([other.tree for other in fewer_conditions], (), types):
-            needed = fewer_conditions
-    return tuple(needed)
+            needed_conditions = fewer_conditions
+    return tuple(needed_conditions)
 
 
-def never_true(core: Sequence[Stated]) -> str:
+def never_true_message(core: Sequence[StatedCondition]) -> str:
     """Return the message about conditions that exclude each other, with the last of them as the offender."""
     *others, last = core
     if not others:
         return f"'{last.text}' is never true"
     if len(core) > MAX_CONDITIONS:
         return "its conditions are never true together"
-    quoted_text = " and ".join(f"'{other.text}'" for other in others[:MAX_QUOTED])
-    if len(others) > MAX_QUOTED:
-        quoted_text += f" and {len(others) - MAX_QUOTED} others"
+    quoted_text = " and ".join(f"'{other.text}'" for other in others[:MAX_QUOTED_CONDITIONS])
+    if len(others) > MAX_QUOTED_CONDITIONS:
+        quoted_text += f" and {len(others) - MAX_QUOTED_CONDITIONS} others"
     return f"'{last.text}' is never true together with {quoted_text}"
 
 
-def related_to(core: Sequence[Stated], types: Types, declared: Iterable[Variable | Returned]) -> Iterator[Related]:
+def related_places(
+    core: Sequence[StatedCondition], types: Types, declared_elements: Iterable[Variable | Returned]
+) -> Iterator[Related]:
     """Yield the places of the other conditions, and of the ranges without which there is no contradiction."""
     *others, _ = core
-    yield from (Related("cannot be true together with this", other.place) for other in others[:MAX_RELATED])
+    yield from (Related("cannot be true together with this", other.place) for other in others[:MAX_RELATED_PLACES])
     trees = [condition.tree for condition in core]
-    if can_hold(trees, (), without_ranges(types, trees)):
-        yield from limits_of(trees, declared)
+    if can_hold(trees, (), types_without_ranges(types, trees)):
+        yield from limit_places(trees, declared_elements)
 
 
-def without_ranges(types: Types, trees: Iterable[Node]) -> Types:
+def types_without_ranges(types: Types, trees: Iterable[Node]) -> Types:
     """Return the types of the names in some conditions, without ranges and validity."""
     names = dict.fromkeys(name.name for tree in trees for name in names_in(tree))
-    types_of_names = {name: types.get(name) for name in names}
-    unlimited = (
-        (name, type_ and replace(type_, range=None, valid_for_s=FOREVER_S)) for name, type_ in types_of_names.items()
+    types_by_name = {name: types.get(name) for name in names}
+    unlimited_types = (
+        (name, type_ and replace(type_, range=None, valid_for_s=FOREVER_S)) for name, type_ in types_by_name.items()
     )
-    return dict(unlimited)
+    return dict(unlimited_types)
 
 
-def limits_of(trees: Iterable[Node], declared: Iterable[Variable | Returned]) -> Iterator[Related]:
+def limit_places(trees: Iterable[Node], declared_elements: Iterable[Variable | Returned]) -> Iterator[Related]:
     """Yield the limits of the names in some conditions: ranges, and the validity of variables whose age is compared."""
     keys = {key for tree in trees for key in subjects(tree)}
-    for element in declared:
+    for element in declared_elements:
         if isinstance(element, Variable) and age_key(element.name) in keys and element.valid_for_s < FOREVER_S:
             place = element.places.get("valid_for", element.place)
             yield Related(f"'{element.name}' is valid for {element.valid_for_s:g} s", place)
         if element.name in keys and element.type.range is not None:
             low, high = element.type.range
-            unit = "" if element.type.unit is None else f" {element.type.unit}"
+            unit_text = "" if element.type.unit is None else f" {element.type.unit}"
             place = element.type.places.get("range", element.place)
-            yield Related(f"'{element.name}' is between {low:g} and {high:g}{unit}", place)
+            yield Related(f"'{element.name}' is between {low:g} and {high:g}{unit_text}", place)

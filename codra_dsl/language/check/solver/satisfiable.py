@@ -57,7 +57,7 @@ def implies(stronger: Sequence[Node], weaker: Sequence[Node], types: Types) -> b
     return not any(is_case(stronger, part, values, types) for part in claims)
 
 
-def always_holds(condition: Node, types: Types, *, absent: Iterable[str] = ()) -> bool:
+def always_holds(condition: Node, types: Types, *, optional_names: Iterable[str] = ()) -> bool:
     """Return whether a condition is true for every possible value of its names, once these are known.
 
     `known(x)` can be true or false, and an age can be any number.
@@ -65,11 +65,11 @@ def always_holds(condition: Node, types: Types, *, absent: Iterable[str] = ()) -
     Args:
         condition: the condition.
         types: the type of each name in it.
-        absent: names that may be unknown nevertheless.
+        optional_names: names that may be unknown nevertheless.
     """
-    absent_names = frozenset(absent)
+    optional_name_set = frozenset(optional_names)
     values = {
-        name: known_values(types.get(name)) | (UNKNOWN if name in absent_names else _NO_VALUES)
+        name: known_values(types.get(name)) | (UNKNOWN if name in optional_name_set else _NO_VALUES)
         for name in names_of([condition])
     }
     for part in walk(condition):

@@ -202,7 +202,7 @@ def compare_values(operator: str, left: Node, right: Node, context: Context) -> 
     numbers = None if pair is None else context.values.get(pair.key)
     if pair is None or numbers is None or truths == UNKNOWN:
         return truths
-    pair_operator = operator if pair.factor > 0 else _MIRRORED[operator]
+    pair_operator = operator if pair.factor > 0 else _MIRRORED_OPERATORS[operator]
     exact_truths = frozenset(truth for number in numbers for truth in _judge(pair_operator, number, point(pair.limit)))
     return exact_truths | UNKNOWN if None in truths and not pair.key else exact_truths
 
@@ -212,8 +212,8 @@ def _judge(operator: str, one: Value, other: Value) -> Values:
         return UNKNOWN
     if isinstance(one, Interval) and isinstance(other, Interval):
         return _COMPARISONS[operator](one, other)
-    is_plain = isinstance(one, (bool, str)) and type(one) is type(other)
-    if operator not in ("==", "!=") or not (is_plain or Other.UNMENTIONED in (one, other)):
+    has_same_type = isinstance(one, (bool, str)) and type(one) is type(other)
+    if operator not in ("==", "!=") or not (has_same_type or Other.UNMENTIONED in (one, other)):
         return EITHER
     return (
         EITHER
@@ -235,13 +235,13 @@ def _at_most(one: Interval, other: Interval) -> Values:
 
 
 def _equal(one: Interval, other: Interval) -> Values:
-    is_same = one.is_point and other.is_point and one.low == other.low
-    return _possible_truths(intervals.can_be_equal(one, other), not is_same)
+    is_same_point = one.is_point and other.is_point and one.low == other.low
+    return _possible_truths(intervals.can_be_equal(one, other), not is_same_point)
 
 
 def _unequal(one: Interval, other: Interval) -> Values:
-    is_same = one.is_point and other.is_point and one.low == other.low
-    return _possible_truths(not is_same, intervals.can_be_equal(one, other))
+    is_same_point = one.is_point and other.is_point and one.low == other.low
+    return _possible_truths(not is_same_point, intervals.can_be_equal(one, other))
 
 
 def _can_be_at_least(one: Interval, other: Interval) -> bool:
@@ -264,7 +264,7 @@ _COMPARISONS: Mapping[str, Callable[[Interval, Interval], Values]] = {
 }
 
 
-_MIRRORED: Mapping[str, str] = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "==", "!=": "!="}
+_MIRRORED_OPERATORS: Mapping[str, str] = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "==", "!=": "!="}
 
 
 def _negative(node: Node, context: Context) -> Values:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT, OVER_KNOWLEDGE, Role, Site
+from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, KNOWLEDGE_ROLES, Role, Site
 from codra_dsl.language.check.conditions.types import Types
-from codra_dsl.language.check.index.fixes import quoting, truth
+from codra_dsl.language.check.index.fixes import quoting_fix, truth_fix
 from codra_dsl.language.check.index.mentions import Mention
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.solver.values import links
@@ -18,7 +18,7 @@ from codra_dsl.language.model import Condition, Kind
 
 
 @dataclass(frozen=True, slots=True)
-class Literal:
+class LiteralHelp:
     """The help for a name that was intended as a literal.
 
     Attributes:
@@ -34,66 +34,72 @@ class Literal:
         """Return the fix of all mentions of the name."""
         name = mentions[0].name
         if self.truth:
-            return truth(name, self.truth, [mention.place for mention in mentions])
-        is_alone = self.condition is not None and len(mentions) == 1
-        return quoting(name, mentions[0].place, self.condition) if is_alone and self.condition else None
+            return truth_fix(name, self.truth, [mention.place for mention in mentions])
+        is_only_mention = self.condition is not None and len(mentions) == 1
+        return quoting_fix(name, mentions[0].place, self.condition) if is_only_mention and self.condition else None
 
 
-def intended_literal(scope: SpecIndex, site: Site, name: str) -> Literal | None:
+def intended_literal_help(spec_index: SpecIndex, site: Site, name: str) -> LiteralHelp | None:
     """Return the help for a name that was intended as a literal: a member without quotes, or `yes`."""
-    is_alone = isinstance(site.condition.tree, Name)
+    is_whole_condition = isinstance(site.condition.tree, Name)
     truth_value = corrected_truth_value(name)
     if truth_value is not None:
-        if not is_alone:
-            return Literal(f"write '{truth_value}'", truth_value)
-        return Literal(
+        if not is_whole_condition:
+            return LiteralHelp(f"write '{truth_value}'", truth_value)
+        return LiteralHelp(
             f"write '{truth_value}' including the quotes" if site.variable else f"write a condition: x == {truth_value}"
         )
-    seen_types: Types = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
-    if site.role in OVER_KNOWLEDGE:
-        seen_types = {read_name.name: scope.world.read_type(read_name.name) for read_name in site.names}
-    types = [seen_types.get(read_name.name) or scope.context_types.get(read_name.name) for read_name in site.names]
+    readable_types: Types = spec_index.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
+    if site.role in KNOWLEDGE_ROLES:
+        readable_types = {
+            read_name.name: spec_index.declared_graph.read_type(read_name.name) for read_name in site.names
+        }
+    types = [
+        readable_types.get(read_name.name) or spec_index.context_types.get(read_name.name) for read_name in site.names
+    ]
     enum_values = [
         value_type.values
-        for value_type in (*types, scope.wanted(site))
+        for value_type in (*types, spec_index.wanted(site))
         if value_type is not None and value_type.kind is Kind.ENUM
     ]
     if not any(name in values for values in enum_values):
         return None
-    if is_alone:
-        return Literal(f"write '\"{name}\"': YAML removes the outer quotes")
-    return Literal(f'put the member in quotes: "{name}"', condition=site.condition)
+    if is_whole_condition:
+        return LiteralHelp(f"write '\"{name}\"': YAML removes the outer quotes")
+    return LiteralHelp(f'put the member in quotes: "{name}"', condition=site.condition)
 
 
-def literal_compared(scope: SpecIndex, mention: Mention) -> str | None:
+def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None:
     """Return the help for an undeclared name that is compared as a literal, or is a member of some enum."""
     site = mention.site
     if site is None or site.condition.tree is None:
         return None
-    is_over_context = site.role in OVER_CONTEXT
-    seen_types = scope.context_types if is_over_context else _readable_types(scope, site)
+    reads_context = site.role in CONTEXT_ROLES
+    readable_types = spec_index.context_types if reads_context else _readable_types(spec_index, site)
     if isinstance(site.condition.tree, Name):
         owners = (
             name
-            for name, value_type in seen_types.items()
+            for name, value_type in readable_types.items()
             if value_type is not None and mention.name in value_type.values
         )
-        owner = scope.owner_of_member.get(mention.name) if is_over_context else next(owners, None)
+        owner = spec_index.owner_of_member.get(mention.name) if reads_context else next(owners, None)
         return f'write {owner} == "{mention.name}"' if owner else None
-    sides = (side for node in walk(site.condition.tree) for _, *link in links(node) for side in (link, link[::-1]))
+    side_pairs = (
+        side_pair for node in walk(site.condition.tree) for _, *link in links(node) for side_pair in (link, link[::-1])
+    )
     opposite_names = (
         other.name
-        for one, other in sides
+        for one, other in side_pairs
         if isinstance(one, Name) and isinstance(other, Name) and one.name == mention.name
     )
-    kinds = {value_type.kind for name in opposite_names if (value_type := seen_types.get(name)) is not None}
+    kinds = {value_type.kind for name in opposite_names if (value_type := readable_types.get(name)) is not None}
     if kinds == {Kind.BOOL}:
         return "write true or false"
     return f'put the text in quotes: "{mention.name}"' if kinds == {Kind.STR} else None
 
 
-def _readable_types(scope: SpecIndex, site: Site) -> Types:
+def _readable_types(spec_index: SpecIndex, site: Site) -> Types:
     """Return the types of the names that can be read in a condition over results or in an expectation's condition."""
     if site.role is Role.MONITOR:
-        return {site.variable or "": scope.wanted(site)}
-    return scope.returned_types[site.owner[1]]
+        return {site.variable or "": spec_index.wanted(site)}
+    return spec_index.returned_types[site.owner[1]]

@@ -36,7 +36,7 @@ class _Enum:
         return tuple(member for member in self.mentions if member not in self.type.values)
 
     @property
-    def max_unknown_mentions(self) -> int:
+    def max_unknown_mention_count(self) -> int:
         """Return the largest number of mentions of one undeclared member."""
         return max((len(self.mentions[member]) for member in self.unknown_members), default=0)
 
@@ -46,28 +46,28 @@ class _Enum:
         return places.get(f"values.{member}") or places.get("values") or self.place
 
 
-def members_to_blame(scope: SpecIndex) -> Iterator[Diagnostic]:
+def members_to_blame(spec_index: SpecIndex) -> Iterator[Diagnostic]:
     """Yield findings about wrong declared members: conditions mention the intended members instead.
 
-    The corrections are added to `scope.corrections`.
+    The corrections are added to `spec_index.corrections`.
     """
-    enums = _enums(scope)
-    for key, member, place, user in _mentions(scope):
+    enums = _enums(spec_index)
+    for key, member, place, user in _mentions(spec_index):
         if key in enums:
             enums[key].mentions.setdefault(member, {})[place] = user
     wrong_members: set[str] = set()
-    for key, enum in sorted(enums.items(), key=lambda entry: -entry[1].max_unknown_mentions):
+    for key, enum in sorted(enums.items(), key=lambda entry: -entry[1].max_unknown_mention_count):
         unknown_members = [member for member in enum.unknown_members if member not in wrong_members]
-        yield from _enum_findings(scope, key, enum, unknown_members[:MAX_SUGGESTIONS], wrong_members)
+        yield from _enum_findings(spec_index, key, enum, unknown_members[:MAX_SUGGESTIONS], wrong_members)
 
 
-def _enums(scope: SpecIndex) -> dict[Key, _Enum]:
+def _enums(spec_index: SpecIndex) -> dict[Key, _Enum]:
     enums: dict[Key, _Enum] = {}
-    for variable in scope.spec.context:
+    for variable in spec_index.spec.context:
         if variable.type.kind is Kind.ENUM:
             user, path = f"{USERS['context']} '{variable.name}'", f"context.{variable.name}.values"
             enums["context", variable.name] = _Enum(variable.type, variable.place, user, path)
-    for algorithm in scope.spec.perception:
+    for algorithm in spec_index.spec.perception:
         for returned in algorithm.returns:
             if returned.type.kind is Kind.ENUM:
                 user = f"returned value '{returned.name}' of algorithm '{algorithm.name}'"
@@ -77,7 +77,7 @@ def _enums(scope: SpecIndex) -> dict[Key, _Enum]:
 
 
 def _enum_findings(
-    scope: SpecIndex, key: Key, enum: _Enum, unknown_members: list[str], wrong_members: set[str]
+    spec_index: SpecIndex, key: Key, enum: _Enum, unknown_members: list[str], wrong_members: set[str]
 ) -> Iterator[Diagnostic]:
     """Yield findings about the members of one enum.
 
@@ -90,25 +90,25 @@ def _enum_findings(
         if len(pieces) > 1 and member not in enum.mentions and any(piece in unknown_members for piece in pieces):
             corrections[member] = pieces
             yield _joined_members_finding(enum, member, pieces)
-    joined_members = {piece for pieces in corrections.values() for piece in pieces}
-    uses = {
+    split_members = {piece for pieces in corrections.values() for piece in pieces}
+    use_counts = {
         member: len({place.span for place in enum.mentions[member]})
         for member in unknown_members
-        if member not in joined_members
+        if member not in split_members
     }
     unused_members = [member for member in values if member not in enum.mentions and member not in corrections]
     misspelt_members = (
-        misspelt_declarations(uses, unused_members, values, scope.vocabulary, suggest)
-        if uses and unused_members
+        misspelt_declarations(use_counts, unused_members, values, spec_index.vocabulary, suggest)
+        if use_counts and unused_members
         else {}
     )
     for name, member in misspelt_members.items():
         corrections[member] = (name,)
         wrong_members.add(member)
-        yield _misspelt_finding(enum, member, name)
+        yield _misspelt_member_finding(enum, member, name)
     if corrections:
         members = (corrected_member for member in values for corrected_member in corrections.get(member, (member,)))
-        scope.corrections.members[key] = tuple(dict.fromkeys(members))
+        spec_index.corrections.members[key] = tuple(dict.fromkeys(members))
 
 
 def _joined_members_finding(enum: _Enum, member: str, pieces: tuple[str, ...]) -> Diagnostic:
@@ -121,7 +121,7 @@ def _joined_members_finding(enum: _Enum, member: str, pieces: tuple[str, ...]) -
     )
 
 
-def _misspelt_finding(enum: _Enum, member: str, name: str) -> Diagnostic:
+def _misspelt_member_finding(enum: _Enum, member: str, name: str) -> Diagnostic:
     place = enum.place_of(member)
     message = f"the member '{member}' of {enum.user} is not used, and '{name}', which is used, is not a member"
     fix = _replacement_fix(place, member, name)
@@ -131,10 +131,10 @@ def _misspelt_finding(enum: _Enum, member: str, name: str) -> Diagnostic:
     )
 
 
-def _replacement_fix(place: Place, member: str, intended: str) -> Fix | None:
+def _replacement_fix(place: Place, member: str, intended_member: str) -> Fix | None:
     """Return the fix that replaces a member; None if the member is written in quotes."""
     is_plain = place.span.end_column - place.span.column == len(member)
-    return replacing(place, member, intended, safe=False) if is_plain else None
+    return replacing(place, member, intended_member, safe=False) if is_plain else None
 
 
 def _related(enum: _Enum, member: str) -> Related:
@@ -142,23 +142,23 @@ def _related(enum: _Enum, member: str) -> Related:
     return Related(f"'{member}' in {user}", place)
 
 
-def _mentions(scope: SpecIndex) -> Iterator[tuple[Key, str, Place, str]]:
+def _mentions(spec_index: SpecIndex) -> Iterator[tuple[Key, str, Place, str]]:
     """Yield every mention of a member, with its enum, its place, and the element that contains it."""
-    for site in scope.sites:
+    for site in spec_index.sites:
         user = f"{USERS[site.owner[0]]} '{site.owner[1]}'"
-        for key, member, node in _mentions_in_condition(scope, site):
+        for key, member, node in _mentions_in_condition(spec_index, site):
             yield key, member, site.condition.place_of(node), user
-    for algorithm in scope.spec.perception:
+    for algorithm in spec_index.spec.perception:
         for entry in algorithm.identifies:
             for case, _ in entry.by.cases if isinstance(entry.by, Members) else ():
                 yield ("context", entry.variable.name), case.name, case.place, f"algorithm '{algorithm.name}'"
 
 
-def _mentions_in_condition(scope: SpecIndex, site: Site) -> Iterator[tuple[Key, str, Node]]:
+def _mentions_in_condition(spec_index: SpecIndex, site: Site) -> Iterator[tuple[Key, str, Node]]:
     tree = site.condition.tree
     assert tree is not None
-    is_returned = site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES)
-    owner: Owner = (site.owner[1],) if is_returned else "context"
+    reads_returned_values = site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES)
+    owner: Owner = (site.owner[1],) if reads_returned_values else "context"
     for one, other in ((one, other) for node in walk(tree) for _, one, other in links(node)):
         for name_side, value_side in ((one, other), (other, one)):
             if isinstance(name_side, Name):
@@ -172,16 +172,18 @@ def _mentions_in_condition(scope: SpecIndex, site: Site) -> Iterator[tuple[Key, 
             if isinstance(leaf, Text):
                 yield ("context", site.variable), leaf.value, leaf
             elif isinstance(leaf, Name):
-                yield from _passed_on_members(scope, site, (owner, leaf.name), leaf)
+                yield from _shared_enum_members(spec_index, site, (owner, leaf.name), leaf)
 
 
-def _passed_on_members(scope: SpecIndex, site: Site, returned_key: Key, leaf: Name) -> Iterator[tuple[Key, str, Node]]:
+def _shared_enum_members(
+    spec_index: SpecIndex, site: Site, returned_key: Key, leaf: Name
+) -> Iterator[tuple[Key, str, Node]]:
     """Yield the members of both enums if a returned enum becomes the value of a context-variable.
 
     The members of each enum count as mentions in the other enum.
     """
-    variable = scope.variables.get(site.variable or "")
-    algorithm = scope.algorithms[site.owner[1]]
+    variable = spec_index.variables.get(site.variable or "")
+    algorithm = spec_index.algorithms[site.owner[1]]
     returned_value = next((value for value in algorithm.returns if value.name == leaf.name), None)
     if (
         variable is not None
