@@ -74,7 +74,7 @@ class WrittenContext:
     @staticmethod
     def _reading(name: str, value: Value | None) -> Reading[Value]:
         if value is None:
-            return Reading(name=name, reason=Reason.NEVER_IDENTIFIED)
+            return Reading(name=name, reason=Reason.NEVER_OBSERVED)
         return Reading(name=name, content=value, evidence_s=0.0)
 
 
