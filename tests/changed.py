@@ -17,14 +17,18 @@ TEST_ROOT_BY_PACKAGE = {"codra_dsl": "tests", "codra_papers": "tests/papers"}
 
 
 def git(*arguments: str) -> list[str]:
-    """Return the lines that a git command prints; none if it fails."""
-    process = subprocess.run(("git", *arguments), cwd=ROOT, capture_output=True, text=True, check=False)
-    return process.stdout.splitlines() if process.returncode == 0 else []
+    """Return the lines that a git command prints."""
+    process = subprocess.run(("git", *arguments), cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+    return process.stdout.splitlines()
 
 
 def changed_files() -> set[str]:
-    """Return the changed files, relative to the root."""
-    merge_base = next(iter(git("merge-base", "HEAD", "main")), "HEAD")
+    """Return the changed files, relative to the root.
+
+    A clone without a branch `main` is compared with its last commit.
+    """
+    has_main = git("branch", "--list", "main")
+    merge_base = git("merge-base", "HEAD", "main")[0] if has_main else "HEAD"
     return {*git("diff", "--name-only", merge_base), *git("ls-files", "--others", "--exclude-standard")}
 
 
