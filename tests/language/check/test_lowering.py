@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from codra_dsl import logic
-from codra_dsl.language.check.conditions.lowering import lower, python_text
+from codra_dsl.language.check.conditions.lowering import python_text, to_python
 from codra_dsl.language.check.conditions.types import Type, infer, infer_condition
 from codra_dsl.language.expression import Node, names_in, parse, to_text
 from codra_dsl.language.model import Kind
@@ -41,7 +41,7 @@ def lower_text(text: str, types: dict[str, Type] | None = None) -> str:
     assert isinstance(tree, Node), tree
     typed, problems = infer_condition(tree, TYPES if types is None else types, known=True)
     assert problems == ()
-    return lower(typed)
+    return to_python(typed)
 
 
 @settings(max_examples=400)
@@ -53,7 +53,7 @@ def test_lowered_conditions_have_the_meaning_of_the_language(tree: Node, world: 
         expected = meaning(tree, world)
     except TooCloseError:
         assume(False)
-    assert build_term(lower(typed)).evaluate(world) is expected
+    assert build_term(to_python(typed)).evaluate(world) is expected
 
 
 @given(quantities("length"), st.sampled_from(["m", "cm", "mm", "km"]), worlds())
@@ -64,7 +64,7 @@ def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: 
         expected = meaning(tree, world)
     except TooCloseError:
         assume(False)
-    evaluated_value = build_term(lower(typed, UNITS[unit])).evaluate(world)
+    evaluated_value = build_term(to_python(typed, UNITS[unit])).evaluate(world)
     if expected is None:
         assert evaluated_value is None
     else:
@@ -77,7 +77,7 @@ def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: 
 @given(CONDITIONS)
 def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
     typed, _ = infer_condition(tree, TYPES, known=True)
-    term = build_term(lower(typed))
+    term = build_term(to_python(typed))
     assert term.variables() == {name.name for name in names_in(tree)}
 
 
@@ -85,7 +85,7 @@ def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
 def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
     reparsed_tree = parse(to_text(tree))
     if isinstance(reparsed_tree, Node):
-        assert lower(infer_condition(reparsed_tree, TYPES, known=True)[0]) == lower(
+        assert to_python(infer_condition(reparsed_tree, TYPES, known=True)[0]) == to_python(
             infer_condition(tree, TYPES, known=True)[0]
         )
 
@@ -166,6 +166,6 @@ def test_numbers_without_a_unit_are_left_as_they_are_written() -> None:
     tree = parse("0.1")
     assert isinstance(tree, Node)
     typed, _ = infer(tree, {}, known=False)
-    assert lower(typed, ONE) == "literal(0.1)"
+    assert to_python(typed, ONE) == "literal(0.1)"
     assert typed.type is not None
     assert typed.type.kind is Kind.FLOAT

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 
 from codra_dsl.language.check import RULES
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Type, fit, infer, infer_condition
 from codra_dsl.language.expression import Node, names_in, parse
 from codra_dsl.language.model import Kind
@@ -28,7 +28,7 @@ def test_every_parsed_condition_is_checked_and_sound_ones_can_be_lowered(node: N
         typed, problems = infer_condition(node, SEEN, known=known)
         assert all(problem.rule in RULES and problem.message and problem.help for problem in problems)
         if not problems and all(SEEN[name.name] is not None for name in names_in(node)):
-            compile(lower(typed), "condition", "eval")
+            compile(to_python(typed), "condition", "eval")
 
 
 @given(CONDITIONS)

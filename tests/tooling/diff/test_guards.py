@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import declared_type, infer_condition
 from codra_dsl.language.expression import Node, SyntaxProblem, parse
 from codra_dsl.language.model import Kind, ValueType
@@ -84,7 +84,7 @@ def term(text: str) -> Term:
     typed, problems = infer_condition(tree(text), types, known=True)
     assert not problems, text
     words: dict[str, Any] = {name: getattr(conditions, name) for name in dir(conditions) if not name.startswith("_")}
-    condition = eval(lower(typed), {"__builtins__": {"abs": abs}}, words)
+    condition = eval(to_python(typed), {"__builtins__": {"abs": abs}}, words)
     assert isinstance(condition, Term)
     return condition
 

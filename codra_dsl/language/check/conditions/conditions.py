@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Problem, Type, Typed, Types, fit, infer, infer_condition
 from codra_dsl.language.expression import Call, Name, Node, Path, walk
 from codra_dsl.language.model import (
@@ -40,7 +40,7 @@ class Role(StrEnum):
 
 
 KNOWLEDGE_ROLES = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
-"""The roles of conditions in patterns, which read context and all other knowledge."""
+"""The roles of conditions in patterns. These conditions read context and all other knowledge."""
 
 LOOP_ROLES = frozenset({Role.VALUE, Role.ALWAYS})
 """The roles of conditions in adaptations."""
@@ -63,8 +63,9 @@ class Site:
     Attributes:
         owner: the section and the name of the element that contains the condition.
         names: every mention of a name in the condition.
-        values: the mentions that read the value of the name: all except those inside `known(x)` or `age(x)`.
-        variable: the context-variable that gets the value of the condition, or that is expected to fulfil it.
+        values: the mentions that read the value of the name, i.e. all mentions outside of `known(x)` and `age(x)`.
+        variable: the context-variable that gets the value of the condition, or that is expected to fulfil the
+            condition.
         rule: the agent's rule that contains the condition; empty outside rules.
     """
 
@@ -95,13 +96,13 @@ class Judgement:
     def python(self, wanted: Type | None) -> str:
         """Return the condition as Python text.
 
-        If `wanted`, the type of the variable that gets the value, is numeric, the value is in the unit of this type.
+        `wanted` is the type of the variable that gets the value. If this type is numeric, the value is in its unit.
         """
-        return lower(self.typed, wanted.unit) if wanted is not None and wanted.numeric else lower(self.typed)
+        return to_python(self.typed, wanted.unit) if wanted is not None and wanted.numeric else to_python(self.typed)
 
 
 def sites(spec: Spec) -> Iterator[Site]:
-    """Yield every condition of a spec that could be read."""
+    """Yield every condition of a spec that could be parsed, except patterns that are paths."""
     site_finder = _SiteFinder()
     sites_of_elements = (
         *map(site_finder.sites_of_algorithm, spec.perception),
@@ -151,7 +152,7 @@ class _SiteFinder:
         return pattern_sites
 
     def sites_of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
-        """Return the expression for the value that an adaptation sets, or the conditions of its hard rules."""
+        """Return the expression for the value of a parameter, or the conditions of the hard rules of a course."""
         owner, does = ("adaptation", adaptation.name), adaptation.does
         if isinstance(does, Parameter):
             return [self._site(Role.VALUE, owner, does.value, does.variable.name, Result.VALUE)]
@@ -169,7 +170,7 @@ class _SiteFinder:
         variable: str | None = None,
         result: Result = Result.TRUTH,
     ) -> Site | None:
-        """Return a condition with its position, or None if it could not be read."""
+        """Return a condition with its position, or None if the condition could not be parsed."""
         tree = condition.tree
         if tree is None:
             return None
@@ -184,7 +185,7 @@ class _SiteFinder:
 
 def _mentions(tree: Node) -> tuple[tuple[Name, ...], tuple[Name, ...]]:
     """Return all mentions of names, and the mentions that read the value of the name."""
-    if isinstance(tree, Name):  # as in most preconditions
+    if isinstance(tree, Name):  # most preconditions are a single name
         return (tree,), (tree,)
     parts = tuple(walk(tree))
     calls = (part for part in parts if isinstance(part, Call) and part.function in ("known", "age"))
@@ -207,11 +208,11 @@ def judge(site: Site, tree: Node, readable_types: Types, wanted: Type | None) ->
 
     Args:
         site: the condition.
-        tree: its syntax tree.
-        readable_types: the types of the names that it can read.
+        tree: the syntax tree of the condition.
+        readable_types: the types of the names that the condition can read.
         wanted: the type of the context-variable that gets the value of the condition, if there is one.
     """
-    if isinstance(tree, Name) and site.result is Result.TRUTH:  # as most preconditions are
+    if isinstance(tree, Name) and site.result is Result.TRUTH:  # most preconditions are a single name
         declared = readable_types.get(tree.name)
         if declared is None or declared.kind is Kind.BOOL:
             return Judgement(site, Typed(tree, declared), ())

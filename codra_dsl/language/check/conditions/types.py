@@ -1,4 +1,4 @@
-"""Type inference for conditions: the type of each part, or the reason why it has none."""
+"""Type inference for conditions: the type of each part, or the reason why the part has no type."""
 
 from __future__ import annotations
 
@@ -42,9 +42,10 @@ class Type:
     """The type of an expression.
 
     Attributes:
-        unit: the unit of a number, unless another unit is requested.
+        unit: the unit of a number. If another unit is requested, the number is converted.
         values: the members of an enum.
-        fixed: whether the expression consists of literals only. Such a text fits an enum that has it as a member.
+        fixed: whether the expression consists of literals only. A literal text fits an enum if it is one of the
+            members.
         zero: whether the expression is the literal 0, which needs no unit.
         range: the range of a name, in `unit`, with both ends included; None if no range is declared.
         valid_for_s: for a context-variable, the maximum age of its evidence while the variable is known.
@@ -70,7 +71,7 @@ class Type:
 
 
 Types = Mapping[str, Type | None]
-"""The type of each readable name; None if its declaration is wrong, which has been reported."""
+"""The type of each readable name; None if the declaration of the name is wrong. Such errors have been reported."""
 
 BOOL = Type(Kind.BOOL)
 _SECONDS = Type(Kind.FLOAT, UNITS["s"])
@@ -91,7 +92,8 @@ class Problem:
 
     Attributes:
         rule: the name of a rule of `check`.
-        suggestion: for a quoted text that is not a member, the most similar of the `candidates`; None if there is none.
+        suggestion: for a quoted text that is not a member, the most similar of the `candidates`; None if no candidate
+            is similar.
     """
 
     rule: str
@@ -104,7 +106,7 @@ class Problem:
 
 def declared_type(declared: ValueType, valid_for_s: float = FOREVER_S) -> Type | None:
     """Return the declared type, or None if the declaration is invalid. Equal declarations give the same object."""
-    # the ends are separate arguments, since the cache must distinguish a range with 0 from one with 0.0
+    # the ends are separate arguments, since the cache must distinguish a range with 0 from a range with 0.0
     low, high = declared.range if declared.range is not None else (None, None)
     return _declared_type(
         kind=declared.kind, unit_text=declared.unit, low=low, high=high, values=declared.values, valid_for_s=valid_for_s
@@ -134,7 +136,7 @@ def infer(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Proble
     """Return the types of a value's parts, and the problems in them.
 
     Args:
-        node: the value. Names that are missing in `types` have been reported already.
+        node: the syntax tree of the value. Names that are missing in `types` have been reported already.
         types: the type of each name.
         known: whether `known` and `age` are allowed here.
     """
@@ -144,7 +146,7 @@ def infer(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Proble
 
 
 def infer_condition(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
-    """Return the types of a condition's parts, and the problems in them; arguments as for `infer`."""
+    """Return the types of a condition's parts, and the problems in them. The arguments are those of `infer`."""
     inference = _Inference(types, known)
     typed = inference.condition(node)
     return typed, tuple(inference.problems)
@@ -244,7 +246,10 @@ class _Inference:
         return Typed(node, Type(Kind.BOOL, fixed=True))
 
     def condition(self, node: Node, before: Node | None = None) -> Typed:
-        """Return a part that must be a condition. `before` is the previous operand of the same `and` or `or`."""
+        """Return a part with its type, and report the part if it is not a condition.
+
+        `before` is the previous operand of the same `and` or `or`.
+        """
         typed = self.infer(node)
         if typed.type is None or typed.type.kind is Kind.BOOL:
             return typed
@@ -267,7 +272,7 @@ class _Inference:
         return Typed(node, BOOL, tuple(self.condition(operand, before) for operand, before in joined))
 
     def _quantity(self, node: Node) -> Typed:
-        """Return a part that must be a number."""
+        """Return a part with its type, and report the part if it is not a number."""
         typed = self.infer(node)
         if typed.type is None or typed.type.numeric:
             return typed
@@ -301,7 +306,7 @@ class _Inference:
         return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
 
     def _common_type(self, values: tuple[Typed, ...]) -> Type | None:
-        """Return the common type of values that are added, compared or chosen from; None if they do not match."""
+        """Return the common type of the operands of a sum, a choice or a function; None if they do not match."""
         for left, right in pairwise(values):
             if not self._are_compatible(left, right):
                 return None
@@ -364,10 +369,10 @@ class _Inference:
         return Typed(node, BOOL, tuple(operands))
 
     def _side(self, node: Node) -> Typed:
-        """Return one side of a comparison, which is the only place where an age is allowed.
+        """Return one side of a comparison with its type.
 
-        An age must be one complete side of an ordering comparison. Then the runtime can compute the instant at which
-        the result of the comparison changes.
+        An age is allowed only as one complete side of an ordering comparison. Then the runtime can compute the instant
+        at which the result of the comparison changes.
         """
         return self._known_or_age_call(node, _SECONDS) if is_age(node) and isinstance(node, Call) else self.infer(node)
 
@@ -411,7 +416,7 @@ class _Inference:
         return Typed(node, self._common_type(arguments), arguments)
 
     def _known_or_age_call(self, node: Call, result: Type | None) -> Typed:
-        """Return a call of `known` or `age`, which are only allowed in conditions over context."""
+        """Return a call of `known` or `age` with its type. Report the call if it is not in a condition over context."""
         if not self._known:
             message = f"{node.function}() is about context-variables, which cannot be read here"
             help = "use it in 'observable_when'; a condition is unknown anyway if a returned value in it is absent"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Problem, Typed, infer_condition
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.mentions import user_of
@@ -50,7 +50,7 @@ def pose_condition_texts(spec_index: SpecIndex) -> dict[str, str]:
     """Return, for each variable that is computed from poses, its comparison as Python text. The spec has no errors."""
     return {
         variable.name: over_knowledge(
-            spec_index.declared_graph, lower(_infer_pose_condition(spec_index, variable.pose_condition)[0])
+            spec_index.declared_graph, to_python(_infer_pose_condition(spec_index, variable.pose_condition)[0])
         )
         for variable in spec_index.spec.context
         if variable.pose_condition is not None

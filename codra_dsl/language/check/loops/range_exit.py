@@ -11,7 +11,7 @@ from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.solver.intervals import Interval, Number, in_base
 from codra_dsl.language.check.solver.satisfiable import can_hold
-from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, outcomes
+from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, possible_values
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Choice, Compare, Comparison, Name, Node, Not, names_in
 from codra_dsl.language.model import Parameter
@@ -73,8 +73,8 @@ def _exit_sides(
     names = set(occurrences)
     is_exact = len(names) == len(occurrences)
     values = {name: known_values(types.get(name)) | UNKNOWN for name in names}
-    possible_values = outcomes(branch, Context(values | {age_key(name): AGES for name in names}))
-    intervals = [value for value in possible_values if isinstance(value, Interval)]
+    branch_values = possible_values(branch, Context(values | {age_key(name): AGES for name in names}))
+    intervals = [value for value in branch_values if isinstance(value, Interval)]
     assert variable_type.range is not None
     for operator, end in zip(_SIDE_TEXTS, variable_type.range, strict=True):
         limit = in_base(end, variable_type.unit)

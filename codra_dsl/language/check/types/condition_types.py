@@ -26,7 +26,7 @@ from codra_dsl.language.model import (
 
 
 def conditions(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every condition is true or false, or has a value that fits its variable; it compares only comparable values."""
+    """Every condition is true or false, or has a value that fits its variable, and compares only comparable values."""
     for judgement in spec_index.judgements.values():
         for problem in judgement.problems:
             yield _condition_finding(spec_index, judgement.site, problem)
@@ -74,7 +74,7 @@ def commanded_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Di
 
 
 def misused_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """A resource with slots is used with `slot`; one without slots has a handle and is used with `read`."""
+    """A resource with slots is used with `slot`. A resource without slots has a handle and is used with `read`."""
     for algorithm in spec_index.spec.perception:
         for usage in algorithm.uses:
             resource = spec_index.resources.get(usage.resource.name)
