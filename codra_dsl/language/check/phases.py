@@ -18,10 +18,10 @@ from codra_dsl.language.check.graph.sources import SOURCE_CHECKS
 from codra_dsl.language.check.index.corrections import apply_corrections
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.chains import CHAIN_CHECKS
+from codra_dsl.language.check.knowledge.construction import checked_knowledge
 from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPE_CHECKS
 from codra_dsl.language.check.knowledge.frames import FRAME_CHECKS
 from codra_dsl.language.check.knowledge.handovers import HANDOVER_CHECKS
-from codra_dsl.language.check.knowledge.lowered import checked_knowledge
 from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAME_CHECKS
 from codra_dsl.language.check.knowledge.owners import OWNER_CHECKS
 from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITION_CHECKS, pose_condition_texts
@@ -29,10 +29,10 @@ from codra_dsl.language.check.knowledge.stale import STALE_POSE_CHECKS
 from codra_dsl.language.check.knowledge.triplets import TRIPLET_CHECKS
 from codra_dsl.language.check.knowledge.unused import UNUSED_TYPE_CHECKS
 from codra_dsl.language.check.loops.branches import BRANCH_CHECKS, TREE_FILE_CHECKS
+from codra_dsl.language.check.loops.construction import checked_mape
 from codra_dsl.language.check.loops.feedback import FEEDBACK_CHECKS, SELF_DEFEAT_CHECKS
 from codra_dsl.language.check.loops.firing import FIRING_CHECKS
 from codra_dsl.language.check.loops.inputs import LOOP_TYPE_CHECKS
-from codra_dsl.language.check.loops.lowered import checked_mape
 from codra_dsl.language.check.loops.names import LOOP_NAME_CHECKS
 from codra_dsl.language.check.loops.parts import LOOP_PART_CHECKS, UNREAD_OUTPUT_CHECKS
 from codra_dsl.language.check.loops.range_exit import RANGE_EXIT_CHECKS

@@ -35,10 +35,10 @@ def waiting_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Dia
 
 
 def _may_wait_for(declared_graph: DeclaredGraph, task: Task, other_task: Task) -> bool:
-    """Return whether the executor of a task may request another task while it executes the first.
+    """Return whether the executor of a task may request another task while it executes the first task.
 
-    This is true of every task that the executor may request, with one exception: the executor has rules that request
-    the other task, and rules that take up the first. Then it is true only if the same rule does both.
+    The result is True for every task that the executor may request, with one exception: if the executor has rules that
+    request the other task, and rules that take up the first task, the result is True only if one rule does both.
     """
     if task.by.name not in (requester.name for requester in other_task.requesters):
         return False

@@ -12,7 +12,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 
 
 def unused_types(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Every type has an initial node, or an agent may insert one. Types of parts may be for other specs."""
+    """Every type has an initial node, or an agent may insert such a node. Types of parts may be for other specs."""
     if not is_knowledge_checkable(spec_index, faults):
         return
     used_type_names = {node.type.name for node in spec_index.spec.nodes}

@@ -23,7 +23,7 @@ _END_NAME = "the end of the range"
 def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The value that an adaptation sets is in the range of the variable.
 
-    This is checked as far as it follows from the ranges of the names in the value.
+    The check uses the ranges of the names in the value. A finding is reported only if it follows from these ranges.
     """
     for adaptation, name, tree in adapted_variables(spec_index, faults):
         variable_type, variable = spec_index.context_types[name], spec_index.variables[name]
@@ -52,7 +52,7 @@ _SIDE_TEXTS = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more tha
 
 
 def _choice_branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
-    """Yield each branch of a value that is a choice, with the conditions under which it is used."""
+    """Yield each branch of a value that is a choice, with the conditions under which this branch is used."""
     if not isinstance(tree, Choice):
         yield tree, assumptions
         return

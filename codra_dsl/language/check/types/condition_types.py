@@ -120,7 +120,9 @@ def _condition_finding(spec_index: SpecIndex, site: Site, problem: Problem) -> D
     fix = None
     if problem.suggestion is not None and isinstance(problem.node, Text):
         text_place = site.condition.place_between(problem.node.start + 1, problem.node.end - 1)
-        fix = member_fix(problem.node.value, problem.suggestion, problem.candidates, text_place, spec_index.mentioned)
+        fix = member_fix(
+            problem.node.value, problem.suggestion, problem.candidates, text_place, spec_index.mentioned_words
+        )
     return finding(problem.rule, message, place, path=site.path, help=problem.help, fix=fix)
 
 
@@ -142,7 +144,9 @@ def _member_findings(
                 member.place,
                 path=f"perception.{algorithm.name}.identifies.{entry.variable.name}",
                 help=f"did you mean '{nearest_member}'?" if nearest_member else f"values are {values_text}",
-                fix=member_fix(member.name, nearest_member, variable.type.values, member.place, spec_index.mentioned)
+                fix=member_fix(
+                    member.name, nearest_member, variable.type.values, member.place, spec_index.mentioned_words
+                )
                 if nearest_member
                 else None,
             )

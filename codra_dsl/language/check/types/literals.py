@@ -62,7 +62,7 @@ def intended_literal_help(spec_index: SpecIndex, site: Site, name: str) -> Liter
     ]
     enum_values = [
         value_type.values
-        for value_type in (*types, spec_index.wanted(site))
+        for value_type in (*types, spec_index.wanted_type(site))
         if value_type is not None and value_type.kind is Kind.ENUM
     ]
     if not any(name in values for values in enum_values):
@@ -110,5 +110,5 @@ def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None
 def _readable_types(spec_index: SpecIndex, site: Site) -> Types:
     """Return the types of the names that can be read in a condition over results or in an expectation's condition."""
     if site.role is Role.MONITOR:
-        return {site.variable or "": spec_index.wanted(site)}
+        return {site.variable or "": spec_index.wanted_type(site)}
     return spec_index.returned_types[site.owner[1]]
