@@ -419,7 +419,7 @@ class _Inference:
         """Return a call of `known` or `age` with its type. Report the call if it is not in a condition over context."""
         if not self._known:
             message = f"{node.function}() is about context-variables, which cannot be read here"
-            help = "use it in 'observable_when'; a condition is unknown anyway if a returned value in it is absent"
+            help = "use it in 'observable_when'; a condition with an absent returned value is unknown anyway"
             self._report("misplaced-known", Typed(node, None), message, help)
         return Typed(node, result if self._known or node.function == "known" else None)
 

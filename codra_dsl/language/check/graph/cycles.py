@@ -274,7 +274,7 @@ def _cycle_finding(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]
         help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example_condition}'"
     else:
         message = f"context-variables wait for each other: {cycle_text}"
-        help = "identify one of them without the others, or name another writer of it under 'source'"
+        help = "identify one of these variables without the others, or name another writer of it under 'source'"
     return finding(
         "cycle",
         message,

@@ -100,7 +100,8 @@ def incomplete_first_alternative(spec_index: SpecIndex, _: FaultyElements) -> It
                 f"algorithm '{first.name}' is the first of its alternatives, but does not identify '{missing_name}'",
                 first.places.get("identifies", first.place),
                 path=f"perception.{first.name}.identifies",
-                help=f"identify '{missing_name}' here too, or in an algorithm that shares no variable with this one",
+                help=f"identify '{missing_name}' here as well, "
+                "or in an algorithm that shares no variable with this algorithm",
                 related=(
                     Related(
                         f"algorithm '{other.name}' identifies it", _identifying_reference(other, missing_name).place

@@ -133,7 +133,7 @@ class DeclaredGraph:
         return TASK_TYPE if node in self.tasks else node
 
     def end(self, name: str) -> End:
-        """Return the meaning of a name at an end of an edge: the node with this name, or a type if there is none."""
+        """Return the meaning of a name at an end of an edge: the node with this name or, if there is none, a type."""
         return End(name, name in self.node_names)
 
     def fits(self, term: NodeTerm, end: End) -> bool:
@@ -324,7 +324,7 @@ class DeclaredGraph:
         return owners_by_element
 
     def writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
-        """Return the writers in the declaration of an element, then further agents that list it under `owns`."""
+        """Return the writers in the declaration of an element, then other agents that list the element under `owns`."""
         owners = self._owners_by_element.get(element, ())
         stated_writers = self._stated_writers(element)
         names = {writer.name for writer in stated_writers}

@@ -115,7 +115,7 @@ class SpecIndex:
     forests: Mapping[str, ReadResult] = field(default_factory=dict, compare=False)
     corrections: Corrections = field(default_factory=Corrections, compare=False)
     _names: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
-    _suggestions: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
+    _near_names: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
     _python_texts: dict[tuple[int, int], str] = field(default_factory=dict, compare=False)
 
     @cached_property
@@ -276,10 +276,10 @@ class SpecIndex:
 
     def nearest(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
         """Return the most likely candidate for an unknown name. `kind` identifies the candidates in the cache."""
-        if (name, kind) not in self._suggestions:
-            is_limit_reached = len(self._suggestions) >= MAX_SUGGESTIONS
-            self._suggestions[name, kind] = None if is_limit_reached else suggest(name, candidates)
-        return self._suggestions[name, kind]
+        if (name, kind) not in self._near_names:
+            is_limit_reached = len(self._near_names) >= MAX_SUGGESTIONS
+            self._near_names[name, kind] = None if is_limit_reached else suggest(name, candidates)
+        return self._near_names[name, kind]
 
     @cached_property
     def context_types(self) -> Types:
@@ -439,9 +439,7 @@ class SpecIndex:
     @property
     def suggested_variables(self) -> frozenset[str]:
         """The context-variables suggested so far for unknown names."""
-        return frozenset(
-            name for (_, kind), name in self._suggestions.items() if name is not None and kind == "context"
-        )
+        return frozenset(name for (_, kind), name in self._near_names.items() if name is not None and kind == "context")
 
     def _group(self, names: Iterable[str]) -> Group:
         algorithms = (self.algorithms[name] for name in names)

@@ -313,7 +313,8 @@ def _cycle_findings(rule_dependencies: _RuleDependencies, stuck_names: _RuleName
             f"rules wait for each other, so they never begin: {cycle_text}",
             pattern.condition.place,
             path=pattern.path,
-            help="let one of them begin without the others, or let something else make its 'before' patterns true",
+            help="let one of these rules begin without the others, "
+            "or let something else make its 'before' patterns true",
             related=tuple(_waiting_place(rule_dependencies, rule, startable_names) for rule in cycle_rules[1:]),
         )
 

@@ -150,7 +150,7 @@ def _misfit_of_number(value: StartingValue, declared_type: ValueType) -> tuple[s
     number = _number(value, declared_type)
     if number is None:
         if unit is None:
-            return "is declared without a unit", "remove the unit, or declare the attribute with one"
+            return "is declared without a unit", "remove the unit, or declare the attribute with a unit"
         return f"must be a quantity in {unit}", f"write a number with a unit that converts to {unit}"
     if declared_type.kind is Kind.INT and not float(number).is_integer():
         return "must be a whole number", "write a whole number"

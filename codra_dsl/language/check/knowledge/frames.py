@@ -69,7 +69,7 @@ def frame_cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diag
             f"the parents of frames form a cycle: {cycle_text}",
             edges[0].place,
             path=f"knowledge.edges.{edges[0].name}",
-            help="give one of them a parent outside of the cycle, such as the world",
+            help="give one of these frames a parent outside of the cycle, such as the world",
             related=tuple(
                 Related(f"'{parents[name][0]}' is the parent of '{name}'", edge.place)
                 for name, edge in zip(cycle, edges, strict=True)

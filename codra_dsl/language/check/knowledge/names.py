@@ -380,11 +380,11 @@ def _unknown_attribute_finding(
     spec_index: SpecIndex, mention: Mention, node: str, attributes: Mapping[str, object]
 ) -> Diagnostic:
     nearest_name = spec_index.nearest(mention.name, f"attributes of {node}", attributes)
-    attributes_text = f"the node has {', '.join(list(attributes)[:10])}" if attributes else "the node has none"
+    attributes_text = f"the node has {', '.join(list(attributes)[:10])}" if attributes else "the node has no attributes"
     help = (
         f"did you mean '{nearest_name}'?"
         if nearest_name is not None
-        else f"{attributes_text}; declare it in the type of the node"
+        else f"{attributes_text}; declare the attribute in the type of the node"
     )
     type_name = spec_index.declared_graph.type_of(node)
     user_text = f" in {mention.user}" if mention.user else ""

@@ -71,7 +71,7 @@ def _operand_findings(declared_graph: DeclaredGraph, pose_condition: PoseConditi
         )
     elif not declared_graph.may_have_relative_pose(first, second):
         message = f"no edges with poses can connect '{first}' and '{second}', so {name.name} is never known"
-        help = "declare edges with 'label: RT' that lead from one to the other, or from something else to both"
+        help = "declare edges with 'label: RT' that lead from one node to the other, or from a third node to both"
         yield finding("unconnected-nodes", f"{message} ({_location_text(pose_condition)})", place, path=path, help=help)
 
 

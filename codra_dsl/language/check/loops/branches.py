@@ -147,7 +147,7 @@ def _wrong_branch_findings(tree: TreeElement, forest: Forest) -> Iterator[Diagno
         else:
             first = entries.setdefault("", branch.entry)
             if first != branch.entry:
-                message = f"branch '{id_.name}' uses entry '{branch.entry}', and others use '{first}'"
+                message = f"branch '{id_.name}' uses entry '{branch.entry}', and other branches use '{first}'"
                 yield _branch_finding(message, id_.place, path, "use the same entry in all branches")
     if tree.course and all(id_.name in tree_ids for _, id_ in tree.course):
         mapped_trees = {id_.name for _, id_ in tree.course}

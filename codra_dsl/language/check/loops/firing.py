@@ -191,7 +191,7 @@ def contradictory_rules(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Di
             if other is parsed_rule or other.rule is None:
                 continue
             is_repetition = other.rule.conclusions == parsed_rule.rule.conclusions
-            relation_text = "repeats another one" if is_repetition else "contradicts another one"
+            relation_text = "repeats another rule" if is_repetition else "contradicts another rule"
             message = f"this rule of '{output.name}' {relation_text}: both have the same condition"
             path = f"{section}.{output.name}.rules.{number}"
             related = (Related("the other rule", other.phrase.place),)

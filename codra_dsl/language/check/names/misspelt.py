@@ -18,7 +18,7 @@ def find_misspelt_declarations(
     declared_names: Iterable[str],
     used_names: Iterable[str],
 ) -> dict[str, str]:
-    """Return a mapping from unknown names to the misspelt declared names because of which they are unknown.
+    """Return a mapping from unknown names to the misspelt declared names that should be these names.
 
     Args:
         spec_index: the spec.

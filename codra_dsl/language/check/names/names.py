@@ -1,4 +1,4 @@
-"""Rules of phase 1: every name that an element refers to is declared, has the right kind, and can be read by it."""
+"""Rules of phase 1: every name in an element is declared, has the right kind, and can be read in this place."""
 
 from __future__ import annotations
 
@@ -141,8 +141,8 @@ def _misspelt_declaration_findings(
 ) -> Generator[Diagnostic, None, list[list[Mention]]]:
     """Yield findings about misspelt declarations. Return the mentions of the other names that must be reported.
 
-    An element with an unreadable name may be the declaration of a name without a similar declaration. If there are at
-    least as many such elements as such names, these names are not returned.
+    A name without a similar declaration may belong to an element with an unreadable name. If there are at least as many
+    elements with unreadable names as names without a similar declaration, these names are not returned.
     """
     rule, noun = _RULES_AND_NOUNS[section]
     misspelling_candidates = [group for group in groups if spec_index.other_kind(group[0].name, section) is None]

@@ -139,7 +139,9 @@ def _always_holds_finding(
     depends_on_range = not always_holds(condition.tree, types_without_ranges(types, [condition.tree]))
     names = tuple(_names(condition))
     place = f"'{key.partition('.')[0]}' of algorithm '{algorithm.name}'"
-    precondition_help = f"remove it, or write 'known({names[0]})' if that is intended" if names else "remove it"
+    precondition_help = (
+        f"remove the condition, or write 'known({names[0]})' if this is intended" if names else "remove it"
+    )
     help_by_key = {"observable_when": precondition_help, "accept_when": "change the condition, or remove it"}
     return finding(
         "always-holds",

@@ -89,8 +89,8 @@ def _exclusion_finding(
     cause_text = "" if exclusion.cause is None else f", and '{exclusion.cause}' cannot be observed then"
     return finding(
         "excluded-preview",
-        f"skill '{skill.name}' decides on '{preview.name}', which cannot be observed once '{state.name}' has the value "
-        f"from skill '{achiever.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{cause_text}",
+        f"skill '{skill.name}' decides on '{preview.name}', which cannot be observed once skill '{achiever.name}' "
+        f"has changed '{state.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{cause_text}",
         preview.place,
         path=f"skills.{skill.name}.preview",
         help=f"preview '{preview.name}' in skill '{achiever.name}' instead, or add an algorithm that can run after it",

@@ -58,7 +58,7 @@ class Renewal:
         return round(self.pause_s + self.algorithm.timeout_s, 9)
 
     def max_confirmation_s(self, variable: str) -> float:
-        """Return how much older than the last result the first of the results that confirm a variable can be."""
+        """Return the maximum time between the first and the last of the results that confirm a variable."""
         needed_result_count = max(
             needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable
         )
@@ -136,7 +136,7 @@ TIMING_CHECKS = (stale_before_renewed, oversubscribed_slots, ineffective_on_even
 
 
 def _slowest_renewal(spec_index: SpecIndex, faults: FaultyElements, name: str) -> Renewal | None:
-    """Return the renewal of a variable by its slowest algorithm; None if there is no algorithm or it is undecided."""
+    """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or this is undecided."""
     setting, _ = spec_index.claims.get(name, (None, None))
     if setting is not None and not faults.is_sound("observers", setting.name):
         return None
@@ -240,9 +240,9 @@ class _Demand:
 def _shares_by_overloaded_resource(
     spec_index: SpecIndex, faults: FaultyElements
 ) -> Mapping[str, Mapping[Group, _Share]]:
-    """Return a mapping from resources to the share of each group of alternatives.
+    """Return a mapping from each overloaded resource to the shares of the groups of alternatives.
 
-    It contains the resources that all observers together overload.
+    A resource is overloaded if all observers together need more slots than the resource has.
     """
     shares_by_resource: dict[str, dict[Group, _Share]] = {}
     for group in spec_index.groups:

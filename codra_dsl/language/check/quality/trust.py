@@ -43,9 +43,10 @@ TRUST_CHECKS = (unnoticed_preconditions,)
 
 
 def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
-    """Return a mapping from variables to the first algorithm that uses the last value, and a function for the place.
+    """Return a mapping from variables to the first algorithm that uses the last value of the variable, and the place.
 
-    The mapping contains each variable whose last value is used in a precondition or under `given`.
+    The mapping contains each variable whose last value is used in a precondition or under `given`. The place is given
+    by a function.
     """
     trusting_algorithms: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
     sites: dict[str, list[Site]] = {}

@@ -129,9 +129,9 @@ def _own_elements(spec_index: SpecIndex, elements: Iterable[_Element]) -> Iterat
 
 
 class _UsedNames:
-    """The names that elements use, and the names that templates without a use may use.
+    """The names that elements use, and the names in templates that the spec does not use.
 
-    In such a template, a parameter in a name can stand for any text.
+    In the names of such templates, a parameter can stand for any text.
     """
 
     def __init__(
