@@ -34,7 +34,7 @@ from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
 from codra_dsl.language.model import DEFAULT_PERIOD_S, Access, Spec, needed_of
 
 MAX_STEPS = 100_000
-"""The maximum number of looks that are visited to bound the variables that rivals or contended slots can delay.
+"""The maximum number of visited looks, for all variables that rivals or contended slots can delay.
 
 After this number, the bound of each further variable is the sum of all timeouts, which is never too small.
 """
@@ -43,8 +43,8 @@ MAX_PATHS = 16
 """The maximum number of paths that are kept for each look.
 
 A path meets a crowd if a look on the path is a member of the crowd. Paths are distinguished by the crowds that they
-meet. If there are more paths than this number, one path replaces all of them. It meets all their crowds, and takes as
-long as the longest of them.
+meet. If there are more paths than this number, one path replaces all of them. This path meets the crowds of all of
+them, and takes as long as the longest of them.
 """
 
 _DIGITS = 9

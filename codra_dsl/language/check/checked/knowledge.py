@@ -46,7 +46,7 @@ class CheckedAgent:
 
     Attributes:
         owns: the elements that the agent may write, in file order.
-        reads: the elements that the agent's rules and `wakes` patterns read, and the elements under its key `reads`.
+        reads: the elements that the agent's rules and `wakes` patterns read, and the elements under the key `reads`.
     """
 
     agent: Agent

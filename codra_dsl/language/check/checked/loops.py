@@ -88,7 +88,7 @@ class CheckedTree:
     """A tree.
 
     Attributes:
-        course: the adaptation that chooses the branch of the tree; empty if there is none.
+        course: the adaptation that chooses the branch of the tree; empty if no adaptation does.
         entry: the entry of the blackboard that selects the branch.
         branches: a mapping from each action to the value of this entry.
         tasks: the tasks that the leaves of the tree hand over.

@@ -1,4 +1,4 @@
-"""A spec without binding errors, which is the only input of the build plan.
+"""A checked spec, which has no binding errors and is the only input of the build plan.
 
 The conditions of the spec are typed and translated to Python expressions.
 Only `codra_dsl.language.check` makes a `CheckedSpec`.
@@ -23,8 +23,8 @@ class CheckedCondition:
         text: the condition as written, on one line. The node of the generated tree shows this text to people.
         python: the Python expression that builds the condition from `codra_dsl.runtime.values.conditions`, e.g.
             `value("markers") >= 3`.
-        variables: the names that the condition reads, sorted: context-variables in `observable_when`, returned values
-            elsewhere.
+        variables: the names that the condition reads, sorted. They are context-variables in `observable_when`, and
+            returned values elsewhere.
     """
 
     text: str
@@ -43,8 +43,8 @@ class CheckedAlgorithm:
         waits_for: the context-variables that the algorithm needs, except those in `feedback`, sorted. The variables are
             drawn as edges `requires`.
         feedback: the context-variables that the algorithm reads without waiting for them, sorted. Each of them needs,
-            directly or through others, a variable that the algorithm identifies. The algorithm can run although any
-            single one of these variables is unknown. The variables are drawn as edges `feedback`.
+            directly or through other variables, a variable that the algorithm identifies. The algorithm can run
+            although any single one of them is unknown. The variables are drawn as edges `feedback`.
     """
 
     algorithm: Algorithm
@@ -72,7 +72,7 @@ class CheckedExpectation:
     Attributes:
         text: the expectation as people read it, e.g. `door_open becomes true within 20 s`.
         python: the condition that is expected to become true, or to stay true.
-        within_s: the time within which the condition must become true; None if it is expected to stay true.
+        within_s: the time within which the condition must become true; None if the condition is expected to stay true.
     """
 
     text: str
@@ -96,8 +96,8 @@ class CheckedSpec:
         expectations: for each skill, the expectations about the variables that the skill monitors.
         poses: a mapping from the name of each variable that is computed from poses to the Python expression of its
             comparison.
-        knowledge: the checked knowledge; None if the spec declares none.
-        mape: the checked loops; None if the spec declares none.
+        knowledge: the checked knowledge; None if the spec declares no knowledge.
+        mape: the checked loops; None if the spec declares no loops.
     """
 
     spec: Spec

@@ -1,7 +1,7 @@
 """Typed conditions -> Python text that uses `codra_dsl.runtime.values.conditions`.
 
-Both sides of a comparison are written in the same unit. This is the unit of a side that is not a literal, if there is
-one. Literals are converted to this unit here, and not at run time. In Python, `&` and `|` bind more tightly than
+Both sides of a comparison are written in the same unit: the unit of a side that is not a literal, unless both sides are
+literals. Literals are converted to this unit here, and not at run time. In Python, `&` and `|` bind more tightly than
 comparisons. Parentheses are added where Python or a reader needs them.
 """
 
@@ -170,7 +170,8 @@ def _binary(
 ) -> PythonExpression:
     """Return an operation.
 
-    `precedences` are three precedences: what the left side needs, what the right side needs, and that of the operation.
+    `precedences` contains the precedence that the left side needs, the precedence that the right side needs, and the
+    precedence of the operation.
     """
     left_unit, right_unit = units if isinstance(units, tuple) else (units, units)
     first, second = _to_python(left, left_unit), _to_python(right, right_unit)

@@ -306,7 +306,7 @@ class _Inference:
         return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
 
     def _common_type(self, values: tuple[Typed, ...]) -> Type | None:
-        """Return the common type of the operands of a sum, a choice or a function; None if they do not match."""
+        """Return the common type of the operands of a sum, a choice or a function; None if their types do not match."""
         for left, right in pairwise(values):
             if not self._are_compatible(left, right):
                 return None

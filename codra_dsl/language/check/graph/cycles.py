@@ -28,7 +28,7 @@ from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition
 
 MAX_COMBINED_NAMES = 8
-"""The maximum number of unknown names in one condition. A condition with more of them is assumed to wait for each."""
+"""The maximum number of unknown names in one condition. With more names, the condition is assumed to wait for each."""
 
 MAX_WAITING_ALGORITHMS = 5
 """The maximum number of waiting algorithms in a finding about an algorithm that never runs."""
@@ -55,7 +55,7 @@ def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
 
 
 def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
-    """Return a mapping from algorithms to the variables on a cycle of needs that they read without waiting for them."""
+    """Return, for each algorithm, the variables on a cycle of needs that the algorithm reads without waiting."""
     needs = {
         name: [need for producer in producers for need in spec_index.needs[producer]]
         for name, producers in spec_index.producers.items()
@@ -79,7 +79,7 @@ def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
 
 
 def _drop_acyclic_names(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
-    """Return a graph without the names that need no name on a cycle, directly or through other names."""
+    """Return a graph with only those names that need a name on a cycle, directly or through other names."""
     open_need_counts = {name: sum(need in needs for need in needed_names) for name, needed_names in needs.items()}
     users: dict[str, list[str]] = {}
     for name, needed_names in needs.items():
@@ -102,7 +102,7 @@ CYCLE_CHECKS = (cycles,)
 
 @dataclass(frozen=True, slots=True)
 class _Requirement:
-    """What an algorithm requires to start: conditions that are judged together, or a `given` name that is known."""
+    """A requirement of an algorithm: conditions that are judged together, or a `given` name that must be known."""
 
     conditions: tuple[Node, ...]
     given: str | None = None
@@ -153,7 +153,7 @@ class _Search:
         return has_others or name not in self._spec_index.producers or not is_sound
 
     def run(self, names: Iterable[str]) -> None:
-        """Judge algorithms. Whenever a variable is found to be knowable, judge the blocked algorithms that read it."""
+        """Judge algorithms. Whenever a variable is found to be knowable, judge its blocked readers again."""
         pending_names = list(names)[::-1]
         while pending_names:
             name = pending_names.pop()

@@ -161,7 +161,7 @@ def observers_that_mix(spec_index: SpecIndex, faults: FaultyElements) -> Iterato
 
 
 def observers_that_split(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """The entry of an observer contains all variables of its tree."""
+    """The entry of an observer contains all variables of the observer's tree."""
     for setting in spec_index.spec.observers:
         groups = _groups_of_observer(spec_index, setting)
         if not _is_sound_observer(spec_index, faults, setting, groups) or any(

@@ -45,7 +45,7 @@ _NO_CORRECTIONS: IntendedNames = {}
 
 @dataclass(frozen=True)
 class Corrections:
-    """The intended names for misspelt names. The checks collect them while they run.
+    """The intended names for misspelt names. The checks collect these names while they run.
 
     Attributes:
         declarations: for each owner, the intended names for misspelt names of declarations.

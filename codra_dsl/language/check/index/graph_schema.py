@@ -35,7 +35,7 @@ from codra_dsl.language.units import UNITS
 _METRES = Type(Kind.FLOAT, UNITS["m"], range=(0.0, math.inf))
 
 STATES = frozenset(state.value for state in TaskState)
-"""The states of a task. They are the labels of the task's edge. No declared edge has a state as its name."""
+"""The states of a task, which are the labels of the task's edge. No declared edge has the name of a state."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -154,7 +154,7 @@ class DeclaredGraph:
     def edges_of_word(self, word: str) -> tuple[EdgeType, ...]:
         """Return the edges that a word in a pattern refers to.
 
-        This is the edge with this name. If there is no such edge, it is all edges with this label.
+        A word refers to the edge with this name or, if there is no such edge, to all edges with this label.
         """
         if word in self.edges:
             return (self.edges[word],)

@@ -124,7 +124,7 @@ def user_of(section: str, element: str) -> str:
 
 
 def unknown_mentions(spec_index: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
-    """For each name that a section does not declare, yield the list of its mentions, in the order of their places."""
+    """For each name that a section does not declare, yield the list of the name's mentions, in the order of places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:
         if not spec_index.declares(section, mention.name):

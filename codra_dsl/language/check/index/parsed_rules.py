@@ -1,4 +1,4 @@
-"""The parsed fuzzy rules of a spec, and the terms that they can use.
+"""The parsed fuzzy rules of a spec, and the terms that the rules can use.
 
 `check` parses the fuzzy rules, because `check` knows the variables and terms of the rules. It uses the parser of FLL.
 Each character of a rule keeps its place in the spec, so that findings of the parser point into the spec.
@@ -80,7 +80,7 @@ class ParsedRules:
         }
 
     def input_names(self, section: str, output: str) -> tuple[str, ...]:
-        """Return the variables in the rules of an output, in order."""
+        """Return the variables in the rules of an output, in the order of the rules."""
         rules = (rule.rule for rule in self.rules[section, output] if rule.rule is not None)
         return tuple(
             dict.fromkeys(proposition.variable for rule in rules for proposition in propositions(rule.antecedent))

@@ -49,7 +49,7 @@ MAIN_EXECUTION = "main_execution"
 OBSERVER = "observer"
 
 KNOWLEDGE_SECTIONS = frozenset({"types", "nodes", "edges", "tasks"})
-"""The sections inside `knowledge`. The paths of findings about them begin with `knowledge`."""
+"""The sections inside `knowledge`. The paths of findings about their elements begin with `knowledge`."""
 
 MAX_SUGGESTIONS = 25
 """The maximum number of unknown names for which a similar name is searched. Further unknown names get no suggestion."""
@@ -235,7 +235,7 @@ class SpecIndex:
 
     @cached_property
     def undeclared_names(self) -> frozenset[str]:
-        """The undeclared variables that algorithms identify or need, skills preview or monitor, or observers list."""
+        """Undeclared variables that algorithms identify or need, that skills preview or monitor, or observers list."""
         references = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
         references += [reference for algorithm in self.spec.perception for reference in algorithm.given]
         references += [reference for setting in self.spec.observers for reference in setting.identifies]
@@ -473,13 +473,13 @@ class SpecIndex:
 
 
 def watched_variables(skill: Skill) -> Iterator[str]:
-    """Yield the variables that a skill previews, then those that it monitors."""
+    """Yield the variables that a skill previews, then the variables that the skill monitors."""
     yield from (reference.name for reference in skill.preview)
     yield from (expectation.variable.name for expectation in skill.monitor)
 
 
 def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
-    """Return a mapping from names to elements. If two elements have one name, `load` reports it; the first is used."""
+    """Return a mapping from names to elements. If a name is declared twice, which `load` reports, use the first."""
     elements_by_name: dict[str, Named] = {}
     for element in elements:
         elements_by_name.setdefault(element.name, element)

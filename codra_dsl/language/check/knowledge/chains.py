@@ -203,7 +203,7 @@ class _RuleDependencies:
         return tuple(dict.fromkeys(achievers)) or None
 
     def _achievers_of_condition(self, pattern: Pattern) -> tuple[_Rule, ...] | None:
-        """Return the rules of which one must act before a condition over one value can hold; () if none is required."""
+        """Return the rules of which one must act before a condition over one value can hold; () if no rule must."""
         names = {name.name for name in names_in_pattern(pattern)}
         name = names.pop() if len(names) == 1 else ""
         element = self.declared_graph.read(name) if name else None

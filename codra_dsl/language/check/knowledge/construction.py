@@ -67,7 +67,7 @@ def python_over_knowledge(declared_graph: DeclaredGraph, python: str) -> str:
 
 
 class _NodeNameTransformer(ast.NodeTransformer):
-    """Writes the node before the name of each context-variable, and makes names that read poses runtime functions."""
+    """Adds nodes to the names of context-variables, and replaces readings of poses by calls of runtime functions."""
 
     def __init__(self, declared_graph: DeclaredGraph) -> None:
         self._declared_graph = declared_graph

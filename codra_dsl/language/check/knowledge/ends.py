@@ -116,7 +116,7 @@ def _starting_value_finding(
 
 
 def starting_value(value: StartingValue, attribute: Attribute) -> bool | int | float | str:
-    """Return an initial value, which must fit its attribute, in the unit of the attribute."""
+    """Return an initial value in the unit of its attribute. The value must fit the attribute."""
     if isinstance(value.value, bool | str):
         return value.value
     number = _number(value, attribute.type)

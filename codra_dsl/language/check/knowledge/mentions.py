@@ -142,7 +142,7 @@ def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
 
 
 def end_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
-    """Yield every name at an end of a declared edge. It is the name of a type or of a node."""
+    """Yield every name at an end of a declared edge, which is the name of a type or of a node."""
     for edge in spec_index.spec.edges:
         yield from (mention_of(origin, "edges", edge.name, "from") for origin in edge.origins)
         yield from (mention_of(target, "edges", edge.name, "to") for target in edge.targets)

@@ -38,7 +38,7 @@ def unnoticed_poses(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
 
 
 def _pose_uses(spec_index: SpecIndex) -> Iterator[tuple[str, str, Place]]:
-    """Yield, for each name in a condition that reads poses, the user, the name, and the place."""
+    """Yield the user, the name and the place of each name that reads poses in a condition."""
     for pose_condition in spec_index.spec.pose_conditions:
         section, element, _ = pose_condition.owner
         for name in names_in(pose_condition.tree):

@@ -1,7 +1,7 @@
 """Checks of loops (phases 4 and 5): adaptations that depend on values that they set or choose themselves.
 
-Such feedback is allowed, since a value may depend on itself (hysteresis). Feedback is an error only if no value would
-be stable, or if no value would ever be known.
+Such feedback is allowed, because it makes hysteresis possible. Feedback is an error only if no value would be stable,
+or if no value would ever be known.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ def _written_variable(adaptation: Adaptation) -> str:
 
 
 def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
-    """Return a mapping from variables that loops compute, set or choose to their dependencies and the first places."""
+    """Return, for each variable that loops compute, set or choose, the dependencies, each with its first place."""
     dependencies: dict[str, dict[str, Place]] = {}
     for section, output in spec_index.parsed_rules.outputs:
         name = output.name if section == "metrics" else weight_name(output.name)

@@ -137,7 +137,7 @@ _MIN_READINGS = 2
 
 
 def rate_factor(variable: Variable, base_variable: Variable) -> float | None:
-    """Return the factor that converts a change of 1 per second to the unit of the rate; None if they do not fit."""
+    """Return the factor to convert a change of 1 per second to the unit of the rate; None if the units do not fit."""
     base_unit, rate_unit = _unit(base_variable), _unit(variable)
     if base_unit is None or rate_unit is None:
         return None

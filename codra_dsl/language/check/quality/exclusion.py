@@ -119,7 +119,7 @@ class _Search:
                 self._readers.setdefault(need, []).append(name)
 
     def common_exclusions(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
-        """Return the variables that cannot be observed with any expected value of a variable, and the reasons."""
+        """Return the variables that can be observed with none of the expected values of a variable, and the reasons."""
         if name not in self._exclusions:
             conditions = (expectation.condition for expectation in expectations if expectation.condition is not None)
             facts = dict.fromkeys(condition.tree for condition in conditions if condition.tree is not None)

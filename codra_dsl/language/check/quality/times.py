@@ -215,7 +215,7 @@ def _renewal_places(renewal: Renewal) -> Iterator[Related]:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """The share of a slot's time that an algorithm needs: its timeout, divided by the validity of its evidence."""
+    """The share of a slot's time that an algorithm needs: the timeout, divided by the validity of the evidence."""
 
     algorithm: Algorithm
     valid_for_s: float
@@ -227,7 +227,7 @@ class _Share:
 
 @dataclass(frozen=True, slots=True)
 class _Demand:
-    """The shares of a resource's slots that the observers of a skill need; of all observers if `skill` is None."""
+    """The shares of a resource's slots that observers need: those of one skill, or all observers if `skill` is None."""
 
     skill: Skill | None
     shares: tuple[_Share, ...]

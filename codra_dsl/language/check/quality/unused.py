@@ -82,7 +82,7 @@ def unused_templates(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagn
 
 
 def shadowed_names(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """No parameter has the name of an element that its template can also refer to, such as `$(door)` and `door`."""
+    """No parameter has the name of an element that the template can refer to as well, as in `$(door)` and `door`."""
     names = {parameter.name for template in spec_index.spec.templates for parameter in template.parameters}
     visible_elements: dict[str, list[tuple[str, _VisibleElement]]] = {}
     for noun, element in _visible_elements(spec_index) if names else ():

@@ -146,8 +146,8 @@ class _Mentions:
     """The names, texts and comparisons in conditions.
 
     Attributes:
-        counts: how often each name, its age, and whether it is known affect the result. The keys are those of a
-            context.
+        counts: for each name, how often its value, its age, and whether it is known affect the result. The keys are
+            those of a context.
         names: the keys in `counts` that are names.
         texts: all quoted texts.
         comparisons: the two sides of each comparison.
@@ -297,7 +297,7 @@ class _Search:
         return cuts(key, ((left, right) for left, right, context_keys in self._comparisons if context_keys == own_keys))
 
     def _step(self, key: str) -> Fraction | None:
-        """Return, for an int, the number in base units of which each value is a multiple; None for other types."""
+        """Return the step between the values of an int, in base units; None for other types."""
         declared = self._types.get(key)
         step = in_base(1, declared.unit) if declared is not None and declared.kind is Kind.INT else None
         return step if isinstance(step, Fraction) else None

@@ -27,7 +27,7 @@ MAX_RELATED_PLACES = 10
 
 @dataclass(frozen=True, slots=True)
 class StatedCondition:
-    """A condition that must be true, and where it is written.
+    """A condition that must be true, and the place where the condition is written.
 
     Attributes:
         parts: the operands if the condition is an `and`; else empty.
@@ -75,7 +75,7 @@ def _needed_conditions(conditions: Sequence[StatedCondition], types: Types) -> t
 
 
 def never_true_message(core: Sequence[StatedCondition]) -> str:
-    """Return the message about conditions that exclude each other, with the last of them as the offender."""
+    """Return the message about conditions that exclude each other, with the last condition as the offender."""
     *others, last = core
     if not others:
         return f"'{last.text}' is never true"
