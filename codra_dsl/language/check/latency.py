@@ -180,8 +180,8 @@ class _WorstCases:
         looks that start a member directly or through other looks.
         """
         starters: dict[str, list[str]] = {}
-        for name, started in self._looks_started_with.items():
-            for other in started:
+        for name, started_looks in self._looks_started_with.items():
+            for other in started_looks:
                 starters.setdefault(other, []).append(name)
         crowded_looks = sorted(name for crowd in self._crowds(self._looks) for name in crowd.members)
         return frozenset(graph.closure(starters, crowded_looks))
@@ -190,17 +190,17 @@ class _WorstCases:
         """Return the paths to an observer's looks, and the crowds among the looks that run because of this observer."""
         if self._steps > MAX_STEPS:
             return {name: {frozenset({0}): 0.0} for name in observer}, [self._crowd_of_all_looks]
-        running = graph.closure(self._looks_started_with, observer)
-        self._steps += len(running)
-        crowds = self._crowds(running)
-        positions = sorted({self._position[name] for name in running})
+        running_looks = graph.closure(self._looks_started_with, observer)
+        self._steps += len(running_looks)
+        crowds = self._crowds(running_looks)
+        positions = sorted({self._position[name] for name in running_looks})
         return self._paths([self._looks_in_order[position] for position in positions], crowds), crowds
 
-    def _crowds(self, running: Iterable[str]) -> Sequence[_Crowd]:
+    def _crowds(self, running_looks: Iterable[str]) -> Sequence[_Crowd]:
         """Return the crowds among looks that run together."""
         users: dict[str, list[str]] = {}
         rivals: dict[_Names, list[str]] = {}
-        for name in running:
+        for name in running_looks:
             rivals.setdefault(self._rivals[name], []).append(name)
             for slot in self._looks[name].slots:
                 users.setdefault(slot, []).append(name)
@@ -229,15 +229,15 @@ class _WorstCases:
         This part is the time of those rivals of `last_look` that identify the variable with one run: after such a rival
         has run, the variable is known from the rival's result.
         """
-        rivals = [
+        rival_timeouts_s = [
             self._looks[name].timeout_s
             for name in self._rivals[last_look]
             if name != last_look
             and variable in self._looks[name].identifies
             and self._looks[name].needed_run_count == 1
         ]
-        crowds_of_last = (crowd for crowd in (crowds if rivals else ()) if last_look in crowd.members)
-        return sum(sum(rivals) / crowd.capacity for crowd in crowds_of_last)
+        crowds_of_last = (crowd for crowd in (crowds if rival_timeouts_s else ()) if last_look in crowd.members)
+        return sum(sum(rival_timeouts_s) / crowd.capacity for crowd in crowds_of_last)
 
     def _paths(self, parts: Iterable[_Names], crowds: Sequence[_Crowd]) -> dict[str, _Paths]:
         """Return a mapping from each look to the paths that end with this look.
@@ -272,11 +272,11 @@ def _longest_path_s(paths: _Paths, crowds: Sequence[_Crowd]) -> float:
 
 
 def _merge_paths(path_tables: Iterable[_Paths]) -> _Paths:
-    merged: _Paths = {}
+    merged_paths: _Paths = {}
     for paths in path_tables:
         for met_crowds, spent_s in paths.items():
-            merged[met_crowds] = max(spent_s, merged.get(met_crowds, 0.0))
-    return merged
+            merged_paths[met_crowds] = max(spent_s, merged_paths.get(met_crowds, 0.0))
+    return merged_paths
 
 
 def _reduce_paths(paths: _Paths) -> _Paths:

@@ -185,11 +185,13 @@ def _checked_algorithm(spec_index: SpecIndex, algorithm: Algorithm, feedback_nam
     )
 
 
-def _checked_condition(spec_index: SpecIndex, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
+def _checked_condition(
+    spec_index: SpecIndex, condition: Condition, wanted_type: Type | None = None
+) -> CheckedCondition:
     judgement = spec_index.judgements[id(condition)]
     return CheckedCondition(
         text=condition.text,
-        python=spec_index.python(condition, wanted),
+        python=spec_index.python(condition, wanted_type),
         variables=_sorted_names(judgement.site.names),
         place=condition.place,
     )

@@ -85,7 +85,7 @@ CONDITIONS: Trees = st.recursive(atoms(), composite_conditions, max_leaves=5)
 
 
 def term(condition: Node) -> Term:
-    typed, problems = infer_condition(condition, TYPES, known=True)
+    typed, problems = infer_condition(condition, TYPES, reads_context=True)
     assert problems == ()
     built_term = eval(to_python(typed), vars(logic).copy())
     assert isinstance(built_term, Term)

@@ -39,7 +39,7 @@ def build_term(python: str) -> logic.Term:
 def lower_text(text: str, types: dict[str, Type] | None = None) -> str:
     tree = parse(text)
     assert isinstance(tree, Node), tree
-    typed, problems = infer_condition(tree, TYPES if types is None else types, known=True)
+    typed, problems = infer_condition(tree, TYPES if types is None else types, reads_context=True)
     assert problems == ()
     return to_python(typed)
 
@@ -47,7 +47,7 @@ def lower_text(text: str, types: dict[str, Type] | None = None) -> str:
 @settings(max_examples=400)
 @given(CONDITIONS, worlds())
 def test_lowered_conditions_have_the_meaning_of_the_language(tree: Node, world: World) -> None:
-    typed, problems = infer_condition(tree, TYPES, known=True)
+    typed, problems = infer_condition(tree, TYPES, reads_context=True)
     assert problems == ()
     try:
         expected = meaning(tree, world)
@@ -58,7 +58,7 @@ def test_lowered_conditions_have_the_meaning_of_the_language(tree: Node, world: 
 
 @given(quantities("length"), st.sampled_from(["m", "cm", "mm", "km"]), worlds())
 def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: World) -> None:
-    typed, problems = infer(tree, TYPES, known=True)
+    typed, problems = infer(tree, TYPES, reads_context=True)
     assert problems == ()
     try:
         expected = meaning(tree, world)
@@ -76,7 +76,7 @@ def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: 
 
 @given(CONDITIONS)
 def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
-    typed, _ = infer_condition(tree, TYPES, known=True)
+    typed, _ = infer_condition(tree, TYPES, reads_context=True)
     term = build_term(to_python(typed))
     assert term.variables() == {name.name for name in names_in(tree)}
 
@@ -85,8 +85,8 @@ def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
 def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
     reparsed_tree = parse(to_text(tree))
     if isinstance(reparsed_tree, Node):
-        assert to_python(infer_condition(reparsed_tree, TYPES, known=True)[0]) == to_python(
-            infer_condition(tree, TYPES, known=True)[0]
+        assert to_python(infer_condition(reparsed_tree, TYPES, reads_context=True)[0]) == to_python(
+            infer_condition(tree, TYPES, reads_context=True)[0]
         )
 
 
@@ -165,7 +165,7 @@ def test_a_duration_age_is_compared_with_flips_at_run_time() -> None:
 def test_numbers_without_a_unit_are_left_as_they_are_written() -> None:
     tree = parse("0.1")
     assert isinstance(tree, Node)
-    typed, _ = infer(tree, {}, known=False)
+    typed, _ = infer(tree, {}, reads_context=False)
     assert to_python(typed, ONE) == "literal(0.1)"
     assert typed.type is not None
     assert typed.type.kind is Kind.FLOAT

@@ -81,7 +81,7 @@ def tree(text: str) -> Node:
 def term(text: str) -> Term:
     """Return a condition as it runs on a robot."""
     types = {name: declared_type(value_type) for name, value_type in TYPES.items()}
-    typed, problems = infer_condition(tree(text), types, known=True)
+    typed, problems = infer_condition(tree(text), types, reads_context=True)
     assert not problems, text
     words: dict[str, Any] = {name: getattr(conditions, name) for name in dir(conditions) if not name.startswith("_")}
     condition = eval(to_python(typed), {"__builtins__": {"abs": abs}}, words)

@@ -93,12 +93,16 @@ class Judgement:
     typed: Typed
     problems: tuple[Problem, ...]
 
-    def python(self, wanted: Type | None) -> str:
+    def python(self, wanted_type: Type | None) -> str:
         """Return the condition as Python text.
 
-        `wanted` is the type of the variable that gets the value. If this type is numeric, the value is in its unit.
+        `wanted_type` is the type of the variable that gets the value. If it is numeric, the value is in its unit.
         """
-        return to_python(self.typed, wanted.unit) if wanted is not None and wanted.numeric else to_python(self.typed)
+        return (
+            to_python(self.typed, wanted_type.unit)
+            if wanted_type is not None and wanted_type.is_number
+            else to_python(self.typed)
+        )
 
 
 def sites(spec: Spec) -> Iterator[Site]:
@@ -203,22 +207,22 @@ def parts_of(entry: Identification) -> tuple[Condition, ...]:
     return (entry.by,)
 
 
-def judge(site: Site, tree: Node, readable_types: Types, wanted: Type | None) -> Judgement:
+def judge(site: Site, tree: Node, readable_types: Types, wanted_type: Type | None) -> Judgement:
     """Return the types of a condition, and the problems in it.
 
     Args:
         site: the condition.
         tree: the syntax tree of the condition.
         readable_types: the types of the names that the condition can read.
-        wanted: the type of the context-variable that gets the value of the condition, if there is one.
+        wanted_type: the type of the context-variable that gets the value of the condition, if there is one.
     """
     if isinstance(tree, Name) and site.result is Result.TRUTH:  # most preconditions are a single name
         declared = readable_types.get(tree.name)
         if declared is None or declared.kind is Kind.BOOL:
             return Judgement(site, Typed(tree, declared), ())
-    known = site.role in CONTEXT_ROLES
+    reads_context = site.role in CONTEXT_ROLES
     if site.result is Result.TRUTH:
-        return Judgement(site, *infer_condition(tree, readable_types, known=known))
-    typed, problems = infer(tree, readable_types, known=known)
-    misfits = () if problems or wanted is None else tuple(fit(typed, wanted, site.variable or ""))
+        return Judgement(site, *infer_condition(tree, readable_types, reads_context=reads_context))
+    typed, problems = infer(tree, readable_types, reads_context=reads_context)
+    misfits = () if problems or wanted_type is None else tuple(fit(typed, wanted_type, site.variable or ""))
     return Judgement(site, typed, problems + misfits)

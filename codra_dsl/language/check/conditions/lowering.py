@@ -95,7 +95,7 @@ def _name(typed: Typed, unit: Unit) -> PythonExpression:
 def _number(typed: Typed, unit: Unit) -> PythonExpression:
     assert isinstance(typed.node, Number)
     value, own_unit = typed.node.value, _unit(typed)
-    is_zero = typed.type is not None and typed.type.zero
+    is_zero = typed.type is not None and typed.type.is_zero
     return PythonExpression(
         repr(value if is_zero or own_unit is unit or own_unit == unit else convert(value, own_unit, unit)),
         constant=True,
@@ -157,8 +157,8 @@ def _common_unit(left: Typed, right: Typed) -> Unit:
     """
     if is_age(left.node) or is_age(right.node):
         return UNITS["s"]
-    types = [type_ for type_ in (left.type, right.type) if type_ is not None and type_.numeric and not type_.zero]
-    return next((type_.unit for type_ in types if not type_.fixed), types[0].unit if types else ONE)
+    types = [type_ for type_ in (left.type, right.type) if type_ is not None and type_.is_number and not type_.is_zero]
+    return next((type_.unit for type_ in types if not type_.is_literal), types[0].unit if types else ONE)
 
 
 def _binary(

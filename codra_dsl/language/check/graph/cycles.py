@@ -22,7 +22,7 @@ from codra_dsl.language.check.solver.contradictions import (
     related_places,
     state_condition,
 )
-from codra_dsl.language.check.solver.satisfiable import can_hold, known
+from codra_dsl.language.check.solver.satisfiable import can_hold, known_call
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition
@@ -242,7 +242,7 @@ def _hold(spec_index: SpecIndex, requirements: Sequence[_Requirement], unknown_n
     conditions = [condition for requirement in requirements for condition in requirement.conditions]
     read_names = {name for requirement in requirements if requirement.given is None for name in requirement.names}
     conditions += [
-        known(requirement.given)
+        known_call(requirement.given)
         for requirement in requirements
         if requirement.given is not None and requirement.given in read_names
     ]
@@ -257,11 +257,11 @@ def _runs_without(spec_index: SpecIndex, algorithm: Algorithm, name: str) -> boo
     return _hold(spec_index, tuple(_requirements(spec_index, algorithm)), frozenset({name}))
 
 
-def _innermost_components(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+def _innermost_components(awaited_names: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
     """Yield the sets of variables that wait for each other and for no other variable."""
-    for component in graph.strong_components(waits):
+    for component in graph.strong_components(awaited_names):
         members = frozenset(component)
-        if all(members.issuperset(waits[name]) for name in component):
+        if all(members.issuperset(awaited_names[name]) for name in component):
             yield component
 
 
@@ -307,7 +307,7 @@ def _never_runs_finding(spec_index: SpecIndex, search: _Search, name: str) -> Di
     algorithm = spec_index.algorithms[name]
     conditions = [state_condition(condition, tree) for condition, tree in _sound_conditions(spec_index, algorithm)]
     given_conditions = [
-        StatedCondition(known(reference.name), f"given: {reference.name}", reference.place)
+        StatedCondition(known_call(reference.name), f"given: {reference.name}", reference.place)
         for reference in algorithm.given
     ]
     core = contradiction((*given_conditions, *conditions), spec_index.context_types)

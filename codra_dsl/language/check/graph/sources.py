@@ -46,7 +46,7 @@ def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Ite
         yield finding("unidentified-variable", message, place, path=f"context.{name}", help=help)
 
 
-def observer_is_no_source(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def variables_without_observer_source(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A variable that an algorithm identifies has `observer` among its sources."""
     for name, producers in spec_index.producers.items():
         variable = spec_index.variables.get(name)
@@ -70,7 +70,7 @@ def observer_is_no_source(spec_index: SpecIndex, faults: FaultyElements) -> Iter
             )
 
 
-def same_rank(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def same_ranks(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Alternatives have different ranks, which define the order in which they are tried."""
     for group in spec_index.groups:
         for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
@@ -86,7 +86,7 @@ def same_rank(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
                 yield _same_rank_finding(group, tied_algorithms, rank)
 
 
-def incomplete_first_alternative(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def incomplete_first_alternatives(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The first of several alternatives identifies every variable of their tree."""
     for group in spec_index.groups:
         is_sound = _are_all_declared(spec_index, group) and _are_readable(
@@ -150,7 +150,7 @@ def variables_in_two_observers(spec_index: SpecIndex, _: FaultyElements) -> Iter
                 )
 
 
-def observers_that_mix(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def observers_mixing_trees(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """An observer joins trees of different algorithms only if the algorithms have the same set of preconditions."""
     for setting in spec_index.spec.observers:
         groups = _groups_of_observer(spec_index, setting)
@@ -160,7 +160,7 @@ def observers_that_mix(spec_index: SpecIndex, faults: FaultyElements) -> Iterato
             yield _mixed_trees_finding(setting, groups[0], incompatible_group)
 
 
-def observers_that_split(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def observers_splitting_trees(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The entry of an observer contains all variables of the observer's tree."""
     for setting in spec_index.spec.observers:
         groups = _groups_of_observer(spec_index, setting)
@@ -204,13 +204,13 @@ def observer_names_taken(spec_index: SpecIndex, _: FaultyElements) -> Iterator[D
 
 SOURCE_CHECKS = (
     unidentified_variables,
-    observer_is_no_source,
-    same_rank,
-    incomplete_first_alternative,
+    variables_without_observer_source,
+    same_ranks,
+    incomplete_first_alternatives,
     observers_without_algorithm,
     variables_in_two_observers,
-    observers_that_mix,
-    observers_that_split,
+    observers_mixing_trees,
+    observers_splitting_trees,
     observer_names_taken,
 )
 """The rules of this phase."""

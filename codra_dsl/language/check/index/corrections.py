@@ -154,8 +154,8 @@ class _Corrector:
                 by, cases=tuple((member, _condition(condition, returned_corrections)) for member, condition in by.cases)
             )
         elif isinstance(by, Hysteresis):
-            leave = None if by.leave is None else _condition(by.leave, returned_corrections)
-            by = replace(by, enter=_condition(by.enter, returned_corrections), leave=leave)
+            leave_condition = None if by.leave is None else _condition(by.leave, returned_corrections)
+            by = replace(by, enter=_condition(by.enter, returned_corrections), leave=leave_condition)
         else:
             by = _condition(by, returned_corrections)
         return Identification(variable=_reference(entry.variable, self._variable_names), by=by)

@@ -73,7 +73,7 @@ def split_courses(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
             yield finding("two-loops", message, does.within.place, path=path, help=help)
 
 
-_READERS = {
+_READING_KEYS = {
     "metrics": ("rules",),
     "actions": ("rules",),
     "adaptation": ("choose", "always", "value"),
@@ -83,7 +83,7 @@ _READERS = {
 
 def unread_outputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric is read, and every action can be chosen."""
-    if any(spec_index.has_damage(section, *keys) for section, keys in _READERS.items()):
+    if any(spec_index.has_damage(section, *keys) for section, keys in _READING_KEYS.items()):
         return
     read_names = {name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.input_names(*key)}
     read_names |= {mention.name for mention in references(spec_index)}

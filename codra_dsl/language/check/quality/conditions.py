@@ -36,15 +36,15 @@ def never_holding_conditions(spec_index: SpecIndex, faults: FaultyElements) -> I
 def _never_holding_findings(
     spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm
 ) -> Iterator[Diagnostic]:
-    accepted = tuple(_sound_conditions(spec_index, algorithm.accept_when))
+    accepted_conditions = tuple(_sound_conditions(spec_index, algorithm.accept_when))
     types = spec_index.returned_types[algorithm.name]
-    core = contradiction(accepted, types)
+    core = contradiction(accepted_conditions, types)
     if core:
         yield _never_holds_finding(algorithm, "accept_when", "rejects every result", core, types)
         return
     for entry in algorithm.identifies:
         if faults.is_sound("context", entry.variable.name) and entry.variable.name in spec_index.variables:
-            yield from _never_identified_findings(spec_index, algorithm, entry, accepted)
+            yield from _never_identified_findings(spec_index, algorithm, entry, accepted_conditions)
 
 
 def always_holding_conditions(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -154,7 +154,7 @@ def _always_holds_finding(
 
 
 def _never_identified_findings(
-    spec_index: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[StatedCondition, ...]
+    spec_index: SpecIndex, algorithm: Algorithm, entry: Identification, accepted_conditions: tuple[StatedCondition, ...]
 ) -> Iterator[Diagnostic]:
     """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
     types = spec_index.returned_types[algorithm.name]
@@ -164,7 +164,7 @@ def _never_identified_findings(
         for stated_condition in _sound_conditions(spec_index, [condition]):
             if isinstance(stated_condition.tree, Truth) and not stated_condition.tree.value:
                 continue
-            core = contradiction((*accepted, stated_condition), types)
+            core = contradiction((*accepted_conditions, stated_condition), types)
             if core:
                 name = entry.variable.name
                 yield _never_holds_finding(
@@ -179,7 +179,7 @@ def _never_identified_findings(
             negated_conditions = [
                 StatedCondition(_negation(other), other.text, other.place) for _, other in earlier_conditions.values()
             ]
-            blocking_core = contradiction((*accepted, *negated_conditions, stated_condition), types)
+            blocking_core = contradiction((*accepted_conditions, *negated_conditions, stated_condition), types)
             blocking_values = [
                 name
                 for name, negated_condition in zip(earlier_conditions, negated_conditions, strict=True)

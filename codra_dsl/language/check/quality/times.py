@@ -65,7 +65,7 @@ class Renewal:
         return round((needed_result_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
 
 
-def stale_before_renewed(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def stale_evidence(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Evidence is valid until newer evidence can arrive, and until then also fulfils conditions on its age."""
     if spec_index.has_damage("observers", "identifies", "period") or spec_index.has_damage("perception", "identifies"):
         return
@@ -109,7 +109,7 @@ def oversubscribed_slots(spec_index: SpecIndex, faults: FaultyElements) -> Itera
     yield from (_oversubscribed_finding(spec_index.resources[name], demand) for name, demand in demands.items())
 
 
-def ineffective_on_event(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def ineffective_on_event_settings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No algorithm identifies both variables with `refresh: on_event` and periodic variables."""
     for algorithm in spec_index.algorithms.values():
         variables = [
@@ -131,7 +131,7 @@ def ineffective_on_event(spec_index: SpecIndex, faults: FaultyElements) -> Itera
                 )
 
 
-TIMING_CHECKS = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
+TIMING_CHECKS = (stale_evidence, oversubscribed_slots, ineffective_on_event_settings)
 """The checks of this module."""
 
 

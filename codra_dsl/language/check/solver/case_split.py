@@ -44,16 +44,18 @@ _FALSE: Values = frozenset({False})
 _ZERO: Values = frozenset({point(Fraction(0))})
 
 
-def may_have_case(required: Sequence[Node], claim: Node | None, values: Mapping[str, Values], types: Types) -> bool:
+def may_have_case(
+    required_conditions: Sequence[Node], claim: Node | None, values: Mapping[str, Values], types: Types
+) -> bool:
     """Return whether there may be a case in which all required conditions hold and the claim, if any, does not.
 
     Args:
-        required: the required conditions. Groups that share no name are searched separately.
+        required_conditions: the required conditions. Groups that share no name are searched separately.
         claim: a further condition.
         values: a mapping from each name to its possible values. The values contain None if the name can be unknown.
         types: the type of each name.
     """
-    required_conjuncts = conjuncts(required)
+    required_conjuncts = conjuncts(required_conditions)
     context = Context(values)
     if any(True not in possible_values(condition, context) for condition in required_conjuncts):
         return False
@@ -110,9 +112,9 @@ class _Group:
         return self.required if self.claim is None else (*self.required, self.claim)
 
 
-def _groups(required: Sequence[Node], claim: Node | None) -> Iterable[_Group]:
+def _groups(required_conditions: Sequence[Node], claim: Node | None) -> Iterable[_Group]:
     """Return the conditions in groups. Conditions in different groups have no name in common."""
-    group = _Group(tuple(required), claim)
+    group = _Group(tuple(required_conditions), claim)
     if len(group.conditions) == 1:
         return (group,)
     leaders = list(range(len(group.conditions)))
@@ -127,8 +129,8 @@ def _groups(required: Sequence[Node], claim: Node | None) -> Iterable[_Group]:
         indices_by_leader[_leader(leaders, index)].append(index)
     return tuple(
         _Group(
-            tuple(required[index] for index in indices if index < len(required)),
-            claim if indices[-1] == len(required) else None,
+            tuple(required_conditions[index] for index in indices if index < len(required_conditions)),
+            claim if indices[-1] == len(required_conditions) else None,
         )
         for indices in indices_by_leader.values()
     )
@@ -280,15 +282,15 @@ class _Search:
         left, right, own_pair = self._sides[key]
         limits = [other_pair.limit for other_pair in self._pairs.values() if other_pair.key == key]
         differences: list[Interval] = []
-        unknown: list[Values] = []
+        unknown_sets: list[Values] = []
         for one, other in product(possible_values(left, context), possible_values(right, context)):
             if isinstance(one, Interval) and isinstance(other, Interval):
-                scaled = quotient(total(one, negative(other)), point(own_pair.factor))
-                differences.append(total(scaled, point(own_pair.limit)))
+                scaled_difference = quotient(total(one, negative(other)), point(own_pair.factor))
+                differences.append(total(scaled_difference, point(own_pair.limit)))
             else:
-                unknown = [UNKNOWN]
+                unknown_sets = [UNKNOWN]
         return (
-            *unknown,
+            *unknown_sets,
             *(frozenset({part}) for part in (pieces(hull(differences), limits, None) if differences else ())),
         )
 

@@ -51,8 +51,8 @@ def in_base(value: float, unit: Unit) -> Number:
     """Return a value in base units, computed exactly from its decimal text."""
     if isinstance(value, float) and not math.isfinite(value):
         return value
-    exact = Fraction(value if isinstance(value, int) else repr(value)) * unit.factor
-    return exact * _RADIANS_PER_DEGREE**unit.degrees if unit.degrees else exact
+    exact_value = Fraction(value if isinstance(value, int) else repr(value)) * unit.factor
+    return exact_value * _RADIANS_PER_DEGREE**unit.degrees if unit.degrees else exact_value
 
 
 def hull(intervals: Iterable[Interval]) -> Interval:
@@ -90,7 +90,7 @@ def product(one: Interval, other: Interval) -> Interval:
         return _scaled(one, other.low)
     if one.is_point:
         return _scaled(other, one.low)
-    ends = [_times(mine, theirs) for mine in (one.low, one.high) for theirs in (other.low, other.high)]
+    ends = [_times(end, other_end) for end in (one.low, one.high) for other_end in (other.low, other.high)]
     return Interval(min(ends), max(ends))
 
 
@@ -107,8 +107,8 @@ def magnitude(one: Interval) -> Interval:
         return one
     if one.high <= 0:
         return negative(one)
-    mirrored = negative(one)
-    high, high_closed = max((interval.high, not interval.high_open) for interval in (one, mirrored))
+    negated_interval = negative(one)
+    high, high_closed = max((interval.high, not interval.high_open) for interval in (one, negated_interval))
     return Interval(Fraction(0), high, high_open=not high_closed)
 
 
@@ -168,8 +168,12 @@ def _multiples(one: Interval, step: Fraction) -> Interval:
 def _scaled(one: Interval, factor: Number) -> Interval:
     if factor == 0:
         return point(Fraction(0))
-    scaled = Interval(_times(one.low, factor), _times(one.high, factor), one.low_open, one.high_open)
-    return scaled if factor > 0 else Interval(scaled.high, scaled.low, scaled.high_open, scaled.low_open)
+    scaled_interval = Interval(_times(one.low, factor), _times(one.high, factor), one.low_open, one.high_open)
+    return (
+        scaled_interval
+        if factor > 0
+        else Interval(scaled_interval.high, scaled_interval.low, scaled_interval.high_open, scaled_interval.low_open)
+    )
 
 
 def _add(one: Number, other: Number) -> Number:

@@ -88,9 +88,13 @@ def _sum(node: Node) -> _Sum:
         case Arithmetic(operator=operator, left=left, right=right):
             return _calculate(operator, _sum(left), _sum(right))
         case Call(function="abs", arguments=(operand,)):
-            inner = _sum(operand)
-            positive = inner.times(Fraction(-1)) if inner.first_factor < 0 else inner
-            return _single_summand(f"abs{positive.text()}") if inner.factors_by_key else _Sum({}, abs(inner.constant))
+            inner_sum = _sum(operand)
+            positive_sum = inner_sum.times(Fraction(-1)) if inner_sum.first_factor < 0 else inner_sum
+            return (
+                _single_summand(f"abs{positive_sum.text()}")
+                if inner_sum.factors_by_key
+                else _Sum({}, abs(inner_sum.constant))
+            )
         case Call(function="min" | "max" as function, arguments=arguments):
             keys = sorted({_sum(argument).text() for argument in arguments})
             return _single_summand(f"{function}({', '.join(keys)})") if len(keys) > 1 else _sum(arguments[0])

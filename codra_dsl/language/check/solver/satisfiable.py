@@ -22,42 +22,42 @@ _ANY_AGE: Values = frozenset({Interval(-math.inf, math.inf)})
 _NO_VALUES: Values = frozenset()
 
 
-def can_hold(conditions: Sequence[Node], unknown: Iterable[str], types: Types) -> bool:
+def can_hold(conditions: Sequence[Node], unknown_names: Iterable[str], types: Types) -> bool:
     """Return whether conditions can be true together. If this cannot be decided, return True.
 
     Args:
         conditions: the conditions that must be true.
-        unknown: names that are certainly unknown. Every other name can be unknown, or have any value of its type.
+        unknown_names: names that are certainly unknown. Every other name can be unknown, or have any value of its type.
         types: the type of each name.
     """
-    unknown_names = frozenset(unknown)
+    unknown_name_set = frozenset(unknown_names)
     if all(type(condition) is Name for condition in conditions):  # most preconditions are a single name
-        return not any(condition.name in unknown_names for condition in conditions if isinstance(condition, Name))
+        return not any(condition.name in unknown_name_set for condition in conditions if isinstance(condition, Name))
     names = names_of(conditions)
-    values = {name: UNKNOWN if name in unknown_names else known_values(types.get(name)) | UNKNOWN for name in names}
+    values = {name: UNKNOWN if name in unknown_name_set else known_values(types.get(name)) | UNKNOWN for name in names}
     values |= _ages(names, types)
     return may_have_case(conditions, None, values, types)
 
 
-def known(name: str) -> Node:
+def known_call(name: str) -> Node:
     """Return the condition that a name is known."""
     return Call(start=0, end=0, function="known", arguments=(Name(start=0, end=0, name=name),))
 
 
-def implies(stronger: Sequence[Node], weaker: Sequence[Node], types: Types) -> bool:
+def implies(stronger_conditions: Sequence[Node], weaker_conditions: Sequence[Node], types: Types) -> bool:
     """Return whether the weaker conditions are true in all cases in which the stronger conditions are true.
 
     In a case, each name is unknown or has a value.
 
     Args:
-        stronger: the conditions that are all true.
-        weaker: the conditions that must all follow from the stronger conditions.
+        stronger_conditions: the conditions that are all true.
+        weaker_conditions: the conditions that must all follow from the stronger conditions.
         types: the type of each name in the conditions, from `declared_type`. A name without a type can have any value.
     """
-    claims = conjuncts(weaker)
-    names = names_of((*stronger, *claims))
+    claims = conjuncts(weaker_conditions)
+    names = names_of((*stronger_conditions, *claims))
     values = {name: known_values(types.get(name)) | UNKNOWN for name in names} | _ages(names, types)
-    return not any(may_have_case(stronger, part, values, types) for part in claims)
+    return not any(may_have_case(stronger_conditions, part, values, types) for part in claims)
 
 
 def always_holds(condition: Node, types: Types, *, optional_names: Iterable[str] = ()) -> bool:

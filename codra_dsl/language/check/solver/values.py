@@ -107,7 +107,7 @@ def known_key(name: str) -> str:
 
 def possible_values(node: Node, context: Context) -> Values:
     """Return the possible values of a part of a condition."""
-    return _READERS[type(node)](node, context)
+    return _EVALUATORS[type(node)](node, context)
 
 
 def own_comparisons(node: Node) -> Iterator[tuple[str, Node, Node]]:
@@ -368,7 +368,7 @@ def _agreement(one: Value, other: Value) -> Values:
     return frozenset({one, other, None})
 
 
-_READERS: Mapping[type[Node], Callable[[Node, Context], Values]] = {
+_EVALUATORS: Mapping[type[Node], Callable[[Node, Context], Values]] = {
     Name: _name,
     Number: _number,
     Text: _literal,
