@@ -198,7 +198,7 @@ class DeclaredGraph:
         frames, other_frames = self.climb(one)[0], self.climb(other)[0]
         return any(self.may_be_same_node(frame, other_frame) for frame in frames for other_frame in other_frames)
 
-    def between(self, one: str, other: str) -> tuple[str, ...]:
+    def pose_edges_between(self, one: str, other: str) -> tuple[str, ...]:
         """Return the edges that may contribute to the relative pose of two nodes, in file order.
 
         If a frame contains both nodes in every case, the edges above this frame are left out, since they move both
@@ -253,7 +253,7 @@ class DeclaredGraph:
             attributes[RESULT] = (KnowledgeElement("tasks", node), ValueType(kind=Kind.ENUM, values=results))
         return attributes
 
-    def read(self, name: str) -> KnowledgeElement | None:
+    def element_read_by(self, name: str) -> KnowledgeElement | None:
         """Return the element that a name in a condition reads; None if the name is unknown, or reads poses."""
         function, first, second = reads_of(name)
         if function:
@@ -267,13 +267,13 @@ class DeclaredGraph:
     def _type_by_name(self) -> dict[str, Type | None]:
         return {}
 
-    def read_type(self, name: str) -> Type | None:
+    def name_type(self, name: str) -> Type | None:
         """Return the type of a name in a condition; None if the name is unknown."""
         if name not in self._type_by_name:
-            self._type_by_name[name] = self._read_type(name)
+            self._type_by_name[name] = self._find_name_type(name)
         return self._type_by_name[name]
 
-    def _read_type(self, name: str) -> Type | None:
+    def _find_name_type(self, name: str) -> Type | None:
         function, first, second = reads_of(name)
         if function:
             return _METRES if function == "distance" else BOOL

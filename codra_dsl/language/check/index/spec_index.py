@@ -274,7 +274,7 @@ class SpecIndex:
         """Return the kind of an element with this name outside the section `wanted`; None if there is none."""
         return next((NOUNS[section] for section in NOUNS if section != wanted and self.declares(section, name)), None)
 
-    def nearest(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
+    def nearest_name(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
         """Return the most likely candidate for an unknown name. `kind` identifies the candidates in the cache."""
         if (name, kind) not in self._near_names:
             is_limit_reached = len(self._near_names) >= MAX_SUGGESTIONS
@@ -285,7 +285,7 @@ class SpecIndex:
     def context_types(self) -> Types:
         """The type of each context-variable, and of each name in a pose condition; None if the declaration is wrong."""
         trees = (condition.tree for condition in self.spec.pose_conditions)
-        pose_types = {name.name: self.declared_graph.read_type(name.name) for tree in trees for name in names_in(tree)}
+        pose_types = {name.name: self.declared_graph.name_type(name.name) for tree in trees for name in names_in(tree)}
         damaged_types = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return (
             damaged_types
@@ -332,7 +332,7 @@ class SpecIndex:
         return {name: tuple(dict.fromkeys(names)) for name, names in names_by_algorithm.items()}
 
     @cached_property
-    def trees(self) -> Mapping[str, tuple[str, ...]]:
+    def tree_variables(self) -> Mapping[str, tuple[str, ...]]:
         """For each variable with algorithms, all variables that its tree identifies or needs."""
         names_in_force: dict[str, tuple[str, ...]] = {}
         for group in self.groups:
@@ -364,13 +364,13 @@ class SpecIndex:
     def waking_variables(self) -> frozenset[str]:
         """The variables in the `wakes` patterns of agents."""
         names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
-        elements = (self.declared_graph.read(name) for name in names)
+        elements = (self.declared_graph.element_read_by(name) for name in names)
         return frozenset(element.name for element in elements if element is not None and element.section == "context")
 
     @cached_property
     def variables_in_force(self) -> frozenset[str]:
         """The variables in force when all decisions are declared. Read this only after all names are checked."""
-        return frozenset(graph.closure(self.trees, (*self.decisions, *sorted(self.suggested_variables))))
+        return frozenset(graph.closure(self.tree_variables, (*self.decisions, *sorted(self.suggested_variables))))
 
     @cached_property
     def mentioned_words(self) -> frozenset[str]:
@@ -455,8 +455,8 @@ class SpecIndex:
         if site.role is Role.OBSERVABLE_WHEN or site.role in LOOP_ROLES:
             readable_types = self.context_types
         elif site.role in KNOWLEDGE_ROLES:
-            context_types, read_type = self.context_types, self.declared_graph.read_type
-            readable_types = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
+            context_types, name_type = self.context_types, self.declared_graph.name_type
+            readable_types = {name.name: context_types.get(name.name, name_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:
             readable_types = {site.variable: wanted}
         else:

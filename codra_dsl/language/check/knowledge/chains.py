@@ -206,12 +206,12 @@ class _RuleDependencies:
         """Return the rules of which one must act before a condition over one value can hold; () if no rule must."""
         names = {name.name for name in names_in_pattern(pattern)}
         name = names.pop() if len(names) == 1 else ""
-        element = self.declared_graph.read(name) if name else None
+        element = self.declared_graph.element_read_by(name) if name else None
         if element is None or any(
             value.name == element.attribute for node in self.declared_graph.spec.nodes for value in node.values
         ):
             return ()
-        types = {name: self.declared_graph.read_type(name)}
+        types = {name: self.declared_graph.name_type(name)}
         if not can_hold([pattern.tree], (), types):  # another check reports this contradiction
             return ()
         if element.section == "context" and not self.declared_graph.writers(
@@ -241,7 +241,7 @@ class _RuleDependencies:
             for edge in self.declared_graph.edges_between(step.origin, step.link.edge, step.target):
                 names += [writer.name for writer in self.declared_graph.writers(KnowledgeElement("edges", edge.name))]
         for name in names_in_pattern(pattern):
-            element = self.declared_graph.read(name.name)
+            element = self.declared_graph.element_read_by(name.name)
             names += [writer.name for writer in self.declared_graph.writers(element)] if element is not None else ()
         return dict.fromkeys(names)
 

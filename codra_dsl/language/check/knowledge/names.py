@@ -75,7 +75,7 @@ def unknown_types(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         for mention in undeclared_mentions
         if mention.name not in known_names and mention.name not in reported_names
     ):
-        nearest_name = spec_index.nearest(name_mentions[0].name, "types", known_names)
+        nearest_name = spec_index.nearest_name(name_mentions[0].name, "types", known_names)
         help = (
             f"'{name_mentions[0].name}' is a node: remove 'some'"
             if name_mentions[0].name in spec_index.declared_graph.node_names
@@ -98,7 +98,7 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     )
     for name_mentions in _group_by_name(undeclared_mentions):
         name = name_mentions[0].name
-        nearest_name = spec_index.nearest(name, "nodes", known_names)
+        nearest_name = spec_index.nearest_name(name, "nodes", known_names)
         is_type = name in declared_graph.type_names
         help = _type_name_help(name_mentions[0], name) if is_type else ""
         yield _unknown_name_finding(
@@ -115,7 +115,7 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         if mention.name not in end_names and not _may_be_unreadable(spec_index, mention.name)
     )
     for name_mentions in _group_by_name(undeclared_end_mentions):
-        nearest_name = spec_index.nearest(name_mentions[0].name, "nodes and types", end_names)
+        nearest_name = spec_index.nearest_name(name_mentions[0].name, "nodes and types", end_names)
         help = f"declare '{name_mentions[0].name}' under 'types' or 'nodes' of 'knowledge'"
         yield _unknown_name_finding(
             spec_index, "unknown-node", "node or type", _UnknownName(name_mentions, nearest_name, end_names), help=help
@@ -134,7 +134,7 @@ def unknown_edges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     for name_mentions in _group_by_name(undeclared_mentions):
         name = name_mentions[0].name
         state = _STATE_SYNONYMS.get(name) if spec_index.spec.tasks else None
-        nearest_name = state or spec_index.nearest(name, "edges", known_words - {RT})
+        nearest_name = state or spec_index.nearest_name(name, "edges", known_words - {RT})
         help = "declare the task under 'tasks' of 'knowledge'" if name in STATES else ""
         help = help or f"declare '{name}' under 'edges' of 'knowledge'"
         yield _unknown_name_finding(
@@ -186,7 +186,7 @@ def unknown_elements(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagn
                 known_names += [
                     f"{other.name}.{other.attribute}" for other in declared_graph.elements() if other.attribute
                 ]
-                nearest_name = None if element else spec_index.nearest(reference.name, "things", known_names)
+                nearest_name = None if element else spec_index.nearest_name(reference.name, "things", known_names)
                 help = "write the name of a variable, a type or an edge, or TYPE.ATTRIBUTE"
                 help = "write the agent's name under 'by' of the task" if element else help
                 mentions = (mention_of(reference, "agents", agent.name, key),)
@@ -379,7 +379,7 @@ def _unknown_name_finding(
 def _unknown_attribute_finding(
     spec_index: SpecIndex, mention: Mention, node: str, attributes: Mapping[str, object]
 ) -> Diagnostic:
-    nearest_name = spec_index.nearest(mention.name, f"attributes of {node}", attributes)
+    nearest_name = spec_index.nearest_name(mention.name, f"attributes of {node}", attributes)
     attributes_text = f"the node has {', '.join(list(attributes)[:10])}" if attributes else "the node has no attributes"
     help = (
         f"did you mean '{nearest_name}'?"

@@ -100,7 +100,7 @@ def _element_mentions(declared_graph: DeclaredGraph, agent: Agent) -> Iterator[t
             yield element, reference.place, f"agents.{agent.name}.reads"
     for pattern in patterns_of(agent):
         for name in names_in_pattern(pattern) if pattern.role is not Role.AFTER else ():
-            element = declared_graph.read(name.name)
+            element = declared_graph.element_read_by(name.name)
             if element is not None:
                 yield element, pattern.condition.place_of(name), pattern.path
         for term in _searched_terms(pattern):
@@ -156,7 +156,7 @@ def _written_elements(declared_graph: DeclaredGraph, pattern: Pattern) -> list[t
         edges = declared_graph.edges_between(step.origin, step.link.edge, step.target)
         elements += [(KnowledgeElement("edges", edge.name), pattern.condition.place_of(step.link)) for edge in edges]
     for name in names_in_pattern(pattern):
-        element = declared_graph.read(name.name)
+        element = declared_graph.element_read_by(name.name)
         if element is None or reads_of(name.name)[0]:
             return []
         elements.append((element, pattern.condition.place_of(name)))

@@ -76,7 +76,7 @@ def _operand_findings(declared_graph: DeclaredGraph, pose_condition: PoseConditi
 
 
 def _infer_pose_condition(spec_index: SpecIndex, pose_condition: PoseCondition) -> tuple[Typed, tuple[Problem, ...]]:
-    types = {name.name: spec_index.declared_graph.read_type(name.name) for name in names_in(pose_condition.tree)}
+    types = {name.name: spec_index.declared_graph.name_type(name.name) for name in names_in(pose_condition.tree)}
     return infer_condition(pose_condition.tree, types, reads_context=True)
 
 

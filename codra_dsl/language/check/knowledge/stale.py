@@ -21,7 +21,7 @@ def unnoticed_poses(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
     first_uses: dict[str, Related] = {}
     for user, name, place in _pose_uses(spec_index):
         _, first, second = reads_of(name)
-        for edge_name in spec_index.declared_graph.between(first, second):
+        for edge_name in spec_index.declared_graph.pose_edges_between(first, second):
             first_uses.setdefault(edge_name, Related(f"{user} uses it", place))
     for name, related in first_uses.items():
         edge = spec_index.declared_graph.edges[name]

@@ -60,7 +60,7 @@ def _exclusion_findings(spec_index: SpecIndex, patterns: Sequence[Pattern]) -> I
     ]
     if conditions:
         types: Types = {
-            name.name: spec_index.declared_graph.read_type(name.name)
+            name.name: spec_index.declared_graph.name_type(name.name)
             for pattern in conditions
             for name in names_in_pattern(pattern)
         }
@@ -124,7 +124,7 @@ def _is_own_effect(declared_graph: DeclaredGraph, pattern: Pattern) -> bool:
             return True
         if any(declared_graph.owns(name, KnowledgeElement("edges", edge.name)) for edge in edges):
             return True
-    elements = (declared_graph.read(read_name.name) for read_name in names_in_pattern(pattern))
+    elements = (declared_graph.element_read_by(read_name.name) for read_name in names_in_pattern(pattern))
     return any(element is not None and declared_graph.owns(name, element) for element in elements)
 
 

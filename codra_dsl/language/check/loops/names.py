@@ -41,7 +41,7 @@ def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
             continue
         path_parts = path.split(".")
         user_text = f"{_NOUNS[path_parts[0]]} '{path_parts[1]}'"
-        nearest_name = spec_index.nearest(reference.name, section, spec_index.names(section))
+        nearest_name = spec_index.nearest_name(reference.name, section, spec_index.names(section))
         help = f"did you mean '{nearest_name}'?" if nearest_name else f"declare '{reference.name}' under '{section}'"
         message = f"unknown {noun} '{reference.name}' in {user_text}"
         yield finding("unknown-part", message, reference.place, path=path, help=help)

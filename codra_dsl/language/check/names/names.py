@@ -159,7 +159,7 @@ def _misspelt_declaration_findings(
     candidates = known_names or spec_index.names(section)
     unknown_names = [group[0].name for group in remaining_groups if group[0].name in undeclared_names]
     unnamed_element_count = spec_index.unnamed_element_count(section)
-    suggestions = ((name, spec_index.nearest(name, section, candidates)) for name in unknown_names)
+    suggestions = ((name, spec_index.nearest_name(name, section, candidates)) for name in unknown_names)
     unmatched_names = {
         name
         for name, suggestion in suggestions
@@ -277,7 +277,7 @@ def _undeclared_name_finding(
     if literal is not None:
         return _mention_finding(rule, message, literal.help, first, others, fix=literal.fix((first, *others)))
     candidates = spec_index.names(section) if known_names is None else known_names
-    nearest_name = spec_index.nearest(first.name, section, candidates)
+    nearest_name = spec_index.nearest_name(first.name, section, candidates)
     if nearest_name is not None and is_slip(first.name, nearest_name):
         spec_index.corrections.add_misspelt_reference(section, first.name, nearest_name)
     fix = _renaming(spec_index, first, others, nearest_name, candidates)
@@ -351,7 +351,7 @@ def _unknown_returned_value_finding(
     if literal is not None:
         fix = literal.fix((first, *others))
         return _mention_finding("unknown-returned-value", message, literal.help, first, others, fix=fix)
-    nearest_name = spec_index.nearest(first.name, f"returned by {algorithm}", returned)
+    nearest_name = spec_index.nearest_name(first.name, f"returned by {algorithm}", returned)
     if nearest_name is not None and is_slip(first.name, nearest_name):
         spec_index.corrections.add_misspelt_reference((algorithm,), first.name, nearest_name)
     help = f"did you mean '{nearest_name}'?" if nearest_name else _declaration_help(spec_index, first, "returns")

@@ -93,7 +93,7 @@ def oversubscribed_slots(spec_index: SpecIndex, faults: FaultyElements) -> Itera
     visits_left = MAX_VISITS
     for skill in (spec_index.spec.skills or (None,)) if shares_by_resource else ():
         needed_names = graph.closure(
-            spec_index.trees, spec_index.decisions if skill is None else watched_variables(skill)
+            spec_index.tree_variables, spec_index.decisions if skill is None else watched_variables(skill)
         )
         visits_left -= len(needed_names)
         if visits_left < 0:

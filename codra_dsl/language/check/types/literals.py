@@ -55,7 +55,7 @@ def intended_literal_help(spec_index: SpecIndex, site: Site, name: str) -> Liter
     readable_types: Types = spec_index.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
     if site.role in KNOWLEDGE_ROLES:
         readable_types = {
-            read_name.name: spec_index.declared_graph.read_type(read_name.name) for read_name in site.names
+            read_name.name: spec_index.declared_graph.name_type(read_name.name) for read_name in site.names
         }
     types = [
         readable_types.get(read_name.name) or spec_index.context_types.get(read_name.name) for read_name in site.names
