@@ -255,7 +255,7 @@ def _taken_attribute_findings(spec_index: SpecIndex) -> Iterator[Diagnostic]:
         elif variable.name in type_attributes:
             message = f"the type of node '{variable.node}' already has an attribute '{variable.name}'"
             related = (Related("declared here", type_attributes[variable.name].place),)
-            yield _taken_attribute_finding(path, message, place, "rename one of them, or remove one", related)
+            yield _taken_attribute_finding(path, message, place, "rename or remove one of the two attributes", related)
 
 
 def _observer_writer_findings(spec_index: SpecIndex) -> Iterator[Diagnostic]:

@@ -63,7 +63,7 @@ def _unranked_writer_finding(
         message,
         offender.place,
         path=f"knowledge.{element.section}.{element.name}{key}.source",
-        help=f"write 'source: {{{priorities_text}}}' where it is declared: the larger number has priority",
+        help=f"write 'source: {{{priorities_text}}}' in the declaration: the larger number has priority",
         related=(Related("declared here", declared_graph.place_of(element)),),
     )
 

@@ -29,7 +29,7 @@ def unnoticed_poses(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
         if not has_validity and spec_index.declared_graph.writers(KnowledgeElement("edges", name)):
             yield finding(
                 "unnoticed-pose",
-                f"edge '{name}' keeps its last pose forever if no new one is reported",
+                f"edge '{name}' keeps its last pose forever if no new pose is reported",
                 edge.place,
                 path=f"knowledge.edges.{name}",
                 help="add 'valid_for', for example 'valid_for: forever', or 'static: true' if the pose never changes",

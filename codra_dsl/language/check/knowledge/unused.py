@@ -23,7 +23,7 @@ def unused_types(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diag
             and node_type.name not in used_type_names
             and not spec_index.declared_graph.writers(KnowledgeElement("types", node_type.name))
         ):
-            message = f"no node has type '{node_type.name}', and no agent may insert one"
+            message = f"no node has type '{node_type.name}', and no agent may insert such a node"
             help = "use it as the type of a node, name an agent that inserts such nodes under 'source', or remove it"
             path = f"knowledge.types.{node_type.name}"
             yield finding("unused-type", message, node_type.place, path=path, help=help)

@@ -139,7 +139,7 @@ def _wrong_branch_findings(tree: TreeElement, forest: Forest) -> Iterator[Diagno
         branch = branches_by_tree.get(id_.name)
         if id_.name not in tree_ids:
             message = f"there is no tree '{id_.name}' in '{tree.file.name}'"
-            yield _branch_finding(message, id_.place, path, f"the trees in it are {', '.join(sorted(tree_ids))}")
+            yield _branch_finding(message, id_.place, path, f"the trees in the file are {', '.join(sorted(tree_ids))}")
         elif branch is None:
             message = f"tree '{id_.name}' is not a branch that can be chosen: it has no guard in '{forest.main}'"
             help = "make the tree a child of a Switch, or add _while=\"course == 'NAME'\" to it"

@@ -127,7 +127,7 @@ def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tupl
         )
     if base_variable.history < _MIN_READINGS:
         yield (
-            f"'{base_variable.name}' keeps {base_variable.history} reading, but a rate needs more",
+            f"'{base_variable.name}' keeps {base_variable.history} reading, but a rate needs more readings",
             f"write a larger 'history' for '{base_variable.name}'",
             "rate_of",
         )
@@ -164,7 +164,13 @@ def unfit_parameters(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
         other = first_adaptations.setdefault(name, adaptation.name)
         if other != adaptation.name:
             message = f"adaptation '{other}' also sets '{name}'"
-            yield finding("two-adaptations", message, does.variable.place, path=path, help="set it in one of them")
+            yield finding(
+                "two-adaptations",
+                message,
+                does.variable.place,
+                path=path,
+                help="set it in only one of the two adaptations",
+            )
         if (
             variable is None
             or not faults.is_sound("context", name)

@@ -46,7 +46,7 @@ def unreached_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
             if name in spec_index.producers:
                 message += ": it gets no observer"
             else:
-                help = f"its source writes it, but no observer uses it: {help}"
+                help = f"its source writes the variable, but no observer uses it: {help}"
             help += ", or remove it"
             yield finding("unreached-variable", message, variable.place, path=f"context.{name}", help=help)
 

@@ -93,7 +93,8 @@ def _exclusion_finding(
         f"has changed '{state.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{cause_text}",
         preview.place,
         path=f"skills.{skill.name}.preview",
-        help=f"preview '{preview.name}' in skill '{achiever.name}' instead, or add an algorithm that can run after it",
+        help=f"preview '{preview.name}' in skill '{achiever.name}' instead, "
+        "or add an algorithm that can run after this skill",
         related=(
             Related(f"'{state.name}' is in the same decision", state.place),
             Related(f"skill '{achiever.name}' changes '{state.name}'", expectation.place),

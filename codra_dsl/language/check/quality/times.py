@@ -126,7 +126,7 @@ def ineffective_on_event_settings(spec_index: SpecIndex, faults: FaultyElements)
                     f"identifies '{periodic_variable.name}', for which it looks periodically",
                     variable.places.get("refresh", variable.place),
                     path=f"context.{variable.name}.refresh",
-                    help=f"write 'refresh: on_event' for '{periodic_variable.name}' as well, or for neither",
+                    help=f"write 'refresh: on_event' for '{periodic_variable.name}' as well, or for neither variable",
                     related=(Related("declared here", periodic_variable.place),),
                 )
 
@@ -167,7 +167,7 @@ def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' may never be confirmed although everything works: the first result that "
-        f"'confirm' needs can be {_seconds(renewal.max_confirmation_s(variable.name))} older than the last, "
+        f"'confirm' needs can be {_seconds(renewal.max_confirmation_s(variable.name))} older than the last result, "
         f"but is valid for {_seconds(variable.valid_for_s)}",
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",

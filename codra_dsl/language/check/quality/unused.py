@@ -26,7 +26,8 @@ def unreached_observers(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
                 f"observer '{setting.name}' is not generated: no skill needs {names_text}",
                 setting.place,
                 path=f"observers.{setting.name}",
-                help="add one of its variables to a skill's 'preview' or 'monitor', or remove the observer with them",
+                help="add one of its variables to a skill's 'preview' or 'monitor', "
+                "or remove the observer and these variables",
             )
 
 
@@ -180,7 +181,7 @@ def _same_label_finding(variable: Variable, other: Variable) -> Diagnostic:
     is_label = other.label != other.name and _normalize_label(other.label) == _normalize_label(variable.label)
     return finding(
         "same-label",
-        f"{subject} is the same as that of '{other.name}'"
+        f"{subject} is the same as the label of '{other.name}'"
         if is_label
         else f"{subject} is the name of another variable",
         variable.places.get("label", variable.place),
