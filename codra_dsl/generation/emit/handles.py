@@ -21,7 +21,7 @@ from codra_dsl.generation.emit.layout import WIDEST, WIDTH, Brackets, Expression
 from codra_dsl.generation.emit.literals import text_literal
 from codra_dsl.language.check.checked.knowledge import CheckedKnowledge
 from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph, holds_poses
-from codra_dsl.language.check.knowledge.owners import owns
+from codra_dsl.language.check.knowledge.owners import writable_elements
 from codra_dsl.language.model import CONTEXT_NODE, TASK_ATTRIBUTES, TASK_TYPE
 
 MOST_HANDLES = 50
@@ -268,7 +268,7 @@ def _graph_classes(
 
 def _accepted_names(agent: str, knowledge: CheckedKnowledge) -> _Names:
     world = knowledge.world
-    owned_elements = owns(world, agent)
+    owned_elements = writable_elements(world, agent)
     edges = [
         world.edges[element.name] for element in owned_elements if element.section == "edges" and not element.attribute
     ]

@@ -1,7 +1,7 @@
 """Checks: Spec -> (CheckedSpec | None, diagnostics). Only this package makes a `CheckedSpec`.
 
-`implies` decides whether one list of conditions follows from another, for code that compares specs. It needs the types
-of the names in the conditions: `declared_type` returns the type of a name from its declaration.
+`implies` decides whether one list of conditions follows from another, for code that compares specs. `implies` needs the
+types of the names in the conditions: `declared_type` returns the type of a name from its declaration.
 """
 
 from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedCondition, CheckedSpec

@@ -18,10 +18,10 @@ from codra_dsl.language.check.graph.sources import SOURCE_CHECKS
 from codra_dsl.language.check.index.corrections import apply_corrections
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.chains import CHAIN_CHECKS
+from codra_dsl.language.check.knowledge.construction import checked_knowledge
 from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPE_CHECKS
 from codra_dsl.language.check.knowledge.frames import FRAME_CHECKS
 from codra_dsl.language.check.knowledge.handovers import HANDOVER_CHECKS
-from codra_dsl.language.check.knowledge.lowered import checked_knowledge
 from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAME_CHECKS
 from codra_dsl.language.check.knowledge.owners import OWNER_CHECKS
 from codra_dsl.language.check.knowledge.pose_conditions import POSE_CONDITION_CHECKS, pose_condition_texts
@@ -29,17 +29,17 @@ from codra_dsl.language.check.knowledge.stale import STALE_POSE_CHECKS
 from codra_dsl.language.check.knowledge.triplets import TRIPLET_CHECKS
 from codra_dsl.language.check.knowledge.unused import UNUSED_TYPE_CHECKS
 from codra_dsl.language.check.loops.branches import BRANCH_CHECKS, TREE_FILE_CHECKS
+from codra_dsl.language.check.loops.construction import checked_mape
 from codra_dsl.language.check.loops.feedback import FEEDBACK_CHECKS, SELF_DEFEAT_CHECKS
 from codra_dsl.language.check.loops.firing import FIRING_CHECKS
 from codra_dsl.language.check.loops.inputs import LOOP_TYPE_CHECKS
-from codra_dsl.language.check.loops.lowered import checked_mape
 from codra_dsl.language.check.loops.names import LOOP_NAME_CHECKS
 from codra_dsl.language.check.loops.parts import LOOP_PART_CHECKS, UNREAD_OUTPUT_CHECKS
 from codra_dsl.language.check.loops.range_exit import RANGE_EXIT_CHECKS
 from codra_dsl.language.check.names.names import NAME_CHECKS
 from codra_dsl.language.check.quality import QUALITY_CHECKS
 from codra_dsl.language.check.types.condition_types import TYPE_CHECKS
-from codra_dsl.language.check.types.members import members_to_blame
+from codra_dsl.language.check.types.members import wrong_member_findings
 from codra_dsl.language.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
 from codra_dsl.language.expression import Name
 from codra_dsl.language.model import Algorithm, Condition, Expectation, Hysteresis, Identification, Members, Skill, Spec
@@ -79,7 +79,7 @@ PHASES: tuple[tuple[Rule, ...], ...] = (
 def check(
     spec: Spec, forests: Mapping[str, ReadResult] = NO_TREES
 ) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
-    """Return the checked spec, or None if there is a binding error, and all findings in file order.
+    """Return the checked spec and all findings in file order. If there is a binding error, the checked spec is None.
 
     `forests` is the result of `codra_dsl.language.behavior_trees.named.read_trees` for the trees that the spec names.
 
@@ -111,9 +111,9 @@ def _correct_members(
     """Return the index and the findings of a phase after declarations with wrong members are corrected.
 
     The findings about these declarations come first. Then come the findings of the phase, which runs again on the
-    corrected spec. If no declaration is wrong, the index and the findings stay as they are.
+    corrected spec. If no declaration is wrong, the given index and findings are returned.
     """
-    member_findings = list(members_to_blame(spec_index))
+    member_findings = list(wrong_member_findings(spec_index))
     if not member_findings:
         return spec_index, diagnostics
     corrected_index = SpecIndex(apply_corrections(spec_index.spec, spec_index.corrections), spec_index.forests)
@@ -185,11 +185,13 @@ def _checked_algorithm(spec_index: SpecIndex, algorithm: Algorithm, feedback_nam
     )
 
 
-def _checked_condition(spec_index: SpecIndex, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
+def _checked_condition(
+    spec_index: SpecIndex, condition: Condition, wanted_type: Type | None = None
+) -> CheckedCondition:
     judgement = spec_index.judgements[id(condition)]
     return CheckedCondition(
         text=condition.text,
-        python=spec_index.python(condition, wanted),
+        python=spec_index.python(condition, wanted_type),
         variables=_sorted_names(judgement.site.names),
         place=condition.place,
     )
@@ -215,7 +217,10 @@ def _checked_identification(spec_index: SpecIndex, entry: Identification) -> Che
         text = f"enter: {parts[0].text}; leave: {parts[1].text}"
         python = f"between({parts[0].python}, {parts[1].python})"
     if isinstance(by, Hysteresis) and by.confirm is not None:
-        needed, among = by.confirm
-        text, python = f"{text}; confirm: {needed} of {among}", f"confirmed({python}, {needed}, {among})"
+        needed_count, recent_count = by.confirm
+        text, python = (
+            f"{text}; confirm: {needed_count} of {recent_count}",
+            f"confirmed({python}, {needed_count}, {recent_count})",
+        )
     variables = sorted({name for part in parts for name in part.variables})
     return CheckedCondition(text=text, python=python, variables=tuple(variables), place=by.place)

@@ -10,7 +10,7 @@ from itertools import starmap
 from typing import Any
 
 from codra_dsl.language.check import Types
-from codra_dsl.language.check.solver.satisfiable import known
+from codra_dsl.language.check.solver.satisfiable import known_call
 from codra_dsl.language.expression import Node, names_in, reads_of, spelt_out
 from codra_dsl.language.model import (
     Access,
@@ -143,7 +143,7 @@ def _conditions_with_pose_comparisons(conditions: Iterable[Condition]) -> Iterat
 
 def _given_conditions(algorithm: Algorithm) -> Iterator[Condition]:
     for reference in algorithm.given:
-        yield Condition(text=f"known({reference.name})", tree=known(reference.name), place=reference.place)
+        yield Condition(text=f"known({reference.name})", tree=known_call(reference.name), place=reference.place)
 
 
 def _names_and_types(side: Side) -> Iterator[tuple[str, ValueType]]:

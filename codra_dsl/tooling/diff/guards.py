@@ -136,7 +136,7 @@ def _joined_type(old: ValueType | None, new: ValueType | None) -> Type | None:
     if len(known_types) < 2:
         return known_types[0] if known_types else None
     first, second = known_types
-    if first.numeric and second.numeric:
+    if first.is_number and second.is_number:
         is_int = first.kind is second.kind is Kind.INT and first.unit == second.unit
         return replace(first, kind=Kind.INT if is_int else Kind.FLOAT, range=_joined_range(first, second))
     if {first.kind, second.kind} == {Kind.STR, Kind.ENUM}:

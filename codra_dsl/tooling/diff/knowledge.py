@@ -142,7 +142,7 @@ def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
     """Return the types of the names in patterns; None for a name that has another type in B."""
     types: dict[str, Type | None] = {}
     for name in {name.name for condition in conditions if condition.tree for name in names_in(condition.tree)}:
-        before, after = (side.declared_graph.read_type(name) for side in scope.pair.sides)
+        before, after = (side.declared_graph.name_type(name) for side in scope.pair.sides)
         types[name] = before if before == after else None
     return types
 

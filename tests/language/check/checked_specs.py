@@ -39,8 +39,8 @@ def reference(name: str) -> Reference:
 
 
 def condition(text: str, *variables: str, python: str | None = None) -> CheckedCondition:
-    lowered = python if python is not None else f"value({text!r})"
-    return CheckedCondition(text=text, python=lowered, variables=variables or (text,), place=place())
+    python_text = python if python is not None else f"value({text!r})"
+    return CheckedCondition(text=text, python=python_text, variables=variables or (text,), place=place())
 
 
 def variable(name: str, **fields: object) -> Variable:
@@ -53,7 +53,7 @@ class ShortAlgorithm:
     """A perception algorithm in short form: its needs and its variables.
 
     Attributes:
-        identifies: variables, or pairs of a variable and its lowered condition.
+        identifies: variables, or pairs of a variable and its condition as Python text.
         feedback: the names in `needs` that it does not wait for.
     """
 

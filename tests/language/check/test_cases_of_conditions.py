@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from codra_dsl import logic
 from codra_dsl.language.check import implies
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Type, infer_condition
 from codra_dsl.language.check.solver.satisfiable import always_holds, can_hold
 from codra_dsl.language.expression import Arithmetic, Comparison, In, Negative, Node
@@ -85,9 +85,9 @@ CONDITIONS: Trees = st.recursive(atoms(), composite_conditions, max_leaves=5)
 
 
 def term(condition: Node) -> Term:
-    typed, problems = infer_condition(condition, TYPES, known=True)
+    typed, problems = infer_condition(condition, TYPES, reads_context=True)
     assert problems == ()
-    built_term = eval(lower(typed), vars(logic).copy())
+    built_term = eval(to_python(typed), vars(logic).copy())
     assert isinstance(built_term, Term)
     return built_term
 

@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from codra_dsl import logic
-from codra_dsl.language.check.conditions.lowering import lower, python_text
+from codra_dsl.language.check.conditions.lowering import python_text, to_python
 from codra_dsl.language.check.conditions.types import Type, infer, infer_condition
 from codra_dsl.language.expression import Node, names_in, parse, to_text
 from codra_dsl.language.model import Kind
@@ -39,32 +39,32 @@ def build_term(python: str) -> logic.Term:
 def lower_text(text: str, types: dict[str, Type] | None = None) -> str:
     tree = parse(text)
     assert isinstance(tree, Node), tree
-    typed, problems = infer_condition(tree, TYPES if types is None else types, known=True)
+    typed, problems = infer_condition(tree, TYPES if types is None else types, reads_context=True)
     assert problems == ()
-    return lower(typed)
+    return to_python(typed)
 
 
 @settings(max_examples=400)
 @given(CONDITIONS, worlds())
 def test_lowered_conditions_have_the_meaning_of_the_language(tree: Node, world: World) -> None:
-    typed, problems = infer_condition(tree, TYPES, known=True)
+    typed, problems = infer_condition(tree, TYPES, reads_context=True)
     assert problems == ()
     try:
         expected = meaning(tree, world)
     except TooCloseError:
         assume(False)
-    assert build_term(lower(typed)).evaluate(world) is expected
+    assert build_term(to_python(typed)).evaluate(world) is expected
 
 
 @given(quantities("length"), st.sampled_from(["m", "cm", "mm", "km"]), worlds())
 def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: World) -> None:
-    typed, problems = infer(tree, TYPES, known=True)
+    typed, problems = infer(tree, TYPES, reads_context=True)
     assert problems == ()
     try:
         expected = meaning(tree, world)
     except TooCloseError:
         assume(False)
-    evaluated_value = build_term(lower(typed, UNITS[unit])).evaluate(world)
+    evaluated_value = build_term(to_python(typed, UNITS[unit])).evaluate(world)
     if expected is None:
         assert evaluated_value is None
     else:
@@ -76,8 +76,8 @@ def test_lowered_values_are_in_the_requested_unit(tree: Node, unit: str, world: 
 
 @given(CONDITIONS)
 def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
-    typed, _ = infer_condition(tree, TYPES, known=True)
-    term = build_term(lower(typed))
+    typed, _ = infer_condition(tree, TYPES, reads_context=True)
+    term = build_term(to_python(typed))
     assert term.variables() == {name.name for name in names_in(tree)}
 
 
@@ -85,8 +85,8 @@ def test_lowered_conditions_read_the_same_names(tree: Node) -> None:
 def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
     reparsed_tree = parse(to_text(tree))
     if isinstance(reparsed_tree, Node):
-        assert lower(infer_condition(reparsed_tree, TYPES, known=True)[0]) == lower(
-            infer_condition(tree, TYPES, known=True)[0]
+        assert to_python(infer_condition(reparsed_tree, TYPES, reads_context=True)[0]) == to_python(
+            infer_condition(tree, TYPES, reads_context=True)[0]
         )
 
 
@@ -165,7 +165,7 @@ def test_a_duration_age_is_compared_with_flips_at_run_time() -> None:
 def test_numbers_without_a_unit_are_left_as_they_are_written() -> None:
     tree = parse("0.1")
     assert isinstance(tree, Node)
-    typed, _ = infer(tree, {}, known=False)
-    assert lower(typed, ONE) == "literal(0.1)"
+    typed, _ = infer(tree, {}, reads_context=False)
+    assert to_python(typed, ONE) == "literal(0.1)"
     assert typed.type is not None
     assert typed.type.kind is Kind.FLOAT

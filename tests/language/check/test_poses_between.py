@@ -47,5 +47,5 @@ agents: {people: {}}
 def test_edges_that_move_both_nodes_do_not_contribute_to_their_relative_pose(one: str, other: str, edges: str) -> None:
     """A load is on the tray or on the cart; two cups are in one crate or in two crates, which are in the cart."""
     world = DeclaredGraph(check_sound_text(SPEC).spec)
-    assert world.between(one, other) == tuple(f"{edge}_pose" for edge in edges.split())
-    assert world.between(other, one) == world.between(one, other)
+    assert world.pose_edges_between(one, other) == tuple(f"{edge}_pose" for edge in edges.split())
+    assert world.pose_edges_between(other, one) == world.pose_edges_between(one, other)

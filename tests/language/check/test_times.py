@@ -87,7 +87,7 @@ def test_results_that_are_too_old_when_the_last_confirming_one_arrives_are_repor
         "stale-before-renewed",
         "3 s",
         "context-variable 'near' may never be confirmed although everything works: the first result that 'confirm' "
-        "needs can be 4 s older than the last, but is valid for 3 s",
+        "needs can be 4 s older than the last result, but is valid for 3 s",
     )
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 
 from codra_dsl.language.check import RULES
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Type, fit, infer, infer_condition
 from codra_dsl.language.expression import Node, names_in, parse
 from codra_dsl.language.model import Kind
@@ -24,16 +24,16 @@ def tree(text: str) -> Node:
 @settings(max_examples=300)
 @given(TREES)
 def test_every_parsed_condition_is_checked_and_sound_ones_can_be_lowered(node: Node) -> None:
-    for known in (True, False):
-        typed, problems = infer_condition(node, SEEN, known=known)
+    for reads_context in (True, False):
+        typed, problems = infer_condition(node, SEEN, reads_context=reads_context)
         assert all(problem.rule in RULES and problem.message and problem.help for problem in problems)
         if not problems and all(SEEN[name.name] is not None for name in names_in(node)):
-            compile(lower(typed), "condition", "eval")
+            compile(to_python(typed), "condition", "eval")
 
 
 @given(CONDITIONS)
 def test_a_name_with_a_wrong_declaration_causes_no_problem(node: Node) -> None:
-    assert infer_condition(node, dict.fromkeys(TYPES), known=True)[1] == ()
+    assert infer_condition(node, dict.fromkeys(TYPES), reads_context=True)[1] == ()
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_a_name_with_a_wrong_declaration_causes_no_problem(node: Node) -> None:
     ],
 )
 def test_numbers_have_a_type_and_a_unit(text: str, kind: Kind, unit: str) -> None:
-    typed, problems = infer(tree(text), TYPES, known=True)
+    typed, problems = infer(tree(text), TYPES, reads_context=True)
     assert problems == ()
     assert typed.type is not None
     assert (typed.type.kind, str(typed.type.unit)) == (kind, unit)
@@ -88,13 +88,13 @@ def test_numbers_have_a_type_and_a_unit(text: str, kind: Kind, unit: str) -> Non
     ],
 )
 def test_a_value_fits_a_variable_or_not(text: str, wanted: Type, fits: bool) -> None:
-    typed, problems = infer(tree(text), TYPES, known=True)
+    typed, problems = infer(tree(text), TYPES, reads_context=True)
     assert problems == ()
     assert (not list(fit(typed, wanted, "variable"))) is fits
 
 
 def test_every_wrong_part_of_a_condition_is_a_separate_problem() -> None:
-    _, problems = infer_condition(tree("n > 3 m and (x < 2 or label) and door == 'opne'"), TYPES, known=True)
+    _, problems = infer_condition(tree("n > 3 m and (x < 2 or label) and door == 'opne'"), TYPES, reads_context=True)
     assert [(problem.rule, problem.node.start) for problem in problems] == [
         ("missing-unit", 0),
         ("missing-unit", 17),

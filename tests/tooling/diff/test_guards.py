@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import declared_type, infer_condition
 from codra_dsl.language.expression import Node, SyntaxProblem, parse
 from codra_dsl.language.model import Kind, ValueType
@@ -81,10 +81,10 @@ def tree(text: str) -> Node:
 def term(text: str) -> Term:
     """Return a condition as it runs on a robot."""
     types = {name: declared_type(value_type) for name, value_type in TYPES.items()}
-    typed, problems = infer_condition(tree(text), types, known=True)
+    typed, problems = infer_condition(tree(text), types, reads_context=True)
     assert not problems, text
     words: dict[str, Any] = {name: getattr(conditions, name) for name in dir(conditions) if not name.startswith("_")}
-    condition = eval(lower(typed), {"__builtins__": {"abs": abs}}, words)
+    condition = eval(to_python(typed), {"__builtins__": {"abs": abs}}, words)
     assert isinstance(condition, Term)
     return condition
 

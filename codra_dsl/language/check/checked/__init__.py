@@ -1,1 +1,1 @@
-"""The values that only `check` makes: a specification without errors."""
+"""The checked spec, which has no errors, and its parts. Only `check` makes them."""

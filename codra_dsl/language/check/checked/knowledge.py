@@ -1,4 +1,4 @@
-"""Knowledge of a spec that passed every check: what agents own and read, and their typed and lowered patterns."""
+"""Knowledge of a spec that passed every check: what agents own and read, and their patterns as Python text."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class CheckedPattern:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedRule:
-    """A rule: the triplet of P2."""
+    """A rule of an agent, which P2 calls a triplet."""
 
     name: str
     place: Place
@@ -46,7 +46,7 @@ class CheckedAgent:
 
     Attributes:
         owns: the elements that the agent may write, in file order.
-        reads: the elements that the agent's rules and `wakes` patterns read, and the elements under its key `reads`.
+        reads: the elements that the agent's rules and `wakes` patterns read, and the elements under the key `reads`.
     """
 
     agent: Agent
@@ -66,7 +66,7 @@ class CheckedKnowledge:
     """The knowledge of a spec.
 
     Attributes:
-        world: the declarations, in tables.
+        world: the tables of the declarations.
         agents: the declared agents, in file order.
         writers: the names of the agents, then the name of the main execution if it requests tasks or owns part of the
             graph.

@@ -1,4 +1,4 @@
-"""Loops of a spec that passed every check: fuzzy engines, lowered adaptations, and trees."""
+"""Loops of a spec that passed every check: fuzzy engines, adaptations as Python text, and trees."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class CheckedInput:
 
     Attributes:
         minimum: the lower end of the variable's range as a number; `maximum` is the upper end.
-        members: the values of a bool or an enum, in the order of the numbers, from 0, that rules use for them.
+        members: the values of a bool or an enum. In the engine, the number of a value is its index in this tuple.
     """
 
     variable: Variable
@@ -29,7 +29,7 @@ class CheckedInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedOutput:
-    """A metric, or an action with its weight. `variable` is the context-variable that holds the value."""
+    """A metric, or an action. `variable` is the context-variable for the metric or for the weight of the action."""
 
     output: Output
     variable: str
@@ -88,9 +88,9 @@ class CheckedTree:
     """A tree.
 
     Attributes:
-        course: the adaptation that chooses the branch of the tree; empty if there is none.
+        course: the adaptation that chooses the branch of the tree; empty if no adaptation does.
         entry: the entry of the blackboard that selects the branch.
-        branches: for each action, the value of this entry.
+        branches: a mapping from each action to the value of this entry.
         tasks: the tasks that the leaves of the tree hand over.
     """
 

@@ -1,5 +1,6 @@
-"""A spec without binding errors, with its conditions typed and lowered: the only input of the build plan.
+"""A checked spec, which has no binding errors and is the only input of the build plan.
 
+The conditions of the spec are typed and translated to Python expressions.
 Only `codra_dsl.language.check` makes a `CheckedSpec`.
 """
 
@@ -16,14 +17,14 @@ from codra_dsl.language.model import Algorithm, Spec, Variable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedCondition:
-    """A condition, typed and lowered.
+    """A condition and its Python expression.
 
     Attributes:
         text: the condition as written, on one line. The node of the generated tree shows this text to people.
         python: the Python expression that builds the condition from `codra_dsl.runtime.values.conditions`, e.g.
             `value("markers") >= 3`.
-        variables: the names that the condition reads, sorted: context-variables in `observable_when`, returned values
-            elsewhere.
+        variables: the names that the condition reads, sorted. They are context-variables in `observable_when`, and
+            returned values elsewhere.
     """
 
     text: str
@@ -39,11 +40,11 @@ class CheckedAlgorithm:
     Attributes:
         identifies: for each variable, its name and the condition that computes its value from the result, in file
             order.
-        waits_for: the context-variables that the algorithm needs, except those in `feedback`, sorted. They are drawn as
-            edges `requires`.
+        waits_for: the context-variables that the algorithm needs, except those in `feedback`, sorted. The variables are
+            drawn as edges `requires`.
         feedback: the context-variables that the algorithm reads without waiting for them, sorted. Each of them needs,
-            directly or through others, a variable that the algorithm identifies. The algorithm can run while only one
-            of them is unknown. They are drawn as edges `feedback`.
+            directly or through other variables, a variable that the algorithm identifies. The algorithm can run
+            although any single one of them is unknown. The variables are drawn as edges `feedback`.
     """
 
     algorithm: Algorithm
@@ -60,18 +61,18 @@ class CheckedAlgorithm:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Return C_Oi of this algorithm (P1, Equation 7): every context-variable that it reads, sorted."""
+        """Return C_Oi of this algorithm (P1, Equation 7): every context-variable that the algorithm reads, sorted."""
         return tuple(sorted((*self.waits_for, *self.feedback))) if self.feedback else self.waits_for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedExpectation:
-    """An expectation of a skill about a monitored variable, lowered.
+    """An expectation of a skill about a monitored variable, and its Python expression.
 
     Attributes:
         text: the expectation as people read it, e.g. `door_open becomes true within 20 s`.
         python: the condition that is expected to become true, or to stay true.
-        within_s: the time within which the condition must become true; None if it is expected to stay true.
+        within_s: the time within which the condition must become true; None if the condition is expected to stay true.
     """
 
     text: str
@@ -89,13 +90,14 @@ class CheckedSpec:
         producers: for each variable that algorithms identify, the names of these algorithms, sorted by `rank`, then by
             name.
         decisions: the variables that Algorithm 2 starts from (line 3 of the algorithm), in order. First come the
-            variables that skills preview and monitor. Then come the variables that loops read or that wake agents, if
-            an algorithm identifies them. If no skill is declared, all variables that an algorithm identifies are
-            included.
-        expectations: for each skill, its expectations about the variables that it monitors.
-        poses: for each variable that is computed from poses, by name, the expression that builds its comparison.
-        knowledge: the checked knowledge; None if the spec declares none.
-        mape: the checked loops; None if the spec declares none.
+            variables that skills preview and monitor. Then come those variables that loops read or that are in `wakes`
+            patterns of agents, if an algorithm identifies them. If no skill is declared, all variables that an
+            algorithm identifies are included.
+        expectations: for each skill, the expectations about the variables that the skill monitors.
+        poses: a mapping from the name of each variable that is computed from poses to the Python expression of its
+            comparison.
+        knowledge: the checked knowledge; None if the spec declares no knowledge.
+        mape: the checked loops; None if the spec declares no loops.
     """
 
     spec: Spec

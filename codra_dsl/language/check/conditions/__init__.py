@@ -1,1 +1,1 @@
-"""The conditions of a spec, the types in them, and their lowering to Python text."""
+"""The conditions of a spec, the types in them, and their translation to Python text."""

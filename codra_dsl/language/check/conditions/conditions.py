@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Problem, Type, Typed, Types, fit, infer, infer_condition
 from codra_dsl.language.expression import Call, Name, Node, Path, walk
 from codra_dsl.language.model import (
@@ -40,7 +40,7 @@ class Role(StrEnum):
 
 
 KNOWLEDGE_ROLES = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
-"""The roles of conditions in patterns, which read context and all other knowledge."""
+"""The roles of conditions in patterns. These conditions read context and all other knowledge."""
 
 LOOP_ROLES = frozenset({Role.VALUE, Role.ALWAYS})
 """The roles of conditions in adaptations."""
@@ -63,8 +63,9 @@ class Site:
     Attributes:
         owner: the section and the name of the element that contains the condition.
         names: every mention of a name in the condition.
-        values: the mentions that read the value of the name: all except those inside `known(x)` or `age(x)`.
-        variable: the context-variable that gets the value of the condition, or that is expected to fulfil it.
+        values: the mentions that read the value of the name, i.e. all mentions outside of `known(x)` and `age(x)`.
+        variable: the context-variable that gets the value of the condition, or that is expected to fulfil the
+            condition.
         rule: the agent's rule that contains the condition; empty outside rules.
     """
 
@@ -92,16 +93,20 @@ class Judgement:
     typed: Typed
     problems: tuple[Problem, ...]
 
-    def python(self, wanted: Type | None) -> str:
+    def python(self, wanted_type: Type | None) -> str:
         """Return the condition as Python text.
 
-        If `wanted`, the type of the variable that gets the value, is numeric, the value is in the unit of this type.
+        `wanted_type` is the type of the variable that gets the value. If it is numeric, the value is in its unit.
         """
-        return lower(self.typed, wanted.unit) if wanted is not None and wanted.numeric else lower(self.typed)
+        return (
+            to_python(self.typed, wanted_type.unit)
+            if wanted_type is not None and wanted_type.is_number
+            else to_python(self.typed)
+        )
 
 
 def sites(spec: Spec) -> Iterator[Site]:
-    """Yield every condition of a spec that could be read."""
+    """Yield every condition of a spec that could be parsed, except patterns that are paths."""
     site_finder = _SiteFinder()
     sites_of_elements = (
         *map(site_finder.sites_of_algorithm, spec.perception),
@@ -151,7 +156,7 @@ class _SiteFinder:
         return pattern_sites
 
     def sites_of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
-        """Return the expression for the value that an adaptation sets, or the conditions of its hard rules."""
+        """Return the expression for the value of a parameter, or the conditions of the hard rules of a course."""
         owner, does = ("adaptation", adaptation.name), adaptation.does
         if isinstance(does, Parameter):
             return [self._site(Role.VALUE, owner, does.value, does.variable.name, Result.VALUE)]
@@ -169,7 +174,7 @@ class _SiteFinder:
         variable: str | None = None,
         result: Result = Result.TRUTH,
     ) -> Site | None:
-        """Return a condition with its position, or None if it could not be read."""
+        """Return a condition with its position, or None if the condition could not be parsed."""
         tree = condition.tree
         if tree is None:
             return None
@@ -184,7 +189,7 @@ class _SiteFinder:
 
 def _mentions(tree: Node) -> tuple[tuple[Name, ...], tuple[Name, ...]]:
     """Return all mentions of names, and the mentions that read the value of the name."""
-    if isinstance(tree, Name):  # as in most preconditions
+    if isinstance(tree, Name):  # most preconditions are a single name
         return (tree,), (tree,)
     parts = tuple(walk(tree))
     calls = (part for part in parts if isinstance(part, Call) and part.function in ("known", "age"))
@@ -202,22 +207,22 @@ def parts_of(entry: Identification) -> tuple[Condition, ...]:
     return (entry.by,)
 
 
-def judge(site: Site, tree: Node, readable_types: Types, wanted: Type | None) -> Judgement:
+def judge(site: Site, tree: Node, readable_types: Types, wanted_type: Type | None) -> Judgement:
     """Return the types of a condition, and the problems in it.
 
     Args:
         site: the condition.
-        tree: its syntax tree.
-        readable_types: the types of the names that it can read.
-        wanted: the type of the context-variable that gets the value of the condition, if there is one.
+        tree: the syntax tree of the condition.
+        readable_types: the types of the names that the condition can read.
+        wanted_type: the type of the context-variable that gets the value of the condition, if there is one.
     """
-    if isinstance(tree, Name) and site.result is Result.TRUTH:  # as most preconditions are
+    if isinstance(tree, Name) and site.result is Result.TRUTH:  # most preconditions are a single name
         declared = readable_types.get(tree.name)
         if declared is None or declared.kind is Kind.BOOL:
             return Judgement(site, Typed(tree, declared), ())
-    known = site.role in CONTEXT_ROLES
+    reads_context = site.role in CONTEXT_ROLES
     if site.result is Result.TRUTH:
-        return Judgement(site, *infer_condition(tree, readable_types, known=known))
-    typed, problems = infer(tree, readable_types, known=known)
-    misfits = () if problems or wanted is None else tuple(fit(typed, wanted, site.variable or ""))
+        return Judgement(site, *infer_condition(tree, readable_types, reads_context=reads_context))
+    typed, problems = infer(tree, readable_types, reads_context=reads_context)
+    misfits = () if problems or wanted_type is None else tuple(fit(typed, wanted_type, site.variable or ""))
     return Judgement(site, typed, problems + misfits)

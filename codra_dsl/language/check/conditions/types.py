@@ -1,4 +1,4 @@
-"""Type inference for conditions: the type of each part, or the reason why it has none."""
+"""Type inference for conditions: the type of each part, or the reason why the part has no type."""
 
 from __future__ import annotations
 
@@ -42,10 +42,11 @@ class Type:
     """The type of an expression.
 
     Attributes:
-        unit: the unit of a number, unless another unit is requested.
+        unit: the unit of a number. If another unit is requested, the number is converted.
         values: the members of an enum.
-        fixed: whether the expression consists of literals only. Such a text fits an enum that has it as a member.
-        zero: whether the expression is the literal 0, which needs no unit.
+        is_literal: whether the expression consists of literals only. A literal text fits an enum if it is one of the
+            members.
+        is_zero: whether the expression is the literal 0, which needs no unit.
         range: the range of a name, in `unit`, with both ends included; None if no range is declared.
         valid_for_s: for a context-variable, the maximum age of its evidence while the variable is known.
     """
@@ -53,13 +54,13 @@ class Type:
     kind: Kind
     unit: Unit = ONE
     values: tuple[str, ...] = ()
-    fixed: bool = False
-    zero: bool = False
+    is_literal: bool = False
+    is_zero: bool = False
     range: tuple[float, float] | None = field(default=None, compare=False)
     valid_for_s: float = field(default=FOREVER_S, compare=False)
 
     @property
-    def numeric(self) -> bool:
+    def is_number(self) -> bool:
         """Whether the expression is a number."""
         return self.kind in NUMERIC
 
@@ -70,7 +71,7 @@ class Type:
 
 
 Types = Mapping[str, Type | None]
-"""The type of each readable name; None if its declaration is wrong, which has been reported."""
+"""The type of each readable name; None if the declaration of the name is wrong. Such errors have been reported."""
 
 BOOL = Type(Kind.BOOL)
 _SECONDS = Type(Kind.FLOAT, UNITS["s"])
@@ -91,7 +92,8 @@ class Problem:
 
     Attributes:
         rule: the name of a rule of `check`.
-        suggestion: for a quoted text that is not a member, the most similar of the `candidates`; None if there is none.
+        suggestion: for a quoted text that is not a member, the most similar of the `candidates`; None if no candidate
+            is similar.
     """
 
     rule: str
@@ -104,7 +106,7 @@ class Problem:
 
 def declared_type(declared: ValueType, valid_for_s: float = FOREVER_S) -> Type | None:
     """Return the declared type, or None if the declaration is invalid. Equal declarations give the same object."""
-    # the ends are separate arguments, since the cache must distinguish a range with 0 from one with 0.0
+    # the ends are separate arguments, since the cache must distinguish a range with 0 from a range with 0.0
     low, high = declared.range if declared.range is not None else (None, None)
     return _declared_type(
         kind=declared.kind, unit_text=declared.unit, low=low, high=high, values=declared.values, valid_for_s=valid_for_s
@@ -130,99 +132,101 @@ def _declared_type(
     return Type(kind, unit, range=bounds, valid_for_s=valid_for_s)
 
 
-def infer(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
+def infer(node: Node, types: Types, *, reads_context: bool) -> tuple[Typed, tuple[Problem, ...]]:
     """Return the types of a value's parts, and the problems in them.
 
     Args:
-        node: the value. Names that are missing in `types` have been reported already.
+        node: the syntax tree of the value. Names that are missing in `types` have been reported already.
         types: the type of each name.
-        known: whether `known` and `age` are allowed here.
+        reads_context: whether the value reads context-variables. Only then, `known` and `age` are allowed.
     """
-    inference = _Inference(types, known)
+    inference = _Inference(types, reads_context)
     typed = inference.infer(node)
     return typed, tuple(inference.problems)
 
 
-def infer_condition(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
-    """Return the types of a condition's parts, and the problems in them; arguments as for `infer`."""
-    inference = _Inference(types, known)
+def infer_condition(node: Node, types: Types, *, reads_context: bool) -> tuple[Typed, tuple[Problem, ...]]:
+    """Return the types of a condition's parts, and the problems in them. The arguments are those of `infer`."""
+    inference = _Inference(types, reads_context)
     typed = inference.condition(node)
     return typed, tuple(inference.problems)
 
 
-def fit(value: Typed, wanted: Type, name: str) -> Iterator[Problem]:
+def fit(value: Typed, wanted_type: Type, name: str) -> Iterator[Problem]:
     """Yield the reasons why a value does not fit the context-variable with this type and name."""
     given = value.type
     if given is None:
         return
-    inference = _Inference({}, known=False)
-    if wanted.kind is Kind.ENUM and given.kind is Kind.STR and given.fixed:
-        inference.check_members(value, wanted, f"'{name}'")
+    inference = _Inference({}, reads_context=False)
+    if wanted_type.kind is Kind.ENUM and given.kind is Kind.STR and given.is_literal:
+        inference.check_members(value, wanted_type, f"'{name}'")
         yield from inference.problems
-    elif wanted.kind is Kind.ENUM and given.kind is Kind.ENUM:
-        unknown_members = [member for member in given.values if member not in wanted.values]
+    elif wanted_type.kind is Kind.ENUM and given.kind is Kind.ENUM:
+        unknown_members = [member for member in given.values if member not in wanted_type.values]
         if unknown_members:
-            help = f"map the members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
+            help = f"map the members to conditions: {{{wanted_type.values[0]}: CONDITION, ...}}"
             message = f"'{unknown_members[0]}' of {to_text(value.node)} is not a value of '{name}'"
             yield Problem("unknown-member", value.node, message, help)
-    elif wanted.numeric and given.numeric:
-        yield from _number_problems(value, given, wanted, name)
-    elif wanted.kind != given.kind and (wanted.kind, given.kind) != (Kind.STR, Kind.ENUM):
-        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
-        yield Problem("wrong-value-identified", value.node, message, _conversion_help(given, wanted))
+    elif wanted_type.is_number and given.is_number:
+        yield from _number_problems(value, given, wanted_type, name)
+    elif wanted_type.kind != given.kind and (wanted_type.kind, given.kind) != (Kind.STR, Kind.ENUM):
+        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted_type}"
+        yield Problem("wrong-value-identified", value.node, message, _conversion_help(given, wanted_type))
 
 
-def _number_problems(value: Typed, given: Type, wanted: Type, name: str) -> Iterator[Problem]:
-    has_same_dimension = given.unit.dimension == wanted.unit.dimension
-    is_int = given.kind is Kind.INT and (given.zero or given.unit == wanted.unit)
-    if not has_same_dimension and given.unit.dimension == ONE.dimension and not given.zero:
-        yield _missing_unit(value, f"'{name}'", wanted.unit)
-    elif not has_same_dimension and wanted.unit.dimension == ONE.dimension:
+def _number_problems(value: Typed, given: Type, wanted_type: Type, name: str) -> Iterator[Problem]:
+    has_same_dimension = given.unit.dimension == wanted_type.unit.dimension
+    is_int = given.kind is Kind.INT and (given.is_zero or given.unit == wanted_type.unit)
+    if not has_same_dimension and given.unit.dimension == ONE.dimension and not given.is_zero:
+        yield _missing_unit(value, f"'{name}'", wanted_type.unit)
+    elif not has_same_dimension and wanted_type.unit.dimension == ONE.dimension:
         message = f"{to_text(value.node)} is in {given.unit}, but '{name}' has no unit"
         yield Problem("missing-unit", value.node, message, f"declare '{name}' with 'unit: {given.unit}'")
-    elif not has_same_dimension and not given.zero:
-        message = f"{to_text(value.node)} is in {given.unit}, but '{name}' is in {wanted.unit}"
-        yield Problem("mismatched-units", value.node, message, f"give a quantity in {wanted.unit}")
-    elif wanted.kind is Kind.INT and not is_int:
-        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
+    elif not has_same_dimension and not given.is_zero:
+        message = f"{to_text(value.node)} is in {given.unit}, but '{name}' is in {wanted_type.unit}"
+        yield Problem("mismatched-units", value.node, message, f"give a quantity in {wanted_type.unit}")
+    elif wanted_type.kind is Kind.INT and not is_int:
+        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted_type}"
         yield Problem("wrong-value-identified", value.node, message, f"make '{name}' a float")
 
 
-def _conversion_help(given: Type, wanted: Type) -> str:
-    if wanted.kind is Kind.BOOL:
+def _conversion_help(given: Type, wanted_type: Type) -> str:
+    if wanted_type.kind is Kind.BOOL:
         return f"compare the value, e.g. with {_comparisons(given)}"
-    if wanted.kind is Kind.ENUM:
-        return f"map the members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
-    return f"give {wanted}, or change the type of the variable to {given.kind}"
+    if wanted_type.kind is Kind.ENUM:
+        return f"map the members to conditions: {{{wanted_type.values[0]}: CONDITION, ...}}"
+    return f"give {wanted_type}, or change the type of the variable to {given.kind}"
 
 
 def _comparisons(given: Type) -> str:
-    return "'==' or '<'" if given.numeric else "'=='"
+    return "'==' or '<'" if given.is_number else "'=='"
 
 
 class _Inference:
     """Infers the types in a condition in one walk, from the leaves up."""
 
-    def __init__(self, types: Types, known: bool) -> None:
+    def __init__(self, types: Types, reads_context: bool) -> None:
         self._types = types
-        self._known = known
+        self._reads_context = reads_context
         self.problems: list[Problem] = []
 
     def infer(self, node: Node) -> Typed:
         """Return a node with its type."""
-        return _READERS[type(node)](self, node)
+        return _INFERENCE_METHODS[type(node)](self, node)
 
-    def check_members(self, value: Typed, wanted: Type, owner: str) -> None:
+    def check_members(self, value: Typed, wanted_type: Type, owner: str) -> None:
         """Report each quoted text in a value that is not a member of the owner's enum."""
         if isinstance(value.node, Choice):
-            self.check_members(value.parts[0], wanted, owner)
-            self.check_members(value.parts[2], wanted, owner)
-        elif isinstance(value.node, Text) and value.node.value not in wanted.values:
-            nearest_member = suggest(value.node.value, wanted.values)
-            member_texts = ", ".join(f'"{member}"' for member in wanted.values[:10])
+            self.check_members(value.parts[0], wanted_type, owner)
+            self.check_members(value.parts[2], wanted_type, owner)
+        elif isinstance(value.node, Text) and value.node.value not in wanted_type.values:
+            nearest_member = suggest(value.node.value, wanted_type.values)
+            member_texts = ", ".join(f'"{member}"' for member in wanted_type.values[:10])
             help = f'did you mean "{nearest_member}"?' if nearest_member else f"members are {member_texts}"
             message = f'"{value.node.value}" is not a value of {owner}'
-            self.problems.append(Problem("unknown-member", value.node, message, help, nearest_member, wanted.values))
+            self.problems.append(
+                Problem("unknown-member", value.node, message, help, nearest_member, wanted_type.values)
+            )
 
     def _report(self, rule: str, at: Typed, message: str, help: str) -> None:
         self.problems.append(Problem(rule, at.node, message, help))
@@ -235,22 +239,25 @@ class _Inference:
         if unit is None:
             return Typed(node, None)
         kind = Kind.INT if isinstance(node.value, int) else Kind.FLOAT
-        return Typed(node, Type(kind, unit, fixed=True, zero=node.value == 0 and node.unit is None))
+        return Typed(node, Type(kind, unit, is_literal=True, is_zero=node.value == 0 and node.unit is None))
 
     def _text(self, node: Text) -> Typed:
-        return Typed(node, Type(Kind.STR, fixed=True))
+        return Typed(node, Type(Kind.STR, is_literal=True))
 
     def _truth(self, node: Truth) -> Typed:
-        return Typed(node, Type(Kind.BOOL, fixed=True))
+        return Typed(node, Type(Kind.BOOL, is_literal=True))
 
     def condition(self, node: Node, before: Node | None = None) -> Typed:
-        """Return a part that must be a condition. `before` is the previous operand of the same `and` or `or`."""
+        """Return a part with its type, and report the part if it is not a condition.
+
+        `before` is the previous operand of the same `and` or `or`.
+        """
         typed = self.infer(node)
         if typed.type is None or typed.type.kind is Kind.BOOL:
             return typed
         if isinstance(typed.node, Text) and typed.node.value in self._types:
             help = "write the name without quotes"
-        elif typed.type.fixed and isinstance(before, Compare):
+        elif typed.type.is_literal and isinstance(before, Compare):
             compared_text, operator = to_text(before.first), before.rest[0][0]
             help = f"repeat the left side: {compared_text} {operator} {to_text(typed.node)}"
         else:
@@ -263,13 +270,13 @@ class _Inference:
         return Typed(node, BOOL, (self.condition(node.operand),))
 
     def _and_or(self, node: And | Or) -> Typed:
-        joined = zip(node.operands, (None, *node.operands), strict=False)
-        return Typed(node, BOOL, tuple(self.condition(operand, before) for operand, before in joined))
+        operands_with_previous = zip(node.operands, (None, *node.operands), strict=False)
+        return Typed(node, BOOL, tuple(self.condition(operand, before) for operand, before in operands_with_previous))
 
     def _quantity(self, node: Node) -> Typed:
-        """Return a part that must be a number."""
+        """Return a part with its type, and report the part if it is not a number."""
         typed = self.infer(node)
-        if typed.type is None or typed.type.numeric:
+        if typed.type is None or typed.type.is_number:
             return typed
         node_text = to_text(typed.node)
         self._report(
@@ -298,34 +305,34 @@ class _Inference:
             )
             return None
         is_int = node.operator == "*" and left.kind is right.kind is Kind.INT
-        return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
+        return Type(Kind.INT if is_int else Kind.FLOAT, unit, is_literal=left.is_literal and right.is_literal)
 
     def _common_type(self, values: tuple[Typed, ...]) -> Type | None:
-        """Return the common type of values that are added, compared or chosen from; None if they do not match."""
+        """Return the common type of the operands of a sum, a choice or a function; None if their types do not match."""
         for left, right in pairwise(values):
             if not self._are_compatible(left, right):
                 return None
         types = [value.type for value in values if value.type is not None]
-        if len(types) < len(values) or not types[0].numeric:
+        if len(types) < len(values) or not types[0].is_number:
             return self._joined_type(types) if len(types) == len(values) else None
-        nonzero_types = [type_ for type_ in types if not type_.zero] or types
-        reference_type = next((type_ for type_ in nonzero_types if not type_.fixed), nonzero_types[0])
-        is_int = all(type_.kind is Kind.INT and (type_.zero or type_.unit == reference_type.unit) for type_ in types)
-        fixed = all(type_.fixed for type_ in types)
+        nonzero_types = [type_ for type_ in types if not type_.is_zero] or types
+        reference_type = next((type_ for type_ in nonzero_types if not type_.is_literal), nonzero_types[0])
+        is_int = all(type_.kind is Kind.INT and (type_.is_zero or type_.unit == reference_type.unit) for type_ in types)
+        is_literal = all(type_.is_literal for type_ in types)
         return Type(
             Kind.INT if is_int else Kind.FLOAT,
             reference_type.unit,
-            fixed=fixed,
-            zero=all(type_.zero for type_ in types),
+            is_literal=is_literal,
+            is_zero=all(type_.is_zero for type_ in types),
         )
 
     def _joined_type(self, types: list[Type]) -> Type:
         """Return the type of a choice between values that are not numbers."""
-        fixed = all(type_.fixed for type_ in types)
+        is_literal = all(type_.is_literal for type_ in types)
         enums = [type_ for type_ in types if type_.kind is Kind.ENUM]
         if not enums:
-            return replace(types[0], fixed=fixed)
-        if any(type_.kind is Kind.STR and not type_.fixed for type_ in types):
+            return replace(types[0], is_literal=is_literal)
+        if any(type_.kind is Kind.STR and not type_.is_literal for type_ in types):
             return Type(Kind.STR)
         return Type(Kind.ENUM, values=tuple(dict.fromkeys(member for enum in enums for member in enum.values)))
 
@@ -333,8 +340,8 @@ class _Inference:
         """Return whether two values can be added or compared; report the reason if they cannot."""
         if left.type is None or right.type is None:
             return False
-        if left.type.numeric and right.type.numeric:
-            problem = None if left.type.zero or right.type.zero else _unit_problem(left, right)
+        if left.type.is_number and right.type.is_number:
+            problem = None if left.type.is_zero or right.type.is_zero else _unit_problem(left, right)
             self.problems += [problem] if problem else []
             return problem is None
         texts = {Kind.STR, Kind.ENUM}
@@ -364,10 +371,10 @@ class _Inference:
         return Typed(node, BOOL, tuple(operands))
 
     def _side(self, node: Node) -> Typed:
-        """Return one side of a comparison, which is the only place where an age is allowed.
+        """Return one side of a comparison with its type.
 
-        An age must be one complete side of an ordering comparison. Then the runtime can compute the instant at which
-        the result of the comparison changes.
+        An age is allowed only as one complete side of an ordering comparison. Then the runtime can compute the instant
+        at which the result of the comparison changes.
         """
         return self._known_or_age_call(node, _SECONDS) if is_age(node) and isinstance(node, Call) else self.infer(node)
 
@@ -383,7 +390,7 @@ class _Inference:
             self._check_order(operator, left)
 
     def _check_order(self, operator: Comparison, left: Typed) -> None:
-        if left.type is not None and not left.type.numeric:
+        if left.type is not None and not left.type.is_number:
             message = f"{to_text(left.node)} is {left.type}, which cannot be ordered with '{operator}'"
             self._report("wrong-operand", left, message, "compare it with '==' or '!='")
 
@@ -403,7 +410,7 @@ class _Inference:
             return self._known_or_age_call(node, BOOL)
         if node.function == "age":
             typed = self._known_or_age_call(node, None)
-            if self._known:
+            if self._reads_context:
                 message, help = "an age must be one complete side of a comparison", "write age(x) < 10 s"
                 self._report("misplaced-age", typed, message, help)
             return typed
@@ -411,12 +418,12 @@ class _Inference:
         return Typed(node, self._common_type(arguments), arguments)
 
     def _known_or_age_call(self, node: Call, result: Type | None) -> Typed:
-        """Return a call of `known` or `age`, which are only allowed in conditions over context."""
-        if not self._known:
+        """Return a call of `known` or `age` with its type. Report the call if it is not in a condition over context."""
+        if not self._reads_context:
             message = f"{node.function}() is about context-variables, which cannot be read here"
-            help = "use it in 'observable_when'; a condition is unknown anyway if a returned value in it is absent"
+            help = "use it in 'observable_when'; a condition with an absent returned value is unknown anyway"
             self._report("misplaced-known", Typed(node, None), message, help)
-        return Typed(node, result if self._known or node.function == "known" else None)
+        return Typed(node, result if self._reads_context or node.function == "known" else None)
 
 
 def is_age(node: Node) -> bool:
@@ -437,7 +444,7 @@ def _unit_problem(left: Typed, right: Typed) -> Problem | None:
 
 def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
     node_text = to_text(bare.node)
-    if bare.type is not None and bare.type.fixed:
+    if bare.type is not None and bare.type.is_literal:
         help = f"did you mean '{node_text} {unit}'?"
     else:
         help = "state its unit where it is declared"
@@ -449,12 +456,12 @@ def _mismatch_help(left: Typed, right: Typed) -> str:
         if isinstance(side.node, Text) and other.type is not None:
             if other.type.kind is Kind.BOOL and side.node.value in ("true", "false"):
                 return f"write {side.node.value} without quotes"
-            if other.type.numeric:
+            if other.type.is_number:
                 return "write the number without quotes"
     return "compare values of one type"
 
 
-_READERS: Mapping[type[Node], Callable[[_Inference, Any], Typed]] = {
+_INFERENCE_METHODS: Mapping[type[Node], Callable[[_Inference, Any], Typed]] = {
     Name: _Inference._name,
     Number: _Inference._number,
     Text: _Inference._text,

@@ -1,8 +1,9 @@
 """Rules of phase 4: every variable can become known, even if observers need each other.
 
-The variables that can become known are the least fixed point of this rule: a variable is reached if one of its
-algorithms can run while every variable that is not yet reached is unknown. The remaining variables wait, directly or
-through others, for the variables of a cycle. The finding shows the complete cycle.
+A variable is knowable if it can become known. The knowable variables are the least fixed point of this rule: a variable
+is knowable if one of its algorithms can run while all variables that are not yet found to be knowable are unknown. The
+remaining variables wait, directly or through other variables, for the variables of a cycle. The finding shows the
+complete cycle.
 """
 
 from __future__ import annotations
@@ -21,21 +22,21 @@ from codra_dsl.language.check.solver.contradictions import (
     related_places,
     state_condition,
 )
-from codra_dsl.language.check.solver.satisfiable import can_hold, known
+from codra_dsl.language.check.solver.satisfiable import can_hold, known_call
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition
 
-MAX_COMBINED = 8
-"""The maximum number of unknown names in one condition. With more, the condition counts as waiting for each of them."""
+MAX_COMBINED_NAMES = 8
+"""The maximum number of unknown names in one condition. With more names, the condition is assumed to wait for each."""
 
-MAX_WAITING = 5
+MAX_WAITING_ALGORITHMS = 5
 """The maximum number of waiting algorithms in a finding about an algorithm that never runs."""
 
 
 def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """No variable must be known before it can become known; one finding per cause."""
-    if spec_index.lost("perception", "identifies"):
+    """No variable waits for itself, directly or through other variables. There is one finding per cause."""
+    if spec_index.has_damage("perception", "identifies"):
         return
     search = _Search(spec_index, faults)
     search.run(spec_index.algorithms)
@@ -43,16 +44,18 @@ def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
         never_running_names = [name for name in search.blocked if not search.could_run(name)]
         if never_running_names:
             yield from (_never_runs_finding(spec_index, search, name) for name in never_running_names)
-            search.let_run(never_running_names)
+            search.assume_running(never_running_names)
             continue
-        waits = search.waits()
-        for component in _innermost_components(waits):
-            yield _cycle(spec_index, search, graph.shortest_cycle({name: waits[name] for name in component}))
-            search.reach(component)
+        awaited_names = search.awaited_names()
+        for component in _innermost_components(awaited_names):
+            yield _cycle_finding(
+                spec_index, search, graph.shortest_cycle({name: awaited_names[name] for name in component})
+            )
+            search.assume_knowable(component)
 
 
 def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
-    """Return, for each algorithm on a cycle of needs, the variables that it reads without waiting for them."""
+    """Return, for each algorithm, the variables on a cycle of needs that the algorithm reads without waiting."""
     needs = {
         name: [need for producer in producers for need in spec_index.needs[producer]]
         for name, producers in spec_index.producers.items()
@@ -76,20 +79,20 @@ def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
 
 
 def _drop_acyclic_names(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
-    """Return a graph without the names that are on no cycle, since they need no name that remains in the graph."""
-    open_need_counts = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
+    """Return a graph with only those names that need a name on a cycle, directly or through other names."""
+    open_need_counts = {name: sum(need in needs for need in needed_names) for name, needed_names in needs.items()}
     users: dict[str, list[str]] = {}
-    for name, wanted in needs.items():
-        for need in wanted:
+    for name, needed_names in needs.items():
+        for need in needed_names:
             users.setdefault(need, []).append(name)
-    ends = [name for name, count in open_need_counts.items() if count == 0]
-    while ends:
-        end = ends.pop()
-        del open_need_counts[end]
-        for user in users.get(end, ()):
+    free_names = [name for name, count in open_need_counts.items() if count == 0]
+    while free_names:
+        free_name = free_names.pop()
+        del open_need_counts[free_name]
+        for user in users.get(free_name, ()):
             open_need_counts[user] -= 1
             if open_need_counts[user] == 0:
-                ends.append(user)
+                free_names.append(user)
     return {name: needs[name] for name in open_need_counts}
 
 
@@ -99,7 +102,7 @@ CYCLE_CHECKS = (cycles,)
 
 @dataclass(frozen=True, slots=True)
 class _Requirement:
-    """A requirement before an algorithm starts: conditions that are judged together, or a `given` name to be known."""
+    """A requirement of an algorithm: conditions that are judged together, or a `given` name that must be known."""
 
     conditions: tuple[Node, ...]
     given: str | None = None
@@ -131,12 +134,12 @@ def _sound_conditions(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[t
 
 
 class _Search:
-    """The growing fixed point: the variables that are reached, and the algorithms that are still blocked."""
+    """The search for the fixed point: the variables found to be knowable, and the algorithms that are still blocked."""
 
     def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
         self._spec_index = spec_index
         self._faults = faults
-        self._reached = {name for name in spec_index.variables if self._has_other_source(name)}
+        self._knowable_names = {name for name in spec_index.variables if self._has_other_source(name)}
         self._readers: dict[str, list[str]] = {}
         for name, needs in spec_index.needs.items():
             for need in needs:
@@ -144,115 +147,125 @@ class _Search:
         self.blocked: dict[str, Algorithm] = {}
 
     def _has_other_source(self, name: str) -> bool:
-        """Return whether a variable may have writers other than its algorithms, or this cannot be decided."""
-        others = any(source.name != OBSERVER for source in self._spec_index.variables[name].sources)
-        sound = self._faults.is_sound("context", name) and self._spec_index.is_readable("context", name, "source")
-        return others or name not in self._spec_index.producers or not sound
+        """Return whether a variable may have writers other than its algorithms. If this is undecided, return True."""
+        has_others = any(source.name != OBSERVER for source in self._spec_index.variables[name].sources)
+        is_sound = self._faults.is_sound("context", name) and self._spec_index.is_readable("context", name, "source")
+        return has_others or name not in self._spec_index.producers or not is_sound
 
     def run(self, names: Iterable[str]) -> None:
-        """Judge algorithms. Then judge the readers of newly reached variables again, until nothing changes."""
-        waiting = list(names)[::-1]
-        while waiting:
-            name = waiting.pop()
+        """Judge algorithms. Whenever a variable is found to be knowable, judge its blocked readers again."""
+        pending_names = list(names)[::-1]
+        while pending_names:
+            name = pending_names.pop()
             algorithm = self._spec_index.algorithms[name]
             if self._can_run(algorithm):
                 self.blocked.pop(name, None)
-                waiting.extend(self._reach_variables(entry.variable.name for entry in algorithm.identifies))
+                pending_names.extend(self._mark_knowable(entry.variable.name for entry in algorithm.identifies))
             else:
                 self.blocked[name] = algorithm
 
-    def reach(self, names: Iterable[str]) -> None:
-        """Mark variables as reached, so that the search continues after a reported cycle."""
-        self.run(self._reach_variables(names))
+    def assume_knowable(self, names: Iterable[str]) -> None:
+        """Assume that variables are knowable, so that the search continues after a reported cycle."""
+        self.run(self._mark_knowable(names))
 
-    def let_run(self, names: Iterable[str]) -> None:
-        """Mark algorithms as running, so that the search continues after a reported problem."""
+    def assume_running(self, names: Iterable[str]) -> None:
+        """Assume that algorithms can run, so that the search continues after a reported problem."""
         for name in names:
             algorithm = self.blocked.pop(name)
-            self.reach([entry.variable.name for entry in algorithm.identifies])
+            self.assume_knowable([entry.variable.name for entry in algorithm.identifies])
 
     def could_run(self, name: str) -> bool:
-        """Return whether an algorithm could run if all variables were reached."""
-        return _holds(self._spec_index, tuple(_requirements(self._spec_index, self.blocked[name])), frozenset())
+        """Return whether an algorithm could run if all variables were knowable."""
+        return _hold(self._spec_index, tuple(_requirements(self._spec_index, self.blocked[name])), frozenset())
 
-    def waits(self) -> Mapping[str, tuple[str, ...]]:
-        """Return, for each variable that is not reached, the variables that it waits for."""
-        waits: dict[str, list[str]] = {}
+    def awaited_names(self) -> Mapping[str, tuple[str, ...]]:
+        """Return a mapping from each variable that is not knowable to the variables that it waits for."""
+        awaited_names: dict[str, list[str]] = {}
         for algorithm in self.blocked.values():
-            blocking = self.blocking(algorithm)
+            blocking_names = self.blocking_names(algorithm)
             for entry in algorithm.identifies:
-                if entry.variable.name not in self._reached:
-                    waits.setdefault(entry.variable.name, []).extend(blocking)
-        return {name: tuple(dict.fromkeys(needs)) for name, needs in waits.items()}
+                if entry.variable.name not in self._knowable_names:
+                    awaited_names.setdefault(entry.variable.name, []).extend(blocking_names)
+        return {name: tuple(dict.fromkeys(needs)) for name, needs in awaited_names.items()}
 
-    def blocking(self, algorithm: Algorithm) -> tuple[str, ...]:
-        """Return the variables that keep an algorithm from running: if some of them were reached, it could run."""
+    def blocking_names(self, algorithm: Algorithm) -> tuple[str, ...]:
+        """Return the variables that block an algorithm: if some of these were knowable, the algorithm could run."""
         requirements = tuple(_requirements(self._spec_index, algorithm))
-        unknown = self._unknown_names(algorithm)
-        failing = [requirement for requirement in requirements if not _holds(self._spec_index, (requirement,), unknown)]
-        groups: list[tuple[_Requirement, ...]] = [(requirement,) for requirement in failing] or [requirements]
-        return tuple(dict.fromkeys(name for group in groups for name in self._relevant_names(group, unknown)))
+        unknown_names = self._unknown_names(algorithm)
+        unmet_requirements = [
+            requirement for requirement in requirements if not _hold(self._spec_index, (requirement,), unknown_names)
+        ]
+        groups: list[tuple[_Requirement, ...]] = [(requirement,) for requirement in unmet_requirements] or [
+            requirements
+        ]
+        return tuple(dict.fromkeys(name for group in groups for name in self._relevant_names(group, unknown_names)))
 
-    def _relevant_names(self, group: Sequence[_Requirement], unknown: frozenset[str]) -> list[str]:
-        names = sorted(unknown & frozenset().union(*(requirement.names for requirement in group)))
-        if len(names) > MAX_COMBINED:
+    def _relevant_names(self, group: Sequence[_Requirement], unknown_names: frozenset[str]) -> list[str]:
+        names = sorted(unknown_names & frozenset().union(*(requirement.names for requirement in group)))
+        if len(names) > MAX_COMBINED_NAMES:
             return names
-        others = unknown - frozenset(names)
-        holds = {
-            frozenset(reached): _holds(self._spec_index, group, others | (frozenset(names) - frozenset(reached)))
+        other_names = unknown_names - frozenset(names)
+        truths = {
+            frozenset(known_names): _hold(
+                self._spec_index, group, other_names | (frozenset(names) - frozenset(known_names))
+            )
             for size in range(len(names) + 1)
-            for reached in combinations(names, size)
+            for known_names in combinations(names, size)
         }
-        return [name for name in names if any(not held and holds[without | {name}] for without, held in holds.items())]
+        return [
+            name
+            for name in names
+            if any(not truth and truths[known_names | {name}] for known_names, truth in truths.items())
+        ]
 
     def _can_run(self, algorithm: Algorithm) -> bool:
-        unknown = self._unknown_names(algorithm)
-        if not unknown and all(type(condition.tree) is Name for condition in algorithm.observable_when):
-            return True  # the common case: all needed variables are reached
-        return _holds(self._spec_index, tuple(_requirements(self._spec_index, algorithm)), unknown)
+        unknown_names = self._unknown_names(algorithm)
+        if not unknown_names and all(type(condition.tree) is Name for condition in algorithm.observable_when):
+            return True  # the common case: all needed variables are knowable
+        return _hold(self._spec_index, tuple(_requirements(self._spec_index, algorithm)), unknown_names)
 
     def _unknown_names(self, algorithm: Algorithm) -> frozenset[str]:
-        needs, declared = self._spec_index.needs[algorithm.name], self._spec_index.variables
-        return frozenset(name for name in needs if name not in self._reached and name in declared)
+        needs, variables = self._spec_index.needs[algorithm.name], self._spec_index.variables
+        return frozenset(name for name in needs if name not in self._knowable_names and name in variables)
 
-    def _reach_variables(self, names: Iterable[str]) -> list[str]:
-        """Mark variables as reached, and return the blocked algorithms that read a newly reached variable."""
-        new = [name for name in names if name not in self._reached]
-        self._reached.update(new)
-        readers = dict.fromkeys(reader for name in new for reader in self._readers.get(name, ()))
+    def _mark_knowable(self, names: Iterable[str]) -> list[str]:
+        """Mark variables as knowable. Return the blocked algorithms that read a variable that was not marked before."""
+        new_names = [name for name in names if name not in self._knowable_names]
+        self._knowable_names.update(new_names)
+        readers = dict.fromkeys(reader for name in new_names for reader in self._readers.get(name, ()))
         return [reader for reader in readers if reader in self.blocked]
 
 
-def _holds(spec_index: SpecIndex, requirements: Sequence[_Requirement], unknown: frozenset[str]) -> bool:
-    if any(requirement.given in unknown for requirement in requirements):
+def _hold(spec_index: SpecIndex, requirements: Sequence[_Requirement], unknown_names: frozenset[str]) -> bool:
+    if any(requirement.given in unknown_names for requirement in requirements):
         return False
     conditions = [condition for requirement in requirements for condition in requirement.conditions]
     read_names = {name for requirement in requirements if requirement.given is None for name in requirement.names}
     conditions += [
-        known(requirement.given)
+        known_call(requirement.given)
         for requirement in requirements
         if requirement.given is not None and requirement.given in read_names
     ]
     return can_hold(
         conditions,
-        unknown & {name for requirement in requirements for name in requirement.names},
+        unknown_names & {name for requirement in requirements for name in requirement.names},
         spec_index.context_types,
     )
 
 
 def _runs_without(spec_index: SpecIndex, algorithm: Algorithm, name: str) -> bool:
-    return _holds(spec_index, tuple(_requirements(spec_index, algorithm)), frozenset({name}))
+    return _hold(spec_index, tuple(_requirements(spec_index, algorithm)), frozenset({name}))
 
 
-def _innermost_components(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
-    """Yield the sets of variables that wait for each other and for no other unreached variable."""
-    for component in graph.strong_components(waits):
+def _innermost_components(awaited_names: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+    """Yield the sets of variables that wait for each other and for no other variable."""
+    for component in graph.strong_components(awaited_names):
         members = frozenset(component)
-        if all(members.issuperset(waits[name]) for name in component):
+        if all(members.issuperset(awaited_names[name]) for name in component):
             yield component
 
 
-def _cycle(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
+def _cycle_finding(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
     edges = [_cycle_edge(spec_index, search, name, need) for name, need in pairwise((*path, path[0]))]
     cycle_text = " -> ".join((*path, path[0]))
     if len(path) == 1:
@@ -261,7 +274,7 @@ def _cycle(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]) -> Dia
         help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example_condition}'"
     else:
         message = f"context-variables wait for each other: {cycle_text}"
-        help = "identify one of them without the others, or name another writer of it under 'source'"
+        help = "identify one of these variables without the others, or name another writer of it under 'source'"
     return finding(
         "cycle",
         message,
@@ -273,9 +286,9 @@ def _cycle(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]) -> Dia
 
 
 def _cycle_edge(spec_index: SpecIndex, search: _Search, name: str, need: str) -> Related:
-    """Return the reason why a variable waits for another one, with the place of the cause."""
+    """Return the reason why a variable waits for another variable, with the place of the cause."""
     algorithms = [spec_index.algorithms[producer] for producer in spec_index.producers[name]]
-    algorithm = next(producer for producer in algorithms if need in search.blocking(producer))
+    algorithm = next(producer for producer in algorithms if need in search.blocking_names(producer))
     place, reason = _place_of_need(algorithm, need)
     return Related(f"'{name}' needs '{need}': algorithm '{algorithm.name}' {reason}", place)
 
@@ -294,7 +307,7 @@ def _never_runs_finding(spec_index: SpecIndex, search: _Search, name: str) -> Di
     algorithm = spec_index.algorithms[name]
     conditions = [state_condition(condition, tree) for condition, tree in _sound_conditions(spec_index, algorithm)]
     given_conditions = [
-        StatedCondition(known(reference.name), f"given: {reference.name}", reference.place)
+        StatedCondition(known_call(reference.name), f"given: {reference.name}", reference.place)
         for reference in algorithm.given
     ]
     core = contradiction((*given_conditions, *conditions), spec_index.context_types)
@@ -319,13 +332,13 @@ def _never_runs_finding(spec_index: SpecIndex, search: _Search, name: str) -> Di
 
 def _waiting_algorithms(spec_index: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
     """Yield the algorithms that wait for a variable of an algorithm that never runs."""
-    identified = {entry.variable.name for entry in algorithm.identifies}
+    identified_names = {entry.variable.name for entry in algorithm.identifies}
     others = [
         other
         for other in search.blocked.values()
-        if other is not algorithm and identified & set(spec_index.needs[other.name])
+        if other is not algorithm and identified_names & set(spec_index.needs[other.name])
     ]
-    for other in others[:MAX_WAITING]:
-        need = next((need for need in search.blocking(other) if need in identified), None)
+    for other in others[:MAX_WAITING_ALGORITHMS]:
+        need = next((need for need in search.blocking_names(other) if need in identified_names), None)
         if need is not None:
             yield Related(f"algorithm '{other.name}' waits for '{need}'", _place_of_need(other, need)[0])

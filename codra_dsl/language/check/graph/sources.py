@@ -12,7 +12,7 @@ from codra_dsl.language.model import Algorithm, ObserverSetting, Reference
 
 def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every variable is identified by an algorithm or names another writer under `source`."""
-    if spec_index.lost("perception", "identifies"):
+    if spec_index.has_damage("perception", "identifies"):
         return
     unidentified_names = [
         name
@@ -22,7 +22,7 @@ def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Ite
     undeclared_names = [name for name in spec_index.producers if not spec_index.declares("context", name)]
     for variable in spec_index.variables.values():
         name = variable.name
-        # an undeclared name that an algorithm identifies may be meant as this variable
+        # an undeclared name that an algorithm identifies may be a misspelling of this variable
         if name in unidentified_names and len(unidentified_names) <= len(undeclared_names):
             continue
         observer_sources = [source for source in variable.sources if source.name == OBSERVER]
@@ -46,7 +46,7 @@ def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Ite
         yield finding("unidentified-variable", message, place, path=f"context.{name}", help=help)
 
 
-def observer_is_no_source(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def variables_without_observer_source(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A variable that an algorithm identifies has `observer` among its sources."""
     for name, producers in spec_index.producers.items():
         variable = spec_index.variables.get(name)
@@ -70,7 +70,7 @@ def observer_is_no_source(spec_index: SpecIndex, faults: FaultyElements) -> Iter
             )
 
 
-def same_rank(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def same_ranks(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Alternatives have different ranks, which define the order in which they are tried."""
     for group in spec_index.groups:
         for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
@@ -80,36 +80,39 @@ def same_rank(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
             )
             if (
                 len(tied_algorithms) > 1
-                and _all_declared(spec_index, group)
+                and _are_all_declared(spec_index, group)
                 and _are_readable(spec_index, tied_algorithms, "rank")
             ):
                 yield _same_rank_finding(group, tied_algorithms, rank)
 
 
-def incomplete_first_alternative(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def incomplete_first_alternatives(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The first of several alternatives identifies every variable of their tree."""
     for group in spec_index.groups:
-        is_sound = _all_declared(spec_index, group) and _are_readable(
+        is_sound = _are_all_declared(spec_index, group) and _are_readable(
             spec_index, group.algorithms, "rank", "identifies"
         )
         if group.variables_beyond_first and group.has_distinct_ranks and is_sound:
-            first, missing = group.algorithms[0], group.variables_beyond_first[0]
-            other = next(algorithm for algorithm in group.algorithms if _identifies(algorithm, missing))
+            first, missing_name = group.algorithms[0], group.variables_beyond_first[0]
+            other = next(algorithm for algorithm in group.algorithms if _identifies(algorithm, missing_name))
             yield finding(
                 "incomplete-first-alternative",
-                f"algorithm '{first.name}' is the first of its alternatives, but does not identify '{missing}'",
+                f"algorithm '{first.name}' is the first of its alternatives, but does not identify '{missing_name}'",
                 first.places.get("identifies", first.place),
                 path=f"perception.{first.name}.identifies",
-                help=f"identify '{missing}' here too, or in an algorithm that shares no variable with this one",
+                help=f"identify '{missing_name}' here as well, "
+                "or in an algorithm that shares no variable with this algorithm",
                 related=(
-                    Related(f"algorithm '{other.name}' identifies it", _identifying_reference(other, missing).place),
+                    Related(
+                        f"algorithm '{other.name}' identifies it", _identifying_reference(other, missing_name).place
+                    ),
                 ),
             )
 
 
 def observers_without_algorithm(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The entries under `observers` contain only variables that an algorithm identifies."""
-    if spec_index.lost("perception", "identifies"):
+    if spec_index.has_damage("perception", "identifies"):
         return
     for setting in spec_index.spec.observers:
         for reference in setting.identifies:
@@ -129,11 +132,11 @@ def observers_without_algorithm(spec_index: SpecIndex, faults: FaultyElements) -
 def variables_in_two_observers(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Each variable is in at most one observer, since a tree has one name, period and priority."""
     for setting in spec_index.spec.observers:
-        reported: set[str] = set()
+        reported_owners: set[str] = set()
         for reference in setting.identifies:
             owner, first = spec_index.claims[reference.name]
-            if owner.name != setting.name and owner.name not in reported:
-                reported.add(owner.name)
+            if owner.name != setting.name and owner.name not in reported_owners:
+                reported_owners.add(owner.name)
                 message = f"'{reference.name}' in observer '{setting.name}' is also in observer '{owner.name}'"
                 help = f"keep '{reference.name}' in only one of the two observers"
                 related = (Related(f"in observer '{owner.name}'", first.place),)
@@ -147,8 +150,8 @@ def variables_in_two_observers(spec_index: SpecIndex, _: FaultyElements) -> Iter
                 )
 
 
-def observers_that_mix(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Trees of different algorithms are joined only if they have the same set of conditions."""
+def observers_mixing_trees(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """An observer joins trees of different algorithms only if the algorithms have the same set of preconditions."""
     for setting in spec_index.spec.observers:
         groups = _groups_of_observer(spec_index, setting)
         incompatible_groups = (group for group in groups[1:] if not _can_join(groups[0], group))
@@ -157,8 +160,8 @@ def observers_that_mix(spec_index: SpecIndex, faults: FaultyElements) -> Iterato
             yield _mixed_trees_finding(setting, groups[0], incompatible_group)
 
 
-def observers_that_split(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """The entry of an observer contains all variables of its tree."""
+def observers_splitting_trees(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """The entry of an observer contains all variables of the observer's tree."""
     for setting in spec_index.spec.observers:
         groups = _groups_of_observer(spec_index, setting)
         if not _is_sound_observer(spec_index, faults, setting, groups) or any(
@@ -178,7 +181,7 @@ def observers_that_split(spec_index: SpecIndex, faults: FaultyElements) -> Itera
 
 def observer_names_taken(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No observer has the name that another tree gets from its first algorithm."""
-    if spec_index.lost("observers", "identifies"):
+    if spec_index.has_damage("observers", "identifies"):
         return
     first_algorithms_of_unnamed_trees = {
         group.algorithms[0].name.casefold(): group.algorithms[0]
@@ -201,13 +204,13 @@ def observer_names_taken(spec_index: SpecIndex, _: FaultyElements) -> Iterator[D
 
 SOURCE_CHECKS = (
     unidentified_variables,
-    observer_is_no_source,
-    same_rank,
-    incomplete_first_alternative,
+    variables_without_observer_source,
+    same_ranks,
+    incomplete_first_alternatives,
     observers_without_algorithm,
     variables_in_two_observers,
-    observers_that_mix,
-    observers_that_split,
+    observers_mixing_trees,
+    observers_splitting_trees,
     observer_names_taken,
 )
 """The rules of this phase."""
@@ -216,10 +219,12 @@ SOURCE_CHECKS = (
 def _same_rank_finding(group: Group, tied_algorithms: list[Algorithm], rank: int) -> Diagnostic:
     first, second, *rest = tied_algorithms
     names_text = " and ".join(f"'{algorithm.name}'" for algorithm in tied_algorithms)
-    shared = max(group.variables, key=lambda name: sum(_identifies(algorithm, name) for algorithm in tied_algorithms))
+    shared_name = max(
+        group.variables, key=lambda name: sum(_identifies(algorithm, name) for algorithm in tied_algorithms)
+    )
     return finding(
         "same-rank",
-        f"algorithms {names_text} are alternatives for '{shared}' and share rank {rank}",
+        f"algorithms {names_text} are alternatives for '{shared_name}' and share rank {rank}",
         second.places.get("rank", second.place),
         path=f"perception.{second.name}.rank",
         help="give each of them a different 'rank': the algorithm with the smallest rank is tried first",
@@ -250,18 +255,20 @@ def _mixed_trees_finding(setting: ObserverSetting, first: Group, other: Group) -
     )
 
 
-def _split_tree_finding(spec_index: SpecIndex, setting: ObserverSetting, group: Group, missing: str) -> Diagnostic:
-    algorithm = next(candidate for candidate in group.algorithms if _identifies(candidate, missing))
-    owner = spec_index.claims[missing][0].name if missing in spec_index.claims else None
+def _split_tree_finding(spec_index: SpecIndex, setting: ObserverSetting, group: Group, missing_name: str) -> Diagnostic:
+    algorithm = next(candidate for candidate in group.algorithms if _identifies(candidate, missing_name))
+    owner = spec_index.claims[missing_name][0].name if missing_name in spec_index.claims else None
     where_text = "" if owner is None else f"; it is in observer '{owner}'"
-    message = f"observer '{setting.name}' leaves out '{missing}', which algorithm '{algorithm.name}' identifies as well"
+    message = (
+        f"observer '{setting.name}' leaves out '{missing_name}', which algorithm '{algorithm.name}' identifies as well"
+    )
     return finding(
         "observer-splits-tree",
         message + where_text,
         setting.places.get("identifies", setting.place),
         path=_identifies_path(setting),
-        help=f"add '{missing}': an observer contains all variables of its tree",
-        related=(Related("identified here", _identifying_reference(algorithm, missing).place),),
+        help=f"add '{missing_name}': an observer contains all variables of its tree",
+        related=(Related("identified here", _identifying_reference(algorithm, missing_name).place),),
     )
 
 
@@ -278,26 +285,26 @@ def _identifying_reference(algorithm: Algorithm, name: str) -> Reference:
 
 
 def _groups_of_observer(spec_index: SpecIndex, setting: ObserverSetting) -> tuple[Group, ...]:
-    """Return the groups whose variables an observer contains, in the order of these variables."""
+    """Return the groups that identify the variables of an observer, in the order of these variables."""
     groups = (spec_index.group_of.get(reference.name) for reference in setting.identifies)
     return tuple(dict.fromkeys(group for group in groups if group is not None))
 
 
-def _all_declared(spec_index: SpecIndex, group: Group) -> bool:
-    """Return whether all variables of a group are declared; if not, the group may not be the intended one."""
+def _are_all_declared(spec_index: SpecIndex, group: Group) -> bool:
+    """Return whether all variables of a group are declared. Otherwise another group may be intended."""
     return all(spec_index.declares("context", name) for name in group.variables)
 
 
 def _is_sound_observer(
     spec_index: SpecIndex, faults: FaultyElements, setting: ObserverSetting, groups: Iterable[Group]
 ) -> bool:
-    """Return whether there is no finding about an observer and the algorithms of its trees."""
-    shared = any(spec_index.claims[reference.name][0].name != setting.name for reference in setting.identifies)
+    """Return whether an observer and the algorithms of its trees have no finding."""
+    is_shared = any(spec_index.claims[reference.name][0].name != setting.name for reference in setting.identifies)
     is_readable = spec_index.is_readable("observers", setting.name, "identifies")
-    if shared or not is_readable or not faults.is_sound("observers", setting.name):
+    if is_shared or not is_readable or not faults.is_sound("observers", setting.name):
         return False
     return all(
-        _all_declared(spec_index, group)
+        _are_all_declared(spec_index, group)
         and _are_readable(spec_index, group.algorithms, *NEED_KEYS, "identifies", "rank")
         and group.has_distinct_ranks
         and not group.variables_beyond_first

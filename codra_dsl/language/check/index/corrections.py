@@ -34,23 +34,23 @@ from codra_dsl.language.model import (
 Owner = str | tuple[str]
 """The owner of declared names: a section or, for returned values, a tuple with only the name of the algorithm."""
 
-Names = Mapping[str, str]
-"""The intended name for each misspelt name."""
+IntendedNames = Mapping[str, str]
+"""A mapping from misspelt names to intended names."""
 
 Declared = TypeVar("Declared", Variable, Resource, Agent, Returned)
 Typed = TypeVar("Typed", Variable, Returned)
 
-_NO_CORRECTIONS: Names = {}
+_NO_CORRECTIONS: IntendedNames = {}
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """The intended names for misspelt names. The checks collect them while they run.
+    """The intended names for misspelt names. The checks collect these names while they run.
 
     Attributes:
         declarations: for each owner, the intended names for misspelt names of declarations.
         references: for each owner, the intended names for misspelt names in references to declarations.
-        members: for each enum with a wrong member, the intended members. The key is the owner and the name of the enum.
+        members: for each enum with a wrong member, the intended members. A key is the owner and the name of an enum.
     """
 
     declarations: dict[Owner, dict[str, str]] = field(default_factory=dict)
@@ -76,12 +76,12 @@ def apply_corrections(spec: Spec, corrections: Corrections) -> Spec:
 
 
 class _Corrector:
-    """Corrects names, element by element. An element without a misspelt name stays as it is."""
+    """Corrects names, element by element. An element without a misspelt name is not changed."""
 
     def __init__(self, corrections: Corrections) -> None:
         self._corrections = corrections
-        self._context = corrections.references.get("context", _NO_CORRECTIONS)
-        self._agents = corrections.references.get("agents", _NO_CORRECTIONS)
+        self._variable_names = corrections.references.get("context", _NO_CORRECTIONS)
+        self._agent_names = corrections.references.get("agents", _NO_CORRECTIONS)
 
     def spec(self, spec: Spec) -> Spec:
         """Return a spec with all corrections."""
@@ -121,7 +121,7 @@ class _Corrector:
         )
 
     def _variable(self, variable: Variable) -> Variable:
-        sources = self._references(variable.sources, self._agents)
+        sources = self._references(variable.sources, self._agent_names)
         return self._with_members(replace(variable, sources=sources), "context")
 
     def _with_members(self, element: Typed, owner: Owner) -> Typed:
@@ -138,47 +138,49 @@ class _Corrector:
         return replace(
             algorithm,
             uses=tuple(replace(usage, resource=_reference(usage.resource, resources)) for usage in algorithm.uses),
-            given=self._references(algorithm.given, self._context),
+            given=self._references(algorithm.given, self._variable_names),
             returns=tuple(self._with_members(returned, (algorithm.name,)) for returned in returns),
-            observable_when=tuple(_condition(condition, self._context) for condition in algorithm.observable_when),
+            observable_when=tuple(
+                _condition(condition, self._variable_names) for condition in algorithm.observable_when
+            ),
             accept_when=tuple(_condition(condition, returned_corrections) for condition in algorithm.accept_when),
             identifies=tuple(self._identification(entry, returned_corrections) for entry in algorithm.identifies),
         )
 
-    def _identification(self, entry: Identification, returned_corrections: Names) -> Identification:
+    def _identification(self, entry: Identification, returned_corrections: IntendedNames) -> Identification:
         by = entry.by
         if isinstance(by, Members):
             by = replace(
                 by, cases=tuple((member, _condition(condition, returned_corrections)) for member, condition in by.cases)
             )
         elif isinstance(by, Hysteresis):
-            leave = None if by.leave is None else _condition(by.leave, returned_corrections)
-            by = replace(by, enter=_condition(by.enter, returned_corrections), leave=leave)
+            leave_condition = None if by.leave is None else _condition(by.leave, returned_corrections)
+            by = replace(by, enter=_condition(by.enter, returned_corrections), leave=leave_condition)
         else:
             by = _condition(by, returned_corrections)
-        return Identification(variable=_reference(entry.variable, self._context), by=by)
+        return Identification(variable=_reference(entry.variable, self._variable_names), by=by)
 
     def _skill(self, skill: Skill) -> Skill:
         return replace(
             skill,
-            preview=self._references(skill.preview, self._context),
+            preview=self._references(skill.preview, self._variable_names),
             monitor=tuple(map(self._expectation, skill.monitor)),
-            changes=self._references(skill.changes, self._context),
+            changes=self._references(skill.changes, self._variable_names),
         )
 
     def _expectation(self, expectation: Expectation) -> Expectation:
         condition = expectation.condition
         return replace(
             expectation,
-            variable=_reference(expectation.variable, self._context),
-            condition=None if condition is None else _condition(condition, self._context),
+            variable=_reference(expectation.variable, self._variable_names),
+            condition=None if condition is None else _condition(condition, self._variable_names),
         )
 
     def _observer(self, setting: ObserverSetting) -> ObserverSetting:
-        return replace(setting, identifies=self._references(setting.identifies, self._context))
+        return replace(setting, identifies=self._references(setting.identifies, self._variable_names))
 
     def _agent(self, agent: Agent) -> Agent:
-        if agent.conduct.is_bare or not self._context:
+        if agent.conduct.is_bare or not self._variable_names:
             return agent
         conduct = agent.conduct
         rules = tuple(map(self._rule, conduct.rules))
@@ -190,7 +192,8 @@ class _Corrector:
 
     def _patterns(self, patterns: Iterable[Condition]) -> tuple[Condition, ...]:
         return tuple(
-            pattern if isinstance(pattern.tree, Path) else _condition(pattern, self._context) for pattern in patterns
+            pattern if isinstance(pattern.tree, Path) else _condition(pattern, self._variable_names)
+            for pattern in patterns
         )
 
     def _node_type(self, kind: NodeType) -> NodeType:
@@ -203,29 +206,29 @@ class _Corrector:
         return tuple(replace(attribute, sources=self._writers(attribute.sources)) for attribute in attributes)
 
     def _writers(self, writers: Iterable[Writer]) -> tuple[Writer, ...]:
-        return tuple(replace(writer, name=self._agents.get(writer.name, writer.name)) for writer in writers)
+        return tuple(replace(writer, name=self._agent_names.get(writer.name, writer.name)) for writer in writers)
 
     def _task(self, task: Task) -> Task:
-        requesters = self._references(task.requesters, self._agents)
-        return replace(task, by=_reference(task.by, self._agents), requesters=requesters)
+        requesters = self._references(task.requesters, self._agent_names)
+        return replace(task, by=_reference(task.by, self._agent_names), requesters=requesters)
 
-    def _references(self, references: Iterable[Reference], names: Names) -> tuple[Reference, ...]:
+    def _references(self, references: Iterable[Reference], names: IntendedNames) -> tuple[Reference, ...]:
         return tuple(_reference(reference, names) for reference in references)
 
 
-def _reference(reference: Reference, names: Names) -> Reference:
+def _reference(reference: Reference, names: IntendedNames) -> Reference:
     intended_name = names.get(reference.name)
     return reference if intended_name is None else replace(reference, name=intended_name)
 
 
-def _condition(condition: Condition, names: Names) -> Condition:
+def _condition(condition: Condition, names: IntendedNames) -> Condition:
     tree = condition.tree
     if tree is None or not names or not any(name.name in names for name in names_in(tree)):
         return condition
     return replace(condition, tree=_correct_tree(tree, names))
 
 
-def _correct_tree(node: Node, names: Names) -> Node:
+def _correct_tree(node: Node, names: IntendedNames) -> Node:
     """Return a syntax tree with the intended names. The positions of its nodes stay the same."""
     if isinstance(node, Name):
         return replace(node, name=names.get(node.name, node.name))
@@ -234,7 +237,7 @@ def _correct_tree(node: Node, names: Names) -> Node:
     )
 
 
-def _correct_field(value: Any, names: Names) -> Any:
+def _correct_field(value: Any, names: IntendedNames) -> Any:
     """Return the value of a field of a node, with the intended names in all nodes that the value contains."""
     if isinstance(value, tuple):
         return tuple(_correct_field(part, names) for part in value)

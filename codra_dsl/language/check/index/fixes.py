@@ -21,8 +21,9 @@ def renaming_fix(
 
     Return None if, at one of these places, the name comes from a template or is written with an escape sequence.
 
-    The fix is safe under three conditions: the name occurs once; it can mean only one candidate; and `mentioned_names`,
-    the names that other elements refer to, contains this candidate. Otherwise the declaration may be misspelt instead.
+    The fix is safe under three conditions: the name occurs once; the name can mean only one candidate; and other
+    elements refer to this candidate, so that `mentioned_names` contains the candidate. If one of these conditions is
+    not fulfilled, the declaration may be misspelt instead of the name.
     """
     is_safe = len(places) == 1 and intended_name in mentioned_names and surely_means(name, intended_name, candidates)
     return _replacement_fix(name, intended_name, places, is_safe=is_safe)
@@ -50,7 +51,7 @@ def quoting_fix(name: str, place: Place, condition: Condition) -> Fix | None:
 def member_fix(
     written_member: str, intended_member: str, members: Iterable[str], place: Place, mentioned_names: frozenset[str]
 ) -> Fix | None:
-    """Return the fix of a misspelt member. `place` excludes the quotes; `mentioned_names` is as in `renaming_fix`."""
+    """Return the fix of a misspelt member. `place` excludes the quotes. `renaming_fix` explains `mentioned_names`."""
     if _PLAIN_MEMBER_PATTERN.fullmatch(intended_member) is None:
         return None
     is_safe = intended_member in mentioned_names and surely_means(written_member, intended_member, members)

@@ -35,7 +35,7 @@ from codra_dsl.language.units import UNITS
 _METRES = Type(Kind.FLOAT, UNITS["m"], range=(0.0, math.inf))
 
 STATES = frozenset(state.value for state in TaskState)
-"""The states of a task. They are the labels of the task's edge. No declared edge has a state as its name."""
+"""The states of a task, which are the labels of the task's edge. No declared edge has the name of a state."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -101,7 +101,7 @@ class DeclaredGraph:
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
-        """The context-variables that are attributes of nodes, by name: all except those computed from poses."""
+        """The context-variables that are attributes of nodes, by name. Variables computed from poses are left out."""
         return _by_name(variable for variable in self.spec.context if variable.pose_condition is None)
 
     @cached_property
@@ -133,7 +133,7 @@ class DeclaredGraph:
         return TASK_TYPE if node in self.tasks else node
 
     def end(self, name: str) -> End:
-        """Return the meaning of a name at an end of an edge: the node with this name if there is one, else a type."""
+        """Return the meaning of a name at an end of an edge: the node with this name or, if there is none, a type."""
         return End(name, name in self.node_names)
 
     def fits(self, term: NodeTerm, end: End) -> bool:
@@ -144,7 +144,7 @@ class DeclaredGraph:
             return term.type == (self.type_of(end.name) if end.is_node else end.name)
         return True
 
-    def may_be(self, one: NodeTerm, other: NodeTerm) -> bool:
+    def may_be_same_node(self, one: NodeTerm, other: NodeTerm) -> bool:
         """Return whether two terms may mean the same node."""
         if one.name and other.name:
             return one.name == other.name
@@ -154,7 +154,7 @@ class DeclaredGraph:
     def edges_of_word(self, word: str) -> tuple[EdgeType, ...]:
         """Return the edges that a word in a pattern refers to.
 
-        This is the edge with this name or, if there is none, all edges with this label.
+        A word refers to the edge with this name or, if there is no such edge, to all edges with this label.
         """
         if word in self.edges:
             return (self.edges[word],)
@@ -162,20 +162,18 @@ class DeclaredGraph:
 
     def edges_between(self, origin: NodeTerm, word: str, target: NodeTerm) -> tuple[EdgeType, ...]:
         """Return the edges that a word refers to and that can lead from `origin` to `target`."""
-        return tuple(edge for edge in self.edges_of_word(word) if self.leads(edge, origin, target))
+        return tuple(edge for edge in self.edges_of_word(word) if self.can_lead(edge, origin, target))
 
-    def leads(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
+    def can_lead(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
         """Return whether an edge can lead from `origin` to `target`."""
         return any(self.fits(origin, self.end(end.name)) for end in edge.origins) and any(
             self.fits(target, self.end(end.name)) for end in edge.targets
         )
 
     def climb(self, name: str, until: frozenset[NodeTerm] = frozenset()) -> tuple[frozenset[NodeTerm], frozenset[str]]:
-        """Return all possible ancestor frames of a node, and the names of the edges with poses that lead to them.
+        """Return all possible ancestor frames of a node, and the names of the edges with poses above the node.
 
-        The node itself is one of the frames.
-
-        The search stops at the frames in `until`.
+        The node itself is one of the frames. The search does not go beyond the frames in `until`.
         """
         pending_terms = [NodeTerm(start=0, end=0, name=name)]
         terms, edges = set(pending_terms), set[str]()
@@ -195,12 +193,12 @@ class DeclaredGraph:
             edge for edge in pose_edges if any(self.fits(term, self.end(target.name)) for target in edge.targets)
         )
 
-    def may_meet(self, one: str, other: str) -> bool:
+    def may_have_relative_pose(self, one: str, other: str) -> bool:
         """Return whether the relative pose of two nodes may be known: the nodes may have a common ancestor frame."""
-        first, second = self.climb(one)[0], self.climb(other)[0]
-        return any(self.may_be(frame, another) for frame in first for another in second)
+        frames, other_frames = self.climb(one)[0], self.climb(other)[0]
+        return any(self.may_be_same_node(frame, other_frame) for frame in frames for other_frame in other_frames)
 
-    def between(self, one: str, other: str) -> tuple[str, ...]:
+    def pose_edges_between(self, one: str, other: str) -> tuple[str, ...]:
         """Return the edges that may contribute to the relative pose of two nodes, in file order.
 
         If a frame contains both nodes in every case, the edges above this frame are left out, since they move both
@@ -210,7 +208,7 @@ class DeclaredGraph:
         return tuple(name for name in self.edges if name in edges)
 
     def _certain_ancestors(self, name: str) -> frozenset[NodeTerm]:
-        """Return the single nodes on every path from a node to a root frame, including the node itself."""
+        """Return the single nodes that are on every path from a node to a root frame, including the node itself."""
         frames = self.climb(name)[0]
         roots = {frame for frame in frames if not self._parent_edges(frame)}
         nodes = (frame for frame in frames if frame.name)
@@ -230,7 +228,7 @@ class DeclaredGraph:
     def exists_initially(self, edge: EdgeType) -> bool:
         """Return whether an edge exists from the start.
 
-        It does if it leads from one single node to another, and has a pose or no writer.
+        An edge exists from the start if it leads from one single node to another, and has a pose or no writer.
         """
         has_node_ends = all(self.end(end.name).is_node for end in (*edge.origins, *edge.targets))
         has_one_end_each = len(edge.origins) == len(edge.targets) == 1
@@ -241,7 +239,7 @@ class DeclaredGraph:
         )
 
     def attributes_of(self, node: str) -> Mapping[str, tuple[KnowledgeElement, ValueType]]:
-        """Return the attributes of a node that exists from the start, by name."""
+        """Return a mapping from the attribute names of an initial node to the elements and types of the attributes."""
         attributes: dict[str, tuple[KnowledgeElement, ValueType]] = {}
         kind = self.types.get(self.type_of(node))
         for attribute in kind.attributes if kind is not None else ():
@@ -255,8 +253,8 @@ class DeclaredGraph:
             attributes[RESULT] = (KnowledgeElement("tasks", node), ValueType(kind=Kind.ENUM, values=results))
         return attributes
 
-    def read(self, name: str) -> KnowledgeElement | None:
-        """Return the element that a name in a condition reads; None if the name is unknown, or if it reads poses."""
+    def element_read_by(self, name: str) -> KnowledgeElement | None:
+        """Return the element that a name in a condition reads; None if the name is unknown, or reads poses."""
         function, first, second = reads_of(name)
         if function:
             return None
@@ -266,16 +264,16 @@ class DeclaredGraph:
         return None if attribute_entry is None else attribute_entry[0]
 
     @cached_property
-    def _types_read(self) -> dict[str, Type | None]:
+    def _type_by_name(self) -> dict[str, Type | None]:
         return {}
 
-    def read_type(self, name: str) -> Type | None:
-        """Return the type of a name in a condition; None if it is unknown."""
-        if name not in self._types_read:
-            self._types_read[name] = self._read_type(name)
-        return self._types_read[name]
+    def name_type(self, name: str) -> Type | None:
+        """Return the type of a name in a condition; None if the name is unknown."""
+        if name not in self._type_by_name:
+            self._type_by_name[name] = self._find_name_type(name)
+        return self._type_by_name[name]
 
-    def _read_type(self, name: str) -> Type | None:
+    def _find_name_type(self, name: str) -> Type | None:
         function, first, second = reads_of(name)
         if function:
             return _METRES if function == "distance" else BOOL
@@ -285,7 +283,7 @@ class DeclaredGraph:
         attribute_entry = self.attributes_of(first).get(second) if first in self.node_names else None
         return None if attribute_entry is None else declared_type(attribute_entry[1])
 
-    def named(self, name: str) -> KnowledgeElement | None:
+    def element_named(self, name: str) -> KnowledgeElement | None:
         """Return the meaning of a name under `owns` or `reads`: a variable, type, edge, task or attribute."""
         first, dot, second = name.partition(".")
         if dot:
@@ -317,7 +315,7 @@ class DeclaredGraph:
         owners_by_element: dict[KnowledgeElement, tuple[Writer, ...]] = {}
         for agent in self.spec.agents:
             for reference in agent.conduct.owns:
-                element = self.named(reference.name)
+                element = self.element_named(reference.name)
                 if element is not None:
                     owners_by_element[element] = (
                         *owners_by_element.get(element, ()),
@@ -326,7 +324,7 @@ class DeclaredGraph:
         return owners_by_element
 
     def writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
-        """Return the writers of an element, each once: those in its declaration, then those that list it in `owns`."""
+        """Return the writers in the declaration of an element, then other agents that list the element under `owns`."""
         owners = self._owners_by_element.get(element, ())
         stated_writers = self._stated_writers(element)
         names = {writer.name for writer in stated_writers}
@@ -353,8 +351,8 @@ class DeclaredGraph:
         return next(candidate for candidate in declaration.attributes if candidate.name == element.attribute)
 
     @cached_property
-    def owned(self) -> Mapping[str, tuple[KnowledgeElement, ...]]:
-        """For each writer, by name, the elements that the writer may write, in the order of `elements`."""
+    def elements_by_writer(self) -> Mapping[str, tuple[KnowledgeElement, ...]]:
+        """A mapping from the name of each writer to the elements that it may write, in the order of `elements`."""
         elements_by_writer: dict[str, dict[KnowledgeElement, None]] = {}
         for element in self.elements():
             for writer in self.writers(element):

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, Site
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, UNDER_KNOWLEDGE, SpecIndex
+from codra_dsl.language.check.index.spec_index import KNOWLEDGE_SECTIONS, MAIN_EXECUTION, OBSERVER, SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression import Name, is_name
@@ -43,9 +43,13 @@ def references(spec_index: SpecIndex) -> Iterator[Mention]:
         if isinstance(adaptation.does, Parameter):
             yield mention_of(adaptation.does.variable, "adaptation", adaptation.name, "set")
     for skill in spec_index.spec.skills:
-        watched = [expectation.variable for expectation in skill.monitor]
-        for key, named in (("preview", skill.preview), ("monitor", watched), ("changes", skill.changes)):
-            for reference in named:
+        monitored_variables = [expectation.variable for expectation in skill.monitor]
+        for key, references_of_key in (
+            ("preview", skill.preview),
+            ("monitor", monitored_variables),
+            ("changes", skill.changes),
+        ):
+            for reference in references_of_key:
                 yield mention_of(reference, "skills", skill.name, key)
     for observer in spec_index.spec.observers:
         for reference in observer.identifies:
@@ -69,8 +73,8 @@ def source_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
         if writer.name not in (OBSERVER, MAIN_EXECUTION):
             yield mention_of(writer, section, name, "source")
     for task in spec_index.spec.tasks:
-        for key, named in (("by", (task.by,)), ("requesters", task.requesters)):
-            for reference in named:
+        for key, references_of_key in (("by", (task.by,)), ("requesters", task.requesters)):
+            for reference in references_of_key:
                 if reference.name not in ("", MAIN_EXECUTION):
                     yield mention_of(reference, "tasks", task.name, key)
 
@@ -78,14 +82,14 @@ def source_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
 def _writers(spec_index: SpecIndex) -> Iterator[tuple[Writer, str, str]]:
     """Yield the writers under `source` of knowledge elements, each with the element's section and name."""
     elements = (("types", spec_index.spec.types), ("edges", spec_index.spec.edges))
-    for section, element in ((section, element) for section, several in elements for element in several):
+    for section, element in ((section, element) for section, in_section in elements for element in in_section):
         yield from ((writer, section, element.name) for writer in element.sources)
         for attribute in element.attributes:
             yield from ((writer, section, element.name) for writer in attribute.sources)
 
 
 def used_variables(spec_index: SpecIndex) -> Iterator[str]:
-    """Yield the names of all context-variables that something refers to, declared or not."""
+    """Yield the names of all context-variables that something refers to, including undeclared names."""
     yield from (mention.name for mention in references(spec_index))
     for site in spec_index.sites:
         if site.role in CONTEXT_ROLES:
@@ -110,7 +114,7 @@ def mentions_of(site: Site, names: Iterable[Name]) -> Iterator[Mention]:
 
 def mention_of(reference: Reference | Writer, section: str, element: str, key: str) -> Mention:
     """Return the mention of a name that is written under a key of an element."""
-    group = "knowledge." if section in UNDER_KNOWLEDGE else ""
+    group = "knowledge." if section in KNOWLEDGE_SECTIONS else ""
     return Mention(reference.name, reference.place, user_of(section, element), f"{group}{section}.{element}.{key}")
 
 
@@ -120,7 +124,7 @@ def user_of(section: str, element: str) -> str:
 
 
 def unknown_mentions(spec_index: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
-    """For each name that a section does not declare, yield the list of its mentions, in the order of their places."""
+    """For each name that a section does not declare, yield the list of the name's mentions, in the order of places."""
     groups: dict[str, list[Mention]] = {}
     for mention in mentions:
         if not spec_index.declares(section, mention.name):

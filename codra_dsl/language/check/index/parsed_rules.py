@@ -1,7 +1,7 @@
-"""The parsed fuzzy rules of a spec, and the terms that they can use.
+"""The parsed fuzzy rules of a spec, and the terms that the rules can use.
 
-`check` parses the fuzzy rules, because it knows their variables and terms. It uses the parser of FLL. Each character of
-a rule keeps its place in the spec, so that findings of the parser point into the spec.
+`check` parses the fuzzy rules, because `check` knows the variables and terms of the rules. It uses the parser of FLL.
+Each character of a rule keeps its place in the spec, so that findings of the parser point into the spec.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class ParsedRule:
 
     Attributes:
         rule: the parsed rule; None if it could not be parsed.
-        problems: findings of the parser; their columns count the characters of the rule's text from 1.
+        problems: findings of the parser. Their columns are positions in the rule's text; the first character is 1.
     """
 
     phrase: Phrase
@@ -55,7 +55,7 @@ class ParsedRules:
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
-        """The context-variables by name, including those that loops add."""
+        """The context-variables by name, including the variables that loops add."""
         return {variable.name: variable for variable in reversed(self._spec.context)}
 
     @cached_property
@@ -73,14 +73,14 @@ class ParsedRules:
 
     @cached_property
     def rules(self) -> Mapping[tuple[str, str], tuple[ParsedRule, ...]]:
-        """The rules of each metric and action. The key is the section and the name."""
+        """A mapping from the section and the name of each metric and action to its rules."""
         return {
             (section, output.name): tuple(self._read(section, output, phrase) for phrase in output.rules)
             for section, output in self.outputs
         }
 
-    def named(self, section: str, output: str) -> tuple[str, ...]:
-        """Return the variables in the rules of an output, in order."""
+    def input_names(self, section: str, output: str) -> tuple[str, ...]:
+        """Return the variables in the rules of an output, in the order of the rules."""
         rules = (rule.rule for rule in self.rules[section, output] if rule.rule is not None)
         return tuple(
             dict.fromkeys(proposition.variable for rule in rules for proposition in propositions(rule.antecedent))
@@ -91,16 +91,16 @@ class ParsedRules:
         """Whether every rule could be parsed."""
         return not any(rule.problems for rules in self.rules.values() for rule in rules)
 
-    def followed(self, names: Iterable[str]) -> frozenset[str]:
+    def with_read_names(self, names: Iterable[str]) -> frozenset[str]:
         """Return these names and all names that the rules read.
 
-        If one of them is a rate, the variable whose rate it is belongs to the result too.
+        If one of these names is a rate, the result also contains the variable from which the rate is computed.
         """
-        read_names = {*names, *(name for key in self.rules for name in self.named(*key))}
+        read_names = {*names, *(name for key in self.rules for name in self.input_names(*key))}
         rates = (self.variables[name].rate for name in read_names if name in self.variables)
         return frozenset(read_names | {rate.of.name for rate in rates if rate is not None})
 
-    def seen(self, section: str) -> Iterator[Variable]:
+    def readable_variables(self, section: str) -> Iterator[Variable]:
         """Yield the variables that rules of a section can read: context, courses and, for actions, metrics."""
         for variable in self._spec.context:
             is_share = variable.is_derived and variable.type.kind is Kind.FLOAT
@@ -121,24 +121,25 @@ class ParsedRules:
 
     def _read(self, section: str, output: Output, phrase: Phrase) -> ParsedRule:
         findings = Findings()
-        names = self._words[section]
+        names = self._terms_by_variable[section]
         terms = frozenset(term.name for term in output_terms(output))
         word = Word(phrase.text, Place(Span("", 1, 1, 1, len(phrase.text) + 1)))
         rule = parse_rule_about(word, names, output.name, terms, findings)
         return ParsedRule(phrase, rule, findings.all())
 
     @cached_property
-    def _words(self) -> Mapping[str, Mapping[str, frozenset[str]]]:
+    def _terms_by_variable(self) -> Mapping[str, Mapping[str, frozenset[str]]]:
         return {
             section: {
-                variable.name: frozenset(term.name for term in self.terms(variable)) for variable in self.seen(section)
+                variable.name: frozenset(term.name for term in self.terms(variable))
+                for variable in self.readable_variables(section)
             }
             for section in ("metrics", "actions")
         }
 
 
 def members(variable: Variable) -> tuple[str, ...]:
-    """Return the values that rules treat as the numbers 0, 1, ..., in this order; none for numbers and texts."""
+    """Return the values of a bool or an enum, which rules treat as the numbers 0, 1, ...; () for other types."""
     return ("false", "true") if variable.type.kind is Kind.BOOL else variable.type.values
 
 

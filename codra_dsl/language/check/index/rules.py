@@ -1,4 +1,4 @@
-"""The rules of `check`, and the function that creates its findings."""
+"""The rules of `check`, and the function that creates findings."""
 
 from __future__ import annotations
 

@@ -48,8 +48,8 @@ Named = TypeVar("Named", Variable, Algorithm, Skill, ObserverSetting, Resource, 
 MAIN_EXECUTION = "main_execution"
 OBSERVER = "observer"
 
-UNDER_KNOWLEDGE = frozenset({"types", "nodes", "edges", "tasks"})
-"""The sections inside `knowledge`. The paths of findings about them begin with `knowledge`."""
+KNOWLEDGE_SECTIONS = frozenset({"types", "nodes", "edges", "tasks"})
+"""The sections inside `knowledge`. The paths of findings about their elements begin with `knowledge`."""
 
 MAX_SUGGESTIONS = 25
 """The maximum number of unknown names for which a similar name is searched. Further unknown names get no suggestion."""
@@ -67,7 +67,7 @@ class FaultyElements:
 
     Attributes:
         elements: the section and the name of each element with an error.
-        suggested_variables: the variables suggested for unknown names, which checks treat as used and identified.
+        suggested_variables: the variables suggested for unknown names. Checks treat them as used and identified.
     """
 
     elements: frozenset[tuple[str, str]] = frozenset()
@@ -80,7 +80,7 @@ class FaultyElements:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Algorithms that identify common variables, directly or through others: they are alternatives in one tree.
+    """Alternatives in one tree: algorithms that share identified variables, directly or through other algorithms.
 
     Attributes:
         algorithms: the algorithms, sorted by rank, then by name.
@@ -98,8 +98,8 @@ class Group:
     @property
     def variables_beyond_first(self) -> tuple[str, ...]:
         """Return the variables that the first algorithm does not identify."""
-        first = {entry.variable.name for entry in self.algorithms[0].identifies}
-        return tuple(name for name in self.variables if name not in first)
+        first_variables = {entry.variable.name for entry in self.algorithms[0].identifies}
+        return tuple(name for name in self.variables if name not in first_variables)
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ class SpecIndex:
     forests: Mapping[str, ReadResult] = field(default_factory=dict, compare=False)
     corrections: Corrections = field(default_factory=Corrections, compare=False)
     _names: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
-    _near: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
-    _lowered: dict[tuple[int, int], str] = field(default_factory=dict, compare=False)
+    _near_names: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
+    _python_texts: dict[tuple[int, int], str] = field(default_factory=dict, compare=False)
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
@@ -155,35 +155,35 @@ class SpecIndex:
         for algorithm in self.algorithms.values():
             for name in dict.fromkeys(entry.variable.name for entry in algorithm.identifies):
                 algorithms_by_variable.setdefault(name, []).append(algorithm)
-        ranked = {
+        ranked_lists = {
             name: sorted(algorithms, key=lambda algorithm: (algorithm.rank, algorithm.name))
             for name, algorithms in algorithms_by_variable.items()
         }
-        return {name: tuple(algorithm.name for algorithm in algorithms) for name, algorithms in ranked.items()}
+        return {name: tuple(algorithm.name for algorithm in algorithms) for name, algorithms in ranked_lists.items()}
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """The groups of alternatives, in file order. Most groups have only one algorithm."""
-        shares: dict[str, list[str]] = {name: [] for name in self.algorithms}
+        alternatives: dict[str, list[str]] = {name: [] for name in self.algorithms}
         for names in self.producers.values():
             for one, other in pairwise(names):
-                shares[one].append(other)
-                shares[other].append(one)
+                alternatives[one].append(other)
+                alternatives[other].append(one)
         group_by_algorithm: dict[str, Group] = {}
         for name in self.algorithms:
             if name not in group_by_algorithm:
-                names = graph.closure(shares, [name])
+                names = graph.closure(alternatives, [name])
                 group_by_algorithm |= dict.fromkeys(names, self._group(names))
         return tuple(dict.fromkeys(group_by_algorithm.values()))
 
     @cached_property
     def group_of(self) -> Mapping[str, Group]:
-        """The group that identifies each variable."""
+        """A mapping from each variable to the group that identifies it."""
         return {name: group for group in self.groups for name in group.variables}
 
     @cached_property
     def claims(self) -> Mapping[str, tuple[ObserverSetting, Reference]]:
-        """For each variable under `observers`, the first entry that contains it, and the reference in this entry."""
+        """For each variable under `observers`, the first entry that contains the variable, and the reference there."""
         first_claims: dict[str, tuple[ObserverSetting, Reference]] = {}
         for setting in self.spec.observers:
             for reference in setting.identifies:
@@ -210,24 +210,24 @@ class SpecIndex:
     def names(self, section: str) -> frozenset[str]:
         """Return the names of a section's elements, including elements that could not be read."""
         if section not in self._names:
-            unread = self.spec.damaged.get(section, frozenset())
-            self._names[section] = self._sections[section].union(name for name in unread if name.isidentifier())
+            damaged_names = self.spec.damaged.get(section, frozenset())
+            self._names[section] = self._sections[section].union(name for name in damaged_names if name.isidentifier())
         return self._names[section]
 
     def declares(self, section: str, name: str) -> bool:
-        """Return whether a section has an element with this name, damaged or not."""
+        """Return whether a section has an element with this name, even if the element is damaged."""
         return name in self._sections[section] or name in self.spec.damaged.get(section, ())
 
     def is_readable(self, section: str, name: str, *keys: str) -> bool:
         """Return whether all these keys of an element could be read."""
         return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
 
-    def lost(self, section: str, *keys: str) -> bool:
+    def has_damage(self, section: str, *keys: str) -> bool:
         """Return whether some elements of a section, or one of these keys of an element, could not be read."""
-        unread = self.spec.damaged.get(section, frozenset())
-        if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
+        damaged_names = self.spec.damaged.get(section, frozenset())
+        if isinstance(damaged_names, AnyName) or not self._sections[section].issuperset(damaged_names):
             return True
-        return any(not self.is_readable(section, name, *keys) for name in unread)
+        return any(not self.is_readable(section, name, *keys) for name in damaged_names)
 
     def unnamed_element_count(self, section: str) -> int:
         """Return how many elements of a section have invalid names, so that their intended names are unknown."""
@@ -235,12 +235,12 @@ class SpecIndex:
 
     @cached_property
     def undeclared_names(self) -> frozenset[str]:
-        """The undeclared variables that algorithms identify or need, skills preview or monitor, or observers list."""
+        """Undeclared variables that algorithms identify or need, that skills preview or monitor, or observers list."""
         references = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
         references += [reference for algorithm in self.spec.perception for reference in algorithm.given]
         references += [reference for setting in self.spec.observers for reference in setting.identifies]
         referenced_names = {reference.name for reference in references}
-        referenced_names.update(name for skill in self.spec.skills for name in watched_by(skill))
+        referenced_names.update(name for skill in self.spec.skills for name in watched_variables(skill))
         referenced_names.update(name for names in self.needs.values() for name in names)
         return frozenset(
             name for name in referenced_names if name not in self.variables and not self.declares("context", name)
@@ -274,18 +274,18 @@ class SpecIndex:
         """Return the kind of an element with this name outside the section `wanted`; None if there is none."""
         return next((NOUNS[section] for section in NOUNS if section != wanted and self.declares(section, name)), None)
 
-    def nearest(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
+    def nearest_name(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
         """Return the most likely candidate for an unknown name. `kind` identifies the candidates in the cache."""
-        if (name, kind) not in self._near:
-            is_limit_reached = len(self._near) >= MAX_SUGGESTIONS
-            self._near[name, kind] = None if is_limit_reached else suggest(name, candidates)
-        return self._near[name, kind]
+        if (name, kind) not in self._near_names:
+            is_limit_reached = len(self._near_names) >= MAX_SUGGESTIONS
+            self._near_names[name, kind] = None if is_limit_reached else suggest(name, candidates)
+        return self._near_names[name, kind]
 
     @cached_property
     def context_types(self) -> Types:
         """The type of each context-variable, and of each name in a pose condition; None if the declaration is wrong."""
         trees = (condition.tree for condition in self.spec.pose_conditions)
-        pose_types = {name.name: self.declared_graph.read_type(name.name) for tree in trees for name in names_in(tree)}
+        pose_types = {name.name: self.declared_graph.name_type(name.name) for tree in trees for name in names_in(tree)}
         damaged_types = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return (
             damaged_types
@@ -302,7 +302,7 @@ class SpecIndex:
     def returned_types(self) -> Mapping[str, Types]:
         """For each algorithm, the type of each value that it returns; None if the value's declaration is wrong."""
         types_by_algorithm: dict[str, Types] = {}
-        shared_types: dict[tuple[object, ...], Types] = {}  # equal types share one mapping, to be compared by identity
+        shared_types: dict[tuple[object, ...], Types] = {}  # equal types share one mapping, so `id` can compare them
         for name, algorithm in self.algorithms.items():
             types = {
                 returned.name: declared_type(returned.type)
@@ -317,12 +317,12 @@ class SpecIndex:
 
     @cached_property
     def sites(self) -> tuple[Site, ...]:
-        """Every condition of the spec that could be read."""
+        """Every condition of the spec that could be parsed, except patterns that are paths."""
         return tuple(sites(self.spec))
 
     @cached_property
     def needs(self) -> Mapping[str, tuple[str, ...]]:
-        """For each algorithm, C_Oi: the context-variables that it reads before it starts, each once, in order."""
+        """For each algorithm, C_Oi: the context-variables that it reads before it starts, without repetitions."""
         names_by_algorithm: dict[str, list[str]] = {name: [] for name in self.algorithms}
         for site in self.sites:
             if site.role is Role.OBSERVABLE_WHEN:
@@ -332,8 +332,8 @@ class SpecIndex:
         return {name: tuple(dict.fromkeys(names)) for name, names in names_by_algorithm.items()}
 
     @cached_property
-    def trees(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable with algorithms, the variables in force with it: its tree identifies or needs them."""
+    def tree_variables(self) -> Mapping[str, tuple[str, ...]]:
+        """For each variable with algorithms, all variables that its tree identifies or needs."""
         names_in_force: dict[str, tuple[str, ...]] = {}
         for group in self.groups:
             needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
@@ -347,33 +347,33 @@ class SpecIndex:
 
     @cached_property
     def decisions(self) -> tuple[str, ...]:
-        """The variables that decisions are based on. Algorithm 2 of P1 starts from them (line 3)."""
+        """The variables that decisions are based on. Algorithm 2 of P1 starts from these variables (line 3)."""
         if not self.spec.skills:
             return tuple(name for name in self.variables if name in self.producers)
-        named = [name for skill in self.spec.skills for name in watched_by(skill)]
-        named += sorted(name for name in self.read_by_loops | self.waking_variables if name in self.producers)
-        return tuple(name for name in dict.fromkeys(named) if name in self.variables)
+        names = [name for skill in self.spec.skills for name in watched_variables(skill)]
+        names += sorted(name for name in self.variables_read_by_loops | self.waking_variables if name in self.producers)
+        return tuple(name for name in dict.fromkeys(names) if name in self.variables)
 
     @cached_property
-    def read_by_loops(self) -> frozenset[str]:
-        """The variables that rules and conditions of loops read; for each rate also the variable whose rate it is."""
-        conditions = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
-        return self.parsed_rules.followed(conditions)
+    def variables_read_by_loops(self) -> frozenset[str]:
+        """The variables that rules and conditions of loops read, and the variables whose rates they read."""
+        names_in_conditions = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
+        return self.parsed_rules.with_read_names(names_in_conditions)
 
     @cached_property
     def waking_variables(self) -> frozenset[str]:
-        """The variables that wake agents."""
+        """The variables in the `wakes` patterns of agents."""
         names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
-        elements = (self.declared_graph.read(name) for name in names)
+        elements = (self.declared_graph.element_read_by(name) for name in names)
         return frozenset(element.name for element in elements if element is not None and element.section == "context")
 
     @cached_property
-    def reached(self) -> frozenset[str]:
-        """The variables in force when all decisions are declared. Use it only after all names are checked."""
-        return frozenset(graph.closure(self.trees, (*self.decisions, *sorted(self.suggested_variables))))
+    def variables_in_force(self) -> frozenset[str]:
+        """The variables in force when all decisions are declared. Read this only after all names are checked."""
+        return frozenset(graph.closure(self.tree_variables, (*self.decisions, *sorted(self.suggested_variables))))
 
     @cached_property
-    def mentioned(self) -> frozenset[str]:
+    def mentioned_words(self) -> frozenset[str]:
         """Every name and quoted text that something refers to. A declaration of such a name is rarely misspelt."""
         mentioned_words = {source.name for variable in self.spec.context for source in variable.sources}
         for algorithm in self.spec.perception:
@@ -381,9 +381,9 @@ class SpecIndex:
             mentioned_words.update(reference.name for reference in algorithm.given)
             mentioned_words.update(entry.variable.name for entry in algorithm.identifies)
             cases = (entry.by.cases for entry in algorithm.identifies if isinstance(entry.by, Members))
-            mentioned_words.update(member.name for several in cases for member, _ in several)
+            mentioned_words.update(member.name for members in cases for member, _ in members)
         for skill in self.spec.skills:
-            mentioned_words.update(name for name in watched_by(skill))
+            mentioned_words.update(name for name in watched_variables(skill))
             mentioned_words.update(reference.name for reference in skill.changes)
         for observer in self.spec.observers:
             mentioned_words.update(reference.name for reference in observer.identifies)
@@ -396,14 +396,14 @@ class SpecIndex:
 
     @cached_property
     def judgements(self) -> Mapping[int, Judgement]:
-        """The judgement of each condition. The key is the `id` of the condition."""
+        """A mapping from the `id` of each condition to its judgement."""
         sound_judgements: dict[tuple[object, ...], Judgement] = {}
         return {id(site.condition): self._judge(site, sound_judgements) for site in self.sites}
 
     def shape_over_results(self, algorithm: Algorithm, faults: FaultyElements) -> object:
-        """Return a key that is equal for algorithms that use their results equally, apart from names and places.
+        """Return a key that is the same for algorithms that use their results in the same way, except names and places.
 
-        The identity of trees and types suffices: equal texts share their tree, and equal declarations their type.
+        Trees and types are compared by identity: equal texts share one tree, and equal declarations share one type.
         """
         acceptance_tree_ids = tuple([id(condition.tree) for condition in algorithm.accept_when])
         identification_keys = tuple(
@@ -424,22 +424,22 @@ class SpecIndex:
         """Return the Python text of a condition without errors. If `wanted` is numeric, the value is in its unit."""
         judgement = self.judgements[id(condition)]
         key = (id(judgement.typed), id(wanted))  # equal conditions share their typed tree
-        if key not in self._lowered:
-            self._lowered[key] = judgement.python(wanted)
-        return self._lowered[key]
+        if key not in self._python_texts:
+            self._python_texts[key] = judgement.python(wanted)
+        return self._python_texts[key]
 
     def judgement(self, condition: Condition) -> Judgement | None:
-        """Return the judgement of a condition, or None if it could not be read."""
+        """Return the judgement of a condition, or None if the condition could not be parsed."""
         return self.judgements.get(id(condition))
 
-    def wanted(self, site: Site) -> Type | None:
+    def wanted_type(self, site: Site) -> Type | None:
         """Return the type of the context-variable that a condition identifies, sets or monitors."""
         return None if site.variable is None else self.context_types.get(site.variable)
 
     @property
     def suggested_variables(self) -> frozenset[str]:
         """The context-variables suggested so far for unknown names."""
-        return frozenset(near for (_, kind), near in self._near.items() if near is not None and kind == "context")
+        return frozenset(name for (_, kind), name in self._near_names.items() if name is not None and kind == "context")
 
     def _group(self, names: Iterable[str]) -> Group:
         algorithms = (self.algorithms[name] for name in names)
@@ -448,15 +448,15 @@ class SpecIndex:
         return Group(ranked_algorithms, tuple(dict.fromkeys(entry.variable.name for entry in identifications)))
 
     def _judge(self, site: Site, sound_judgements: dict[tuple[object, ...], Judgement]) -> Judgement:
-        """Return the judgement of a condition. `sound_judgements` caches those without problems, by tree and types."""
+        """Return the judgement of a condition. `sound_judgements` is a cache for judgements without problems."""
         tree = site.condition.tree
         assert tree is not None
-        wanted = self.wanted(site)
+        wanted = self.wanted_type(site)
         if site.role is Role.OBSERVABLE_WHEN or site.role in LOOP_ROLES:
             readable_types = self.context_types
         elif site.role in KNOWLEDGE_ROLES:
-            context_types, read_type = self.context_types, self.declared_graph.read_type
-            readable_types = {name.name: context_types.get(name.name, read_type(name.name)) for name in site.names}
+            context_types, name_type = self.context_types, self.declared_graph.name_type
+            readable_types = {name.name: context_types.get(name.name, name_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:
             readable_types = {site.variable: wanted}
         else:
@@ -472,14 +472,14 @@ class SpecIndex:
         return judgement
 
 
-def watched_by(skill: Skill) -> Iterator[str]:
-    """Yield the variables that a skill previews, then those that it monitors."""
+def watched_variables(skill: Skill) -> Iterator[str]:
+    """Yield the variables that a skill previews, then the variables that the skill monitors."""
     yield from (reference.name for reference in skill.preview)
     yield from (expectation.variable.name for expectation in skill.monitor)
 
 
 def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
-    """Return elements by name. If a name is declared twice, which `load` reports, the first element is used."""
+    """Return a mapping from names to elements. If a name is declared twice, which `load` reports, use the first."""
     elements_by_name: dict[str, Named] = {}
     for element in elements:
         elements_by_name.setdefault(element.name, element)

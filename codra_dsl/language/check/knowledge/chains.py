@@ -17,7 +17,7 @@ from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns_in, steps
+from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_in_pattern, patterns_in, steps
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable, state_writers
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Related
@@ -66,7 +66,7 @@ class _Rule:
 
     @cached_property
     def effects(self) -> tuple[Pattern, ...]:
-        """The patterns that the rule makes true: those of `during` and `after`, without negated paths."""
+        """The patterns that the rule makes true: the patterns of `during` and `after`, except negated paths."""
         later_patterns = (pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is not Role.BEFORE)
         return tuple(
             pattern for pattern in later_patterns if not (isinstance(pattern.tree, Path) and pattern.tree.negated)
@@ -106,7 +106,10 @@ class _RuleDependencies:
             names = next_names
 
     def impossible_pattern(self, rule: _Rule, startable_names: _RuleNames) -> Pattern | None:
-        """Return the first `before` pattern that cannot become true if only the rules `startable_names` can begin."""
+        """Return the first `before` pattern that cannot become true if only the rules `startable_names` can begin.
+
+        Return None if all `before` patterns can become true.
+        """
         return next(
             (pattern for pattern in rule.before_patterns if not self.is_possible(pattern, startable_names)), None
         )
@@ -126,7 +129,7 @@ class _RuleDependencies:
     def _achievers_of_parts(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
         """Return, for each part of a pattern, the rules of which one must act to make the part true.
 
-        For a part that can become true without these rules, return (). Return None if nothing can make a part true.
+        The entry of a part that can become true without rules is (). If nothing can make some part true, return None.
         """
         key = id(pattern.condition)
         if key not in self._achievers_by_pattern:
@@ -174,8 +177,8 @@ class _RuleDependencies:
         return named_task is task and step.link.edge == state
 
     def _can_be_same_edge(self, effect: Step, step: Step) -> bool:
-        may_be = self.declared_graph.may_be
-        return may_be(effect.origin, step.origin) and may_be(effect.target, step.target)
+        may_be_same_node = self.declared_graph.may_be_same_node
+        return may_be_same_node(effect.origin, step.origin) and may_be_same_node(effect.target, step.target)
 
     def _achievers(
         self, writers: Sequence[str], concerns: Callable[[Step], bool], fits: Callable[[Step], bool]
@@ -200,16 +203,16 @@ class _RuleDependencies:
         return tuple(dict.fromkeys(achievers)) or None
 
     def _achievers_of_condition(self, pattern: Pattern) -> tuple[_Rule, ...] | None:
-        """Return the rules of which one must act before a condition over one value can hold; () if none is required."""
-        names = {name.name for name in names_read(pattern)}
+        """Return the rules of which one must act before a condition over one value can hold; () if no rule must."""
+        names = {name.name for name in names_in_pattern(pattern)}
         name = names.pop() if len(names) == 1 else ""
-        element = self.declared_graph.read(name) if name else None
+        element = self.declared_graph.element_read_by(name) if name else None
         if element is None or any(
             value.name == element.attribute for node in self.declared_graph.spec.nodes for value in node.values
         ):
             return ()
-        types = {name: self.declared_graph.read_type(name)}
-        if not can_hold([pattern.tree], (), types):  # reported as a contradiction
+        types = {name: self.declared_graph.name_type(name)}
+        if not can_hold([pattern.tree], (), types):  # another check reports this contradiction
             return ()
         if element.section == "context" and not self.declared_graph.writers(
             element
@@ -222,7 +225,7 @@ class _RuleDependencies:
                 for rule in self.rules
                 if rule.agent.name == writer.name
                 for effect in rule.effects
-                if {read_name.name for read_name in names_read(effect)} == {name}
+                if {read_name.name for read_name in names_in_pattern(effect)} == {name}
             ]
             if not effects:
                 return ()
@@ -237,8 +240,8 @@ class _RuleDependencies:
             names += state_writers(task, step.link.edge) if task is not None else ()
             for edge in self.declared_graph.edges_between(step.origin, step.link.edge, step.target):
                 names += [writer.name for writer in self.declared_graph.writers(KnowledgeElement("edges", edge.name))]
-        for name in names_read(pattern):
-            element = self.declared_graph.read(name.name)
+        for name in names_in_pattern(pattern):
+            element = self.declared_graph.element_read_by(name.name)
             names += [writer.name for writer in self.declared_graph.writers(element)] if element is not None else ()
         return dict.fromkeys(names)
 
@@ -290,7 +293,7 @@ def _pattern_finding(
 
 
 def _cycle_findings(rule_dependencies: _RuleDependencies, stuck_names: _RuleNames) -> Iterator[Diagnostic]:
-    """Yield findings about rules that wait for each other, each cycle once."""
+    """Yield findings about rules that wait for each other, one finding for each cycle."""
     startable_names = rule_dependencies.startable_names_from(stuck_names)
     waiting_rules = {rule.name: rule for rule in rule_dependencies.rules if rule.name not in startable_names}
     dependencies = {
@@ -310,7 +313,8 @@ def _cycle_findings(rule_dependencies: _RuleDependencies, stuck_names: _RuleName
             f"rules wait for each other, so they never begin: {cycle_text}",
             pattern.condition.place,
             path=pattern.path,
-            help="let one of them begin without the others, or let something else make its 'before' patterns true",
+            help="let one of these rules begin without the others, "
+            "or let something else make its 'before' patterns true",
             related=tuple(_waiting_place(rule_dependencies, rule, startable_names) for rule in cycle_rules[1:]),
         )
 
@@ -318,7 +322,7 @@ def _cycle_findings(rule_dependencies: _RuleDependencies, stuck_names: _RuleName
 def _awaited_names(
     rule_dependencies: _RuleDependencies, rule: _Rule, startable_names: _RuleNames, waiting_names: Iterable[str]
 ) -> tuple[str, ...]:
-    """Return the names among `waiting_names` of the rules that a rule waits for."""
+    """Return the names of the rules that a rule waits for, if they are among `waiting_names`."""
     unmet_patterns = [
         pattern for pattern in rule.before_patterns if not rule_dependencies.is_possible(pattern, startable_names)
     ]

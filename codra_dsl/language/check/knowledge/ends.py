@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.mentions import Step, names_read, patterns, steps
+from codra_dsl.language.check.knowledge.mentions import Step, names_in_pattern, patterns, steps
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression import reads_of
@@ -16,7 +16,7 @@ from codra_dsl.language.units import convert, parse_unit
 
 
 def wrong_ends(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """An edge in a pattern connects nodes that its declaration allows as its ends."""
+    """An edge in a pattern connects nodes that the declaration of the edge allows."""
     if not is_knowledge_checkable(spec_index, faults):
         return
     declared_graph = spec_index.declared_graph
@@ -28,7 +28,7 @@ def wrong_ends(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagno
                 step.origin, step.link.edge, step.target
             ):
                 yield _wrong_ends_finding(declared_graph, step)
-        for name in names_read(pattern):
+        for name in names_in_pattern(pattern):
             function, _, camera = reads_of(name.name)
             kind = declared_graph.types.get(declared_graph.type_of(camera)) if function == "in_view" else None
             if function == "in_view" and (kind is None or kind.view is None):
@@ -68,10 +68,14 @@ def _wrong_ends_finding(declared_graph: DeclaredGraph, step: Step) -> Diagnostic
     edges = declared_graph.edges_of_word(step.link.edge)
     origins = " or ".join(dict.fromkeys(f"'{origin.name}'" for edge in edges for origin in edge.origins))
     targets = " or ".join(dict.fromkeys(f"'{target.name}'" for edge in edges for target in edge.targets))
-    is_reversed = any(declared_graph.leads(edge, step.target, step.origin) for edge in edges)
+    is_reversed = any(declared_graph.can_lead(edge, step.target, step.origin) for edge in edges)
     help = f"write {step.target} -{step.link.edge}-> {step.origin}" if is_reversed else ""
     similar_name = suggest(step.link.edge, (name for name in declared_graph.edges if name != step.link.edge))
-    if not help and similar_name and declared_graph.leads(declared_graph.edges[similar_name], step.origin, step.target):
+    if (
+        not help
+        and similar_name
+        and declared_graph.can_lead(declared_graph.edges[similar_name], step.origin, step.target)
+    ):
         help = f"did you mean '{similar_name}'?"
     return finding(
         "wrong-ends",
@@ -112,7 +116,7 @@ def _starting_value_finding(
 
 
 def starting_value(value: StartingValue, attribute: Attribute) -> bool | int | float | str:
-    """Return a fitting initial value in the unit of its attribute."""
+    """Return an initial value in the unit of its attribute. The value must fit the attribute."""
     if isinstance(value.value, bool | str):
         return value.value
     number = _number(value, attribute.type)
@@ -121,7 +125,7 @@ def starting_value(value: StartingValue, attribute: Attribute) -> bool | int | f
 
 
 def _misfit(value: StartingValue, declared_type: ValueType) -> tuple[str, str] | None:
-    """Return why a value does not fit a type, and the help; None if it fits."""
+    """Return why a value does not fit a type, and the help; None if the value fits."""
     raw_value, kind = value.value, declared_type.kind
     if kind is Kind.ENUM:
         if raw_value in declared_type.values:
@@ -146,7 +150,7 @@ def _misfit_of_number(value: StartingValue, declared_type: ValueType) -> tuple[s
     number = _number(value, declared_type)
     if number is None:
         if unit is None:
-            return "is declared without a unit", "remove the unit, or declare the attribute with one"
+            return "is declared without a unit", "remove the unit, or declare the attribute with a unit"
         return f"must be a quantity in {unit}", f"write a number with a unit that converts to {unit}"
     if declared_type.kind is Kind.INT and not float(number).is_integer():
         return "must be a whole number", "write a whole number"

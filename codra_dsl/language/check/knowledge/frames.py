@@ -1,4 +1,4 @@
-"""Checks of rigid motions (phase 4): they form a tree. Each frame has one parent, and there are no cycles."""
+"""Checks of frames (phase 4): rigid motions form a tree, in which each frame has one parent, without cycles."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ def two_parents(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagn
     pose_edges = [edge for edge in spec_index.spec.edges if holds_poses(edge)]
     for first, second in combinations(pose_edges, 2):
         for target in second.targets:
-            other = next((end for end in first.targets if _same_frame(spec_index.declared_graph, end, target)), None)
+            other = next(
+                (end for end in first.targets if _may_be_same_frame(spec_index.declared_graph, end, target)), None
+            )
             if other is not None:
                 yield _two_parents_finding(first, second, target)
                 break
 
 
-def _same_frame(declared_graph: DeclaredGraph, one: Reference, other: Reference) -> bool:
+def _may_be_same_frame(declared_graph: DeclaredGraph, one: Reference, other: Reference) -> bool:
     """Return whether two ends of edges may mean the same node."""
     first, second = declared_graph.end(one.name), declared_graph.end(other.name)
     if first.is_node == second.is_node:
@@ -67,7 +69,7 @@ def frame_cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diag
             f"the parents of frames form a cycle: {cycle_text}",
             edges[0].place,
             path=f"knowledge.edges.{edges[0].name}",
-            help="give one of them a parent outside of the cycle, such as the world",
+            help="give one of these frames a parent outside of the cycle, such as the world",
             related=tuple(
                 Related(f"'{parents[name][0]}' is the parent of '{name}'", edge.place)
                 for name, edge in zip(cycle, edges, strict=True)
@@ -76,7 +78,7 @@ def frame_cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diag
 
 
 def _parents(declared_graph: DeclaredGraph) -> Iterator[tuple[str, tuple[str, EdgeType]]]:
-    """Yield each single node whose parent is certain, with this parent and the edge between them."""
+    """Yield each single node whose parent is certain, with this parent and the edge between the two nodes."""
     for edge in declared_graph.edges.values():
         origins: list[End] = [declared_graph.end(origin.name) for origin in edge.origins]
         if holds_poses(edge) and len(origins) == 1 and origins[0].is_node:

@@ -1,4 +1,4 @@
-"""Checks of tasks (phase 4): no two loops wait for each other (P2, section 3.3)."""
+"""Checks of tasks (phase 4): tasks do not wait for each other in a cycle (P2, section 3.3)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_dsl.language.model import Agent, Task, TaskState
 
 
 def waiting_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Tasks do not wait for each other: their executors do not request each other's tasks in a cycle."""
+    """Executors do not request each other's tasks in a cycle, so tasks do not wait for each other forever."""
     if not is_knowledge_checkable(spec_index, faults):
         return
     declared_graph = spec_index.declared_graph
@@ -35,10 +35,10 @@ def waiting_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Dia
 
 
 def _may_wait_for(declared_graph: DeclaredGraph, task: Task, other_task: Task) -> bool:
-    """Return whether the executor of a task may request another task while it executes the first.
+    """Return whether the executor of a task may request another task while it executes the first task.
 
-    This is true of every task that the executor may request, with one exception: the executor has rules that request
-    the other task, and rules that take up the first. Then it is true only if the same rule does both.
+    The result is True for every task that the executor may request, with one exception: if the executor has rules that
+    request the other task, and rules that take up the first task, the result is True only if one rule does both.
     """
     if task.by.name not in (requester.name for requester in other_task.requesters):
         return False
@@ -57,7 +57,7 @@ def _may_wait_for(declared_graph: DeclaredGraph, task: Task, other_task: Task) -
 def _names_of_rules_about_task(
     declared_graph: DeclaredGraph, agent: Agent, task: Task, roles: tuple[Role, ...], states: tuple[TaskState, ...]
 ) -> frozenset[str]:
-    """Return the names of an agent's rules with a task in one of these states in a pattern with one of these roles."""
+    """Return the names of rules that mention the task, in one of these states, in a pattern with one of these roles."""
     rule_names = set()
     for pattern in patterns_of(agent):
         for step in steps(pattern) if pattern.role in roles else ():

@@ -50,13 +50,13 @@ class Step:
 
 
 def patterns(spec_index: SpecIndex) -> Iterator[Pattern]:
-    """Yield every pattern that could be read."""
+    """Yield every pattern that could be parsed."""
     for agent in spec_index.spec.agents:
         yield from patterns_of(agent)
 
 
 def patterns_of(agent: Agent) -> Iterator[Pattern]:
-    """Yield every pattern of an agent that could be read."""
+    """Yield every pattern of an agent that could be parsed."""
     wakes = agent.conduct.wakes
     yield from (
         Pattern(agent, Role.WAKES, None, condition, condition.tree) for condition in wakes if condition.tree is not None
@@ -66,7 +66,7 @@ def patterns_of(agent: Agent) -> Iterator[Pattern]:
 
 
 def patterns_in(agent: Agent, rule: AgentRule) -> Iterator[Pattern]:
-    """Yield every pattern of a rule that could be read."""
+    """Yield every pattern of a rule that could be parsed."""
     for role, conditions in ((Role.BEFORE, rule.before), (Role.DURING, rule.during), (Role.AFTER, rule.after)):
         yield from (
             Pattern(agent, role, rule, condition, condition.tree)
@@ -76,13 +76,13 @@ def patterns_in(agent: Agent, rule: AgentRule) -> Iterator[Pattern]:
 
 
 def steps(pattern: Pattern) -> Iterator[Step]:
-    """Yield the edges of a pattern that is a path."""
+    """Yield the edges of a pattern that is a path; nothing for a condition."""
     if isinstance(pattern.tree, Path):
         yield from (Step(pattern, *step) for step in pattern.tree.steps())
 
 
-def names_read(pattern: Pattern) -> Iterator[Name]:
-    """Yield the names in a pattern that is a condition."""
+def names_in_pattern(pattern: Pattern) -> Iterator[Name]:
+    """Yield the names in a pattern that is a condition; nothing for a path."""
     if not isinstance(pattern.tree, Path):
         yield from (part for part in walk(pattern.tree) if isinstance(part, Name))
 
@@ -97,11 +97,11 @@ def type_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     for pattern in patterns(spec_index):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.type:
-                yield mention_in_pattern(pattern, term.type, _last_word(pattern, term))
+                yield mention_in_pattern(pattern, term.type, _type_position(pattern, term))
 
 
-def _last_word(pattern: Pattern, term: NodeTerm) -> Node:
-    """Return the place of the type in `some TYPE as NAME`."""
+def _type_position(pattern: Pattern, term: NodeTerm) -> Node:
+    """Return a node with the position of the type in `some TYPE as NAME`."""
     term_text = pattern.condition.text[term.start : term.end]
     start = term.start + term_text.index(term.type, len("some"))
     return Node(start=start, end=start + len(term.type))
@@ -122,7 +122,7 @@ def node_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.name:
                 yield mention_in_pattern(pattern, term.name, term)
-        for name in names_read(pattern):
+        for name in names_in_pattern(pattern):
             function, first, second = reads_of(name.name)
             if function:
                 yield from (mention_in_pattern(pattern, node_name, name) for node_name in (first, second))
@@ -132,7 +132,7 @@ def node_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
 
 
 def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
-    """Yield the mentions of nodes whose poses a comparison reads."""
+    """Yield the mentions of nodes in a comparison of poses."""
     section, element, _ = pose_condition.owner
     for name in names_in(pose_condition.tree):
         for node in reads_of(name.name)[1:]:
@@ -142,7 +142,7 @@ def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:
 
 
 def end_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
-    """Yield every name at an end of a declared edge. It is the name of a type or of a node."""
+    """Yield every name at an end of a declared edge, which is the name of a type or of a node."""
     for edge in spec_index.spec.edges:
         yield from (mention_of(origin, "edges", edge.name, "from") for origin in edge.origins)
         yield from (mention_of(target, "edges", edge.name, "to") for target in edge.targets)

@@ -9,12 +9,12 @@ from codra_dsl.language.check.index.fixes import renaming_fix
 from codra_dsl.language.check.index.graph_schema import STATES
 from codra_dsl.language.check.index.mentions import Mention, mention_of
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import OBSERVER, UNDER_KNOWLEDGE, FaultyElements, SpecIndex
+from codra_dsl.language.check.index.spec_index import KNOWLEDGE_SECTIONS, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.mentions import (
     edge_mentions,
     end_mentions,
     mention_in_pattern,
-    names_read,
+    names_in_pattern,
     node_mentions,
     patterns,
     type_mentions,
@@ -44,7 +44,7 @@ _STATE_SYNONYMS: Mapping[str, str] = {
 
 
 def unknown_types(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every type in a pattern is declared or has a node. The type of a node is not a misspelt declared type."""
+    """Every type in a pattern is declared or has a node. The type of a node is no misspelling of a declared type."""
     if not spec_index.spec.knows:
         return
     type_names = list(spec_index.declared_graph.types)  # without the type of tasks, which no node can have
@@ -75,7 +75,7 @@ def unknown_types(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         for mention in undeclared_mentions
         if mention.name not in known_names and mention.name not in reported_names
     ):
-        nearest_name = spec_index.nearest(name_mentions[0].name, "types", known_names)
+        nearest_name = spec_index.nearest_name(name_mentions[0].name, "types", known_names)
         help = (
             f"'{name_mentions[0].name}' is a node: remove 'some'"
             if name_mentions[0].name in spec_index.declared_graph.node_names
@@ -98,7 +98,7 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     )
     for name_mentions in _group_by_name(undeclared_mentions):
         name = name_mentions[0].name
-        nearest_name = spec_index.nearest(name, "nodes", known_names)
+        nearest_name = spec_index.nearest_name(name, "nodes", known_names)
         is_type = name in declared_graph.type_names
         help = _type_name_help(name_mentions[0], name) if is_type else ""
         yield _unknown_name_finding(
@@ -115,7 +115,7 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         if mention.name not in end_names and not _may_be_unreadable(spec_index, mention.name)
     )
     for name_mentions in _group_by_name(undeclared_end_mentions):
-        nearest_name = spec_index.nearest(name_mentions[0].name, "nodes and types", end_names)
+        nearest_name = spec_index.nearest_name(name_mentions[0].name, "nodes and types", end_names)
         help = f"declare '{name_mentions[0].name}' under 'types' or 'nodes' of 'knowledge'"
         yield _unknown_name_finding(
             spec_index, "unknown-node", "node or type", _UnknownName(name_mentions, nearest_name, end_names), help=help
@@ -127,14 +127,14 @@ def unknown_edges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     if not spec_index.spec.knows:
         return
     known_words = spec_index.declared_graph.edge_words
-    is_damaged = spec_index.lost("edges", "label") or spec_index.lost("tasks")
+    is_damaged = spec_index.has_damage("edges", "label") or spec_index.has_damage("tasks")
     undeclared_mentions = (
         mention for mention in edge_mentions(spec_index) if mention.name not in known_words and not is_damaged
     )
     for name_mentions in _group_by_name(undeclared_mentions):
         name = name_mentions[0].name
         state = _STATE_SYNONYMS.get(name) if spec_index.spec.tasks else None
-        nearest_name = state or spec_index.nearest(name, "edges", known_words - {RT})
+        nearest_name = state or spec_index.nearest_name(name, "edges", known_words - {RT})
         help = "declare the task under 'tasks' of 'knowledge'" if name in STATES else ""
         help = help or f"declare '{name}' under 'edges' of 'knowledge'"
         yield _unknown_name_finding(
@@ -143,10 +143,10 @@ def unknown_edges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
 
 
 def unknown_attributes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every attribute in a condition, and every attribute with an initial value, belongs to its node."""
+    """Every attribute in a condition, and every attribute with an initial value, is an attribute of its node."""
     declared_graph = spec_index.declared_graph
     for pattern in patterns(spec_index):
-        for name in names_read(pattern):
+        for name in names_in_pattern(pattern):
             function, node, attribute = reads_of(name.name)
             if (
                 function
@@ -175,18 +175,18 @@ def unknown_attributes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Dia
 def unknown_elements(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every name under `owns` and `reads` of an agent is the name of an element that can have writers."""
     declared_graph = spec_index.declared_graph
-    is_damaged = any(spec_index.lost(section) for section in ("context", "types", "edges", "tasks"))
+    is_damaged = any(spec_index.has_damage(section) for section in ("context", "types", "edges", "tasks"))
     for agent in () if is_damaged else spec_index.spec.agents:
         for key, references in (("owns", agent.conduct.owns), ("reads", agent.conduct.reads)):
             for reference in references:
-                element = declared_graph.named(reference.name)
+                element = declared_graph.element_named(reference.name)
                 if element is not None and not (key == "owns" and element.section == "tasks"):
                     continue
                 known_names = [str(other.name) for other in declared_graph.elements()]
                 known_names += [
                     f"{other.name}.{other.attribute}" for other in declared_graph.elements() if other.attribute
                 ]
-                nearest_name = None if element else spec_index.nearest(reference.name, "things", known_names)
+                nearest_name = None if element else spec_index.nearest_name(reference.name, "things", known_names)
                 help = "write the name of a variable, a type or an edge, or TYPE.ATTRIBUTE"
                 help = "write the agent's name under 'by' of the task" if element else help
                 mentions = (mention_of(reference, "agents", agent.name, key),)
@@ -200,8 +200,8 @@ def unknown_elements(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagn
 def reserved_names(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """No edge has the name of a task state, no type has the name `task`, and no task has the name of a node.
 
-    Observers are the source only of context-variables. The label of an edge is an identifier. A context-variable does
-    not have the name of another attribute of its node.
+    Observers are sources of nothing but context-variables. The label of an edge is an identifier. A context-variable
+    does not have the name of another attribute of its node.
     """
     for edge in spec_index.spec.edges:
         taken_name = edge.label if edge.label in STATES else edge.name if edge.name in STATES | {RT} else ""
@@ -255,7 +255,7 @@ def _taken_attribute_findings(spec_index: SpecIndex) -> Iterator[Diagnostic]:
         elif variable.name in type_attributes:
             message = f"the type of node '{variable.node}' already has an attribute '{variable.name}'"
             related = (Related("declared here", type_attributes[variable.name].place),)
-            yield _taken_attribute_finding(path, message, place, "rename one of them, or remove one", related)
+            yield _taken_attribute_finding(path, message, place, "rename or remove one of the two attributes", related)
 
 
 def _observer_writer_findings(spec_index: SpecIndex) -> Iterator[Diagnostic]:
@@ -300,7 +300,7 @@ def _reserved_name_finding(
 
 
 def _group_by_name(mentions: Iterable[Mention]) -> list[tuple[Mention, ...]]:
-    """Return, for each name, its mentions in the order of their places."""
+    """Return one tuple for each name, with the mentions of the name in the order of their places."""
     mentions_by_name: dict[str, list[Mention]] = {}
     for mention in mentions:
         mentions_by_name.setdefault(mention.name, []).append(mention)
@@ -337,7 +337,7 @@ class _UnknownName:
     """An undeclared name: its mentions, and its candidates.
 
     Attributes:
-        nearest_name: the most likely candidate; None if there is none.
+        nearest_name: the most likely candidate; None if no candidate is likely.
     """
 
     mentions: tuple[Mention, ...]
@@ -360,10 +360,10 @@ def _unknown_name_finding(
     fix = None
     if nearest_name is not None:
         places = [mention.place for mention in unknown_name.mentions]
-        fix = renaming_fix(first.name, nearest_name, unknown_name.candidates, places, spec_index.mentioned)
+        fix = renaming_fix(first.name, nearest_name, unknown_name.candidates, places, spec_index.mentioned_words)
     section = {"type": "types", "node": "nodes"}.get(noun, "")
     declaration_help = (
-        f"declare '{first.name}' under '{section}' of 'knowledge'" if section in UNDER_KNOWLEDGE else help
+        f"declare '{first.name}' under '{section}' of 'knowledge'" if section in KNOWLEDGE_SECTIONS else help
     )
     return finding(
         rule,
@@ -379,17 +379,17 @@ def _unknown_name_finding(
 def _unknown_attribute_finding(
     spec_index: SpecIndex, mention: Mention, node: str, attributes: Mapping[str, object]
 ) -> Diagnostic:
-    nearest_name = spec_index.nearest(mention.name, f"attributes of {node}", attributes)
-    attributes_text = f"the node has {', '.join(list(attributes)[:10])}" if attributes else "the node has none"
+    nearest_name = spec_index.nearest_name(mention.name, f"attributes of {node}", attributes)
+    attributes_text = f"the node has {', '.join(list(attributes)[:10])}" if attributes else "the node has no attributes"
     help = (
         f"did you mean '{nearest_name}'?"
         if nearest_name is not None
-        else f"{attributes_text}; declare it in the type of the node"
+        else f"{attributes_text}; declare the attribute in the type of the node"
     )
     type_name = spec_index.declared_graph.type_of(node)
     user_text = f" in {mention.user}" if mention.user else ""
     message = f"node '{node}', of type '{type_name}', has no attribute '{mention.name}'{user_text}"
     fix = None
     if nearest_name is not None:
-        fix = renaming_fix(mention.name, nearest_name, attributes, [mention.place], spec_index.mentioned)
+        fix = renaming_fix(mention.name, nearest_name, attributes, [mention.place], spec_index.mentioned_words)
     return finding("unknown-attribute", message, mention.place, path=mention.path, help=help, fix=fix)

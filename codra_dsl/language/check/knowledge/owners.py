@@ -11,7 +11,7 @@ from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns, patterns_of, steps
+from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_in_pattern, patterns, patterns_of, steps
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import NodeTerm, Path, reads_of
 from codra_dsl.language.model import Agent, Task, TaskState, Writer
@@ -29,7 +29,7 @@ def is_knowledge_checkable(spec_index: SpecIndex, faults: FaultyElements) -> boo
 def two_owners(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Several writers of the same element have priorities.
 
-    For context-variables this is not checked, because their newest evidence is used.
+    Context-variables are not checked, because the value with the newest evidence is used.
     """
     if not is_knowledge_checkable(spec_index, faults):
         return
@@ -63,7 +63,7 @@ def _unranked_writer_finding(
         message,
         offender.place,
         path=f"knowledge.{element.section}.{element.name}{key}.source",
-        help=f"write 'source: {{{priorities_text}}}' where it is declared: the larger number has priority",
+        help=f"write 'source: {{{priorities_text}}}' in the declaration: the larger number has priority",
         related=(Related("declared here", declared_graph.place_of(element)),),
     )
 
@@ -83,7 +83,7 @@ def unwritten_knowledge(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
             path = f"knowledge.edges.{edge.name}"
             yield finding("unwritten-knowledge", message, edge.place, path=path, help=help)
     for agent in spec_index.spec.agents:
-        for element, place, path in _readings(declared_graph, agent):
+        for element, place, path in _element_mentions(declared_graph, agent):
             if element not in reported_elements and not _is_written(declared_graph, element):
                 reported_elements.add(element)
                 message = f"agent '{agent.name}' reads {element}, which no agent writes"
@@ -92,15 +92,15 @@ def unwritten_knowledge(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
                 yield finding("unwritten-knowledge", message, place, path=path, help=help, related=related)
 
 
-def _readings(declared_graph: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeElement, Place, str]]:
+def _element_mentions(declared_graph: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeElement, Place, str]]:
     """Yield the elements that an agent reads, each with the place and the path where it is read."""
     for reference in agent.conduct.reads:
-        element = declared_graph.named(reference.name)
+        element = declared_graph.element_named(reference.name)
         if element is not None:
             yield element, reference.place, f"agents.{agent.name}.reads"
     for pattern in patterns_of(agent):
-        for name in names_read(pattern) if pattern.role is not Role.AFTER else ():
-            element = declared_graph.read(name.name)
+        for name in names_in_pattern(pattern) if pattern.role is not Role.AFTER else ():
+            element = declared_graph.element_read_by(name.name)
             if element is not None:
                 yield element, pattern.condition.place_of(name), pattern.path
         for term in _searched_terms(pattern):
@@ -128,7 +128,10 @@ def _is_written(declared_graph: DeclaredGraph, element: KnowledgeElement) -> boo
 
 
 def foreign_writes(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """An agent owns what its rules write; if a rule can write one of several elements, the agent owns one of them."""
+    """An agent owns the elements that its rules write.
+
+    If a rule can write any one of several elements, the agent owns at least one of them.
+    """
     if not is_knowledge_checkable(spec_index, faults):
         return
     for pattern in patterns(spec_index):
@@ -142,9 +145,9 @@ def foreign_writes(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Di
 
 
 def _written_elements(declared_graph: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
-    """Return elements of which a rule writes at least one to make a pattern under `after` true, each with its place.
+    """Return the elements that a rule can write to make a pattern under `after` true, each with its place.
 
-    The list is empty if it is undecided which elements these are.
+    The rule writes at least one of these elements. If it cannot be decided which elements they are, the list is empty.
     """
     elements: list[tuple[KnowledgeElement, Place]] = []
     for step in steps(pattern):
@@ -152,8 +155,8 @@ def _written_elements(declared_graph: DeclaredGraph, pattern: Pattern) -> list[t
             return []
         edges = declared_graph.edges_between(step.origin, step.link.edge, step.target)
         elements += [(KnowledgeElement("edges", edge.name), pattern.condition.place_of(step.link)) for edge in edges]
-    for name in names_read(pattern):
-        element = declared_graph.read(name.name)
+    for name in names_in_pattern(pattern):
+        element = declared_graph.element_read_by(name.name)
         if element is None or reads_of(name.name)[0]:
             return []
         elements.append((element, pattern.condition.place_of(name)))
@@ -233,7 +236,7 @@ def claimed_tasks(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Dia
 def _task_steps(
     declared_graph: DeclaredGraph, agent: Agent, rule: str, role: Role, state: TaskState
 ) -> Iterator[tuple[Task, Step]]:
-    """Yield the tasks in this state in a rule's patterns with this role, each with the step that contains it."""
+    """Yield each task that the patterns of a rule with this role mention in this state, with the step that does so."""
     for pattern in patterns_of(agent):
         if pattern.rule is None or pattern.rule.name != rule or pattern.role is not role:
             continue
@@ -257,7 +260,7 @@ def _claimed_task_finding(agent: Agent, rule: str, task: Task, step: Step) -> Di
 def unattended_tasks(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The executor of a task reacts to a request.
 
-    It is always active, or the request wakes it. If it has rules, one of them is for the request.
+    The executor is always active, or the request wakes the executor. If it has rules, one of them is for the request.
     """
     if not is_knowledge_checkable(spec_index, faults):
         return
@@ -292,7 +295,7 @@ def unattended_tasks(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
 def _has_request_pattern(declared_graph: DeclaredGraph, agent: Agent, task: Task, role: Role) -> bool:
     """Return whether an agent has a pattern with this role that contains the request of a task.
 
-    A condition under `wakes` may depend on the request, so the result is True then too.
+    A condition under `wakes` may depend on the request. Therefore the result is also True for such a condition.
     """
     for pattern in patterns_of(agent):
         if pattern.role is not role or (isinstance(pattern.tree, Path) and pattern.tree.negated):
@@ -311,14 +314,14 @@ def _has_request_pattern(declared_graph: DeclaredGraph, agent: Agent, task: Task
     return False
 
 
-def owns(declared_graph: DeclaredGraph, agent: str) -> tuple[KnowledgeElement, ...]:
+def writable_elements(declared_graph: DeclaredGraph, agent: str) -> tuple[KnowledgeElement, ...]:
     """Return the elements that an agent may write, in file order."""
-    return declared_graph.owned.get(agent, ())
+    return declared_graph.elements_by_writer.get(agent, ())
 
 
-def reads(declared_graph: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
-    """Return the elements that an agent reads, each once: those under `reads`, and those in the agent's patterns."""
-    elements = dict.fromkeys(element for element, *_ in _readings(declared_graph, agent))
+def read_elements(declared_graph: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
+    """Return the elements under `reads` of an agent, and the elements that its patterns read, without repetitions."""
+    elements = dict.fromkeys(element for element, *_ in _element_mentions(declared_graph, agent))
     for pattern in patterns_of(agent):
         if pattern.role is Role.AFTER:
             continue

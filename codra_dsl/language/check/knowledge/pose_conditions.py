@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Problem, Typed, infer_condition
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.mentions import user_of
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.lowered import over_knowledge
+from codra_dsl.language.check.knowledge.construction import python_over_knowledge
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.expression import Name, names_in, reads_of
@@ -32,7 +32,7 @@ def wrong_pose_comparisons(spec_index: SpecIndex, _: FaultyElements) -> Iterator
 def wrong_pose_operands(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Cameras have views, and edges with poses can connect the two nodes; otherwise the result is never known.
 
-    The nodes are declared; the edges that lead to them may change while a program runs.
+    The nodes are declared, but the edges that lead to these nodes may change while a program runs.
     """
     if not is_knowledge_checkable(spec_index, faults):
         return
@@ -47,10 +47,13 @@ POSE_CONDITION_CHECKS = (wrong_pose_comparisons, wrong_pose_operands)
 
 
 def pose_condition_texts(spec_index: SpecIndex) -> dict[str, str]:
-    """Return, for each variable that is computed from poses, its comparison as Python text. The spec has no errors."""
+    """Return a mapping from variables that are computed from poses to their comparisons as Python text.
+
+    The spec must have no errors.
+    """
     return {
-        variable.name: over_knowledge(
-            spec_index.declared_graph, lower(_infer_pose_condition(spec_index, variable.pose_condition)[0])
+        variable.name: python_over_knowledge(
+            spec_index.declared_graph, to_python(_infer_pose_condition(spec_index, variable.pose_condition)[0])
         )
         for variable in spec_index.spec.context
         if variable.pose_condition is not None
@@ -66,15 +69,15 @@ def _operand_findings(declared_graph: DeclaredGraph, pose_condition: PoseConditi
         yield finding(
             "wrong-ends", message, place, path=path, help=f"give type '{declared_graph.type_of(second)}' a 'view'"
         )
-    elif not declared_graph.may_meet(first, second):
+    elif not declared_graph.may_have_relative_pose(first, second):
         message = f"no edges with poses can connect '{first}' and '{second}', so {name.name} is never known"
-        help = "declare edges with 'label: RT' that lead from one to the other, or from something else to both"
+        help = "declare edges with 'label: RT' that lead from one node to the other, or from a third node to both"
         yield finding("unconnected-nodes", f"{message} ({_location_text(pose_condition)})", place, path=path, help=help)
 
 
 def _infer_pose_condition(spec_index: SpecIndex, pose_condition: PoseCondition) -> tuple[Typed, tuple[Problem, ...]]:
-    types = {name.name: spec_index.declared_graph.read_type(name.name) for name in names_in(pose_condition.tree)}
-    return infer_condition(pose_condition.tree, types, known=True)
+    types = {name.name: spec_index.declared_graph.name_type(name.name) for name in names_in(pose_condition.tree)}
+    return infer_condition(pose_condition.tree, types, reads_context=True)
 
 
 def _location_text(pose_condition: PoseCondition) -> str:

@@ -8,7 +8,7 @@ from codra_dsl.language.check.index.graph_schema import KnowledgeElement
 from codra_dsl.language.check.index.mentions import user_of
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.mentions import names_read, patterns
+from codra_dsl.language.check.knowledge.mentions import names_in_pattern, patterns
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import names_in, reads_of
@@ -19,9 +19,9 @@ def unnoticed_poses(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
     if not is_knowledge_checkable(spec_index, faults):
         return
     first_uses: dict[str, Related] = {}
-    for user, name, place in _pose_readings(spec_index):
+    for user, name, place in _pose_uses(spec_index):
         _, first, second = reads_of(name)
-        for edge_name in spec_index.declared_graph.between(first, second):
+        for edge_name in spec_index.declared_graph.pose_edges_between(first, second):
             first_uses.setdefault(edge_name, Related(f"{user} uses it", place))
     for name, related in first_uses.items():
         edge = spec_index.declared_graph.edges[name]
@@ -29,7 +29,7 @@ def unnoticed_poses(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
         if not has_validity and spec_index.declared_graph.writers(KnowledgeElement("edges", name)):
             yield finding(
                 "unnoticed-pose",
-                f"edge '{name}' keeps its last pose forever if no new one is reported",
+                f"edge '{name}' keeps its last pose forever if no new pose is reported",
                 edge.place,
                 path=f"knowledge.edges.{name}",
                 help="add 'valid_for', for example 'valid_for: forever', or 'static: true' if the pose never changes",
@@ -37,14 +37,14 @@ def unnoticed_poses(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
             )
 
 
-def _pose_readings(spec_index: SpecIndex) -> Iterator[tuple[str, str, Place]]:
-    """Yield the readings of poses in conditions: for each, the user, the name, and the place."""
+def _pose_uses(spec_index: SpecIndex) -> Iterator[tuple[str, str, Place]]:
+    """Yield the user, the name and the place of each name that reads poses in a condition."""
     for pose_condition in spec_index.spec.pose_conditions:
         section, element, _ = pose_condition.owner
         for name in names_in(pose_condition.tree):
             yield user_of(section, element), name.name, pose_condition.condition.place_of(name)
     for pattern in patterns(spec_index):
-        for name in names_read(pattern):
+        for name in names_in_pattern(pattern):
             if reads_of(name.name)[0]:
                 yield pattern.user, name.name, pattern.condition.place_of(name)
 

@@ -1,4 +1,4 @@
-"""Checks of agents' rules (phase 4): the patterns of one moment can hold together, as can `before` and `during`."""
+"""Checks of agents' rules (phase 4): patterns that must hold at the same time can hold together."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.mentions import Pattern, names_read, patterns_in, patterns_of, steps
+from codra_dsl.language.check.knowledge.mentions import Pattern, names_in_pattern, patterns_in, patterns_of, steps
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable, state_writers
 from codra_dsl.language.check.solver.contradictions import (
     contradiction,
@@ -24,9 +24,10 @@ from codra_dsl.language.model import Agent, AgentRule
 
 
 def contradictory_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """The patterns of one moment of a rule can hold together, and each pattern of `wakes` can hold.
+    """The patterns under each key of a rule can hold together, and each pattern of `wakes` can hold.
 
-    A pattern of `during` can also hold together with the patterns of `before`, unless the agent itself makes it true.
+    The patterns of `before` and `during` can hold together as well, except those patterns of `during` that the agent
+    itself makes true.
     """
     if not is_knowledge_checkable(spec_index, faults):
         return
@@ -59,9 +60,9 @@ def _exclusion_findings(spec_index: SpecIndex, patterns: Sequence[Pattern]) -> I
     ]
     if conditions:
         types: Types = {
-            name.name: spec_index.declared_graph.read_type(name.name)
+            name.name: spec_index.declared_graph.name_type(name.name)
             for pattern in conditions
-            for name in names_read(pattern)
+            for name in names_in_pattern(pattern)
         }
         core = contradiction([state_condition(pattern.condition, pattern.tree) for pattern in conditions], types)
         if core:
@@ -91,7 +92,7 @@ def _has_problem(spec_index: SpecIndex, pattern: Pattern) -> bool:
 
 
 def _clash_reason(declared_graph: DeclaredGraph, one: Pattern, other: Pattern) -> str:
-    """Return why two paths cannot hold together; empty if they can."""
+    """Return why two paths cannot hold together; empty if they can hold together."""
     if not isinstance(one.tree, Path) or not isinstance(other.tree, Path):
         return ""
     if one.tree.negated != other.tree.negated:
@@ -114,7 +115,7 @@ def _task_states(declared_graph: DeclaredGraph, pattern: Pattern) -> Iterator[tu
 
 
 def _is_own_effect(declared_graph: DeclaredGraph, pattern: Pattern) -> bool:
-    """Return whether an agent itself makes a pattern true, so that the pattern need not hold before."""
+    """Return whether an agent itself makes a pattern true, so that the pattern need not hold before the action."""
     name = pattern.agent.name
     for step in steps(pattern):
         task = declared_graph.task_of(step.origin, step.link.edge, step.target)
@@ -123,7 +124,7 @@ def _is_own_effect(declared_graph: DeclaredGraph, pattern: Pattern) -> bool:
             return True
         if any(declared_graph.owns(name, KnowledgeElement("edges", edge.name)) for edge in edges):
             return True
-    elements = (declared_graph.read(read_name.name) for read_name in names_read(pattern))
+    elements = (declared_graph.element_read_by(read_name.name) for read_name in names_in_pattern(pattern))
     return any(element is not None and declared_graph.owns(name, element) for element in elements)
 
 

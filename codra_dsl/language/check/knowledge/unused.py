@@ -12,7 +12,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 
 
 def unused_types(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Every type has an initial node, or an agent may insert one. Types of parts may be for other specs."""
+    """Every type has an initial node, or an agent may insert such a node. Types of parts may be for other specs."""
     if not is_knowledge_checkable(spec_index, faults):
         return
     used_type_names = {node.type.name for node in spec_index.spec.nodes}
@@ -23,7 +23,7 @@ def unused_types(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diag
             and node_type.name not in used_type_names
             and not spec_index.declared_graph.writers(KnowledgeElement("types", node_type.name))
         ):
-            message = f"no node has type '{node_type.name}', and no agent may insert one"
+            message = f"no node has type '{node_type.name}', and no agent may insert such a node"
             help = "use it as the type of a node, name an agent that inserts such nodes under 'source', or remove it"
             path = f"knowledge.types.{node_type.name}"
             yield finding("unused-type", message, node_type.place, path=path, help=help)

@@ -1,4 +1,4 @@
-"""Checks of trees: their files (phase 1); the branches for actions and the executors of the leaves (phase 4)."""
+"""Checks of trees: files of trees (phase 1), and branches for actions and executors of leaves (phase 4)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Branch:
     Attributes:
         entry: the entry of the blackboard that selects the branch.
         value: the branch runs while the entry has this value; empty for the default branch.
-        others: values of the entry with which the default branch does not run; empty for other branches.
+        excluded_values: values of the entry with which the default branch does not run; empty for other branches.
         tree: the ID of the tree that the branch runs.
     """
 
@@ -32,7 +32,7 @@ class Branch:
     value: str
     tree: str
     place: Place
-    others: tuple[str, ...] = ()
+    excluded_values: tuple[str, ...] = ()
 
 
 def branches(forest: Forest) -> tuple[Branch, ...]:
@@ -42,12 +42,12 @@ def branches(forest: Forest) -> tuple[Branch, ...]:
 
 
 def main_tree(forest: Forest) -> BehaviorTree | None:
-    """Return the main tree of a file."""
+    """Return the main tree of a file, or None if the file does not contain it."""
     return next((tree for tree in forest.trees if tree.id == forest.main), None)
 
 
 def _guarded_branches(node: TreeNode) -> Iterator[Branch]:
-    """Yield the branches of a switch, or the one branch that a subtree with its own guard forms."""
+    """Yield the branches of a switch, or the single branch of a subtree that has a guard."""
     built_in = BUILT_IN.get(node.id)
     ports = {port.name: port.value for port in node.ports}
     if built_in is not None and built_in.word == "Switch":
@@ -56,8 +56,8 @@ def _guarded_branches(node: TreeNode) -> Iterator[Branch]:
         for index, child in enumerate(node.children):
             if isinstance(entry, EntryKey) and child.subtree is not None:
                 is_last = index >= len(cases)
-                value, others = ("", tuple(cases)) if is_last else (cases[index], ())
-                yield Branch(entry.key, value, child.subtree, child.place, others)
+                value, excluded_values = ("", tuple(cases)) if is_last else (cases[index], ())
+                yield Branch(entry.key, value, child.subtree, child.place, excluded_values)
     elif node.subtree is not None:
         guard = next((condition.value for condition in node.conditions if condition.name == "_while"), "")
         equality = _equality(parse_condition(guard)) if guard else None
@@ -66,7 +66,7 @@ def _guarded_branches(node: TreeNode) -> Iterator[Branch]:
 
 
 def _equality(condition: object) -> tuple[str, str] | None:
-    """Return the entry and the text that a guard compares; None if it has another form."""
+    """Return the entry and the text that a guard compares; None if the guard has another form."""
     if not isinstance(condition, Compare) or len(condition.rest) != 1:
         return None
     sides: list[Node] = [condition.first, condition.rest[0][1]]
@@ -77,20 +77,20 @@ def _equality(condition: object) -> tuple[str, str] | None:
 
 
 def chosen_values(tree: TreeElement, forest: Forest) -> tuple[str, Mapping[str, str]]:
-    """Return the entry that selects among the branches of a tree, and for each action the value of this entry."""
+    """Return the entry that selects a branch of a tree, and a mapping from each action to the value of this entry."""
     branches_by_tree = {branch.tree: branch for branch in branches(forest)}
     branches_by_action = {
         action.name: branches_by_tree[id_.name] for action, id_ in tree.course if id_.name in branches_by_tree
     }
     entry = next((branch.entry for branch in branches_by_action.values()), "course")
     return entry, {
-        action: branch.value or (action if action not in branch.others else "")
+        action: branch.value or (action if action not in branch.excluded_values else "")
         for action, branch in branches_by_action.items()
     }
 
 
 def leaves(forest: Forest) -> Mapping[str, TreeNode]:
-    """Return the leaves that are not built in, by ID: for each ID the first one, in the order of the file."""
+    """Return a mapping from the ID of each leaf that is not built in to the first leaf with this ID, in file order."""
     first_leaves: dict[str, TreeNode] = {}
     for tree in forest.trees:
         for node in tree.root.walk():
@@ -139,7 +139,7 @@ def _wrong_branch_findings(tree: TreeElement, forest: Forest) -> Iterator[Diagno
         branch = branches_by_tree.get(id_.name)
         if id_.name not in tree_ids:
             message = f"there is no tree '{id_.name}' in '{tree.file.name}'"
-            yield _branch_finding(message, id_.place, path, f"the trees in it are {', '.join(sorted(tree_ids))}")
+            yield _branch_finding(message, id_.place, path, f"the trees in the file are {', '.join(sorted(tree_ids))}")
         elif branch is None:
             message = f"tree '{id_.name}' is not a branch that can be chosen: it has no guard in '{forest.main}'"
             help = "make the tree a child of a Switch, or add _while=\"course == 'NAME'\" to it"
@@ -147,7 +147,7 @@ def _wrong_branch_findings(tree: TreeElement, forest: Forest) -> Iterator[Diagno
         else:
             first = entries.setdefault("", branch.entry)
             if first != branch.entry:
-                message = f"branch '{id_.name}' uses entry '{branch.entry}', and others use '{first}'"
+                message = f"branch '{id_.name}' uses entry '{branch.entry}', and other branches use '{first}'"
                 yield _branch_finding(message, id_.place, path, "use the same entry in all branches")
     if tree.course and all(id_.name in tree_ids for _, id_ in tree.course):
         mapped_trees = {id_.name for _, id_ in tree.course}

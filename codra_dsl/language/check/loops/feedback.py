@@ -1,7 +1,7 @@
 """Checks of loops (phases 4 and 5): adaptations that depend on values that they set or choose themselves.
 
-Such feedback is allowed, so that a value can keep itself (hysteresis). Feedback is an error only if no value would be
-stable, or if no value would ever be known.
+Such feedback is allowed, because it makes hysteresis possible. Feedback is an error only if no value would be stable,
+or if no value would ever be known.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from codra_dsl.language.model import ADAPTER, Adaptation, Condition, Course, Par
 
 
 def self_defeating_adaptations(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Every adaptation can set its variable, and has a stable value or action, which it does not change again."""
+    """Every adaptation can set its variable, and has a stable value or action, which the adaptation does not change."""
     findings = list(_never_set_findings(spec_index, faults))
     yield from findings
     yield from _unstable_course_findings(spec_index, faults)
@@ -40,7 +40,7 @@ def _never_set_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
     needs = {
         name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in adaptations_and_trees.items()
     }
-    # such a comparison is true only if the value is known
+    # a comparison of a value with itself is true only if the value is known
     self_equalities = {name: _equality(tree, tree) for name, (_, tree) in adaptations_and_trees.items()}
     unknown_names = frozenset(adaptations_and_trees)
     while True:
@@ -95,9 +95,9 @@ def _unstable_course_findings(spec_index: SpecIndex, faults: FaultyElements) -> 
 
 
 def _can_be_stable(spec_index: SpecIndex, name: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
-    """Return whether an action may stay chosen.
+    """Return whether an action may remain chosen.
 
-    This is so if, while the action is chosen, no hard rule holds, or the first rule that holds chooses the same action.
+    It may if, while the action is chosen, no hard rule holds, or the first rule that holds chooses the same action.
     """
     types = spec_index.context_types
     conditions = [Truth(start=0, end=0, value=True) if tree is None else tree for tree in trees]
@@ -144,7 +144,7 @@ def _self_defeating_finding(adaptation: Adaptation, key: str, message: str, help
 
 
 def adaptation_feedback(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """No adaptation depends on a value that it sets or chooses itself; one finding for each cycle."""
+    """No adaptation depends on a value that it sets or chooses itself. There is one finding for each cycle."""
     dependencies = _dependencies(spec_index)
     dependency_names = {name: tuple(places) for name, places in dependencies.items()}
     reported_names: set[str] = set()
@@ -175,7 +175,7 @@ def _written_variable(adaptation: Adaptation) -> str:
 
 
 def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
-    """Return, for each variable that loops compute, set or choose, its dependencies, each with its first place."""
+    """Return, for each variable that loops compute, set or choose, the dependencies, each with its first place."""
     dependencies: dict[str, dict[str, Place]] = {}
     for section, output in spec_index.parsed_rules.outputs:
         name = output.name if section == "metrics" else weight_name(output.name)

@@ -1,7 +1,8 @@
-"""Checks of fuzzy rules (phase 5): where rules fire. Every term holds on intervals, so a few cells cover all cases.
+"""Checks of fuzzy rules (phase 5): every rule can fire, and in every case some rule fires.
 
-The checks use these intervals instead of degrees. Therefore they need nothing of the runtime, and their findings state
-exactly the case in which no rule fires.
+Every term holds on intervals, so a few cells cover all numbers of a range. The checks use these cells instead of
+degrees. Therefore the checks need nothing of the runtime, and their findings state exactly the case in which no rule
+fires.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ MAX_COMBINATIONS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class RangeCell:
-    """Numbers of a variable on which each term either holds everywhere or nowhere.
+    """A part of a variable's range in which each term holds either for all numbers or for no number.
 
     Attributes:
         active_terms: the terms with a degree above 0 on the cell.
@@ -67,11 +68,14 @@ def _range_cell(
 
 
 Combination = Mapping[str, RangeCell]
-"""One cell of each variable, by the name of the variable."""
+"""A mapping from the name of each variable to one cell of the variable."""
 
 
 def can_fire(antecedent: Antecedent, combination: Combination) -> bool:
-    """Return whether an antecedent holds to a degree above 0. Norms must be above 0 if both of their operands are."""
+    """Return whether an antecedent holds to a degree above 0.
+
+    A norm must be above 0 if both of its operands are above 0.
+    """
     if isinstance(antecedent, And):
         return can_fire(antecedent.left, combination) and can_fire(antecedent.right, combination)
     if isinstance(antecedent, Or):
@@ -86,7 +90,7 @@ def can_fire(antecedent: Antecedent, combination: Combination) -> bool:
 
 
 def uncovered_ranges(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """If a number has several terms, they cover its range together. Each term holds somewhere in the range."""
+    """If a number has several terms, the terms together cover its range. Each term holds somewhere in the range."""
     for variable in spec_index.spec.context:
         is_readable = faults.is_sound("context", variable.name) and spec_index.is_readable(
             "context", variable.name, "terms", "range"
@@ -115,7 +119,9 @@ def idle_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagno
             continue
         if any(parsed_rule.problems for parsed_rule in parsed_rules):
             continue
-        combinations = list(_combinations(spec_index, faults, spec_index.parsed_rules.named(section, output.name)))
+        combinations = list(
+            _combinations(spec_index, faults, spec_index.parsed_rules.input_names(section, output.name))
+        )
         if not combinations:
             continue
         yield from _never_firing_findings(section, output, parsed_rules, combinations)
@@ -185,7 +191,7 @@ def contradictory_rules(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Di
             if other is parsed_rule or other.rule is None:
                 continue
             is_repetition = other.rule.conclusions == parsed_rule.rule.conclusions
-            relation_text = "repeats another one" if is_repetition else "contradicts another one"
+            relation_text = "repeats another rule" if is_repetition else "contradicts another rule"
             message = f"this rule of '{output.name}' {relation_text}: both have the same condition"
             path = f"{section}.{output.name}.rules.{number}"
             related = (Related("the other rule", other.phrase.place),)

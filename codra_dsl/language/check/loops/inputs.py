@@ -1,6 +1,6 @@
 """Checks of loops (phase 3).
 
-Inputs of rules have ranges, rates are computed from numbers, and adaptations may set their variables.
+Inputs of rules have ranges, rates are computed from numbers, and adaptations set only variables that they may set.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from codra_dsl.language.load.elements.loops import snake_case
 from codra_dsl.language.model import ADAPTER, ANALYST, Course, Kind, Parameter, Variable
 from codra_dsl.language.units import ONE, UNITS, Unit, convert, parse_unit
 
-_NUMBERS = (Kind.INT, Kind.FLOAT)
+_NUMERIC_KINDS = (Kind.INT, Kind.FLOAT)
 
 _RULE_KEYWORDS = KEYWORDS | set(Hedge)
 
@@ -25,13 +25,13 @@ _RULE_KEYWORDS = KEYWORDS | set(Hedge)
 def unfit_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every number that rules read has a range, only numbers have terms, and no term is a keyword of rules."""
     for variable in spec_index.spec.context:
-        if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
+        if variable.terms and variable.type.kind not in _NUMERIC_KINDS and not variable.is_derived:
             message = f"context-variable '{variable.name}' is not a number, but has terms"
             help = "remove the terms: rules use 'is true', or 'is MEMBER'"
             place = variable.places.get("terms", variable.place)
             yield finding("unfit-input", message, place, path=f"context.{variable.name}.terms", help=help)
     for name in dict.fromkeys(
-        name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.named(*key)
+        name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.input_names(*key)
     ):
         input_variable = spec_index.parsed_rules.variables.get(name)
         is_readable = spec_index.is_readable("context", name, "range") and faults.is_sound("context", name)
@@ -39,16 +39,16 @@ def unfit_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diag
             input_variable is not None
             and is_readable
             and range_of(input_variable) is None
-            and input_variable.type.kind in _NUMBERS
+            and input_variable.type.kind in _NUMERIC_KINDS
         ):
             message = f"rules read context-variable '{name}', which has no range"
             help = "add 'range': while the variable is unknown, rules assume the whole range"
             yield finding("unfit-input", message, input_variable.place, path=f"context.{name}", help=help)
         if input_variable is not None and is_readable:
-            yield from _reserved_words(input_variable, spec_index.parsed_rules.terms(input_variable))
+            yield from _reserved_word_findings(input_variable, spec_index.parsed_rules.terms(input_variable))
 
 
-def _reserved_words(variable: Variable, terms: tuple[Term, ...]) -> Iterator[Diagnostic]:
+def _reserved_word_findings(variable: Variable, terms: tuple[Term, ...]) -> Iterator[Diagnostic]:
     """No term or member is a keyword of rules: `is any` would always hold."""
     for term in terms:
         if term.name in _RULE_KEYWORDS:
@@ -80,50 +80,55 @@ def unfit_outputs(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
 
 
 def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """A rate is the rate of a number that loops do not compute, and that keeps enough readings.
+    """A rate is computed from a number that loops do not compute, and that keeps enough readings.
 
     The unit of the rate is the unit of this number per time.
     """
     for variable in spec_index.spec.context:
         if variable.rate is None or not faults.is_sound("context", variable.name):
             continue
-        base = spec_index.variables.get(variable.rate.of.name)
+        base_variable = spec_index.variables.get(variable.rate.of.name)
         keys = ("type", "unit", "rate_of")
-        if base is None or not all(
-            spec_index.is_readable("context", declared_variable.name, *keys) for declared_variable in (variable, base)
+        if base_variable is None or not all(
+            spec_index.is_readable("context", declared_variable.name, *keys)
+            for declared_variable in (variable, base_variable)
         ):
             continue
-        for message, help, key in _rate_problems(variable, base):
+        for message, help, key in _rate_problems(variable, base_variable):
             place = variable.places.get(key, variable.place)
             yield finding("unfit-rate", message, place, path=f"context.{variable.name}.{key}", help=help)
 
 
-def _rate_problems(variable: Variable, base: Variable) -> Iterator[tuple[str, str, str]]:
+def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tuple[str, str, str]]:
     subject = f"context-variable '{variable.name}'"
     if [source.name for source in variable.sources] != [ANALYST]:
         yield f"{subject} is a rate, which loops compute", "remove 'source'", "source"
-    if base.type.kind not in _NUMBERS:
-        yield f"{subject} is the rate of '{base.name}', which is not a number", "write the name of a number", "rate_of"
-        return
-    if base.rate is not None or base.is_derived:
+    if base_variable.type.kind not in _NUMERIC_KINDS:
         yield (
-            f"{subject} is the rate of '{base.name}', which loops compute",
+            f"{subject} is the rate of '{base_variable.name}', which is not a number",
+            "write the name of a number",
+            "rate_of",
+        )
+        return
+    if base_variable.rate is not None or base_variable.is_derived:
+        yield (
+            f"{subject} is the rate of '{base_variable.name}', which loops compute",
             "write the name of a variable that agents write",
             "rate_of",
         )
     if variable.type.kind is not Kind.FLOAT:
         yield f"{subject} is a rate, but not a float", "write 'type: float'", "type"
-    elif rate_factor(variable, base) is None:
-        unit = f"{base.type.unit or '1'}/s"
+    elif rate_factor(variable, base_variable) is None:
+        unit = f"{base_variable.type.unit or '1'}/s"
         yield (
-            f"{subject} does not have the unit of '{base.name}' per time",
+            f"{subject} does not have the unit of '{base_variable.name}' per time",
             f"write 'unit: {unit}', or per min or h",
             "unit",
         )
-    if base.history < _MIN_READINGS:
+    if base_variable.history < _MIN_READINGS:
         yield (
-            f"'{base.name}' keeps {base.history} reading, but a rate needs more",
-            f"write a larger 'history' for '{base.name}'",
+            f"'{base_variable.name}' keeps {base_variable.history} reading, but a rate needs more readings",
+            f"write a larger 'history' for '{base_variable.name}'",
             "rate_of",
         )
 
@@ -131,9 +136,9 @@ def _rate_problems(variable: Variable, base: Variable) -> Iterator[tuple[str, st
 _MIN_READINGS = 2
 
 
-def rate_factor(variable: Variable, base: Variable) -> float | None:
-    """Return the factor from a change of 1 per second to the unit of the rate; None if the units do not fit."""
-    base_unit, rate_unit = _unit(base), _unit(variable)
+def rate_factor(variable: Variable, base_variable: Variable) -> float | None:
+    """Return the factor to convert a change of 1 per second to the unit of the rate; None if the units do not fit."""
+    base_unit, rate_unit = _unit(base_variable), _unit(variable)
     if base_unit is None or rate_unit is None:
         return None
     per_second = base_unit / UNITS["s"]
@@ -159,7 +164,13 @@ def unfit_parameters(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
         other = first_adaptations.setdefault(name, adaptation.name)
         if other != adaptation.name:
             message = f"adaptation '{other}' also sets '{name}'"
-            yield finding("two-adaptations", message, does.variable.place, path=path, help="set it in one of them")
+            yield finding(
+                "two-adaptations",
+                message,
+                does.variable.place,
+                path=path,
+                help="set it in only one of the two adaptations",
+            )
         if (
             variable is None
             or not faults.is_sound("context", name)
@@ -173,7 +184,7 @@ def unfit_parameters(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
 
 
 def senseless_times(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """The numbers of an adaptation fit together."""
+    """The times and the lead of a course are useful, and its rules and `otherwise` name only actions under `choose`."""
     for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
         for key, message, help in _time_problems(does, adaptation.dwell_s) if isinstance(does, Course) else ():

@@ -37,11 +37,11 @@ def _parser_finding(spec_index: SpecIndex, rule: ParsedRule, problem: Diagnostic
 def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """All names in adaptations, trees and loops are declared."""
     for section, noun, reference, path in _references(spec_index):
-        if spec_index.declares(section, reference.name) or not reference.name or spec_index.lost(section):
+        if spec_index.declares(section, reference.name) or not reference.name or spec_index.has_damage(section):
             continue
         path_parts = path.split(".")
         user_text = f"{_NOUNS[path_parts[0]]} '{path_parts[1]}'"
-        nearest_name = spec_index.nearest(reference.name, section, spec_index.names(section))
+        nearest_name = spec_index.nearest_name(reference.name, section, spec_index.names(section))
         help = f"did you mean '{nearest_name}'?" if nearest_name else f"declare '{reference.name}' under '{section}'"
         message = f"unknown {noun} '{reference.name}' in {user_text}"
         yield finding("unknown-part", message, reference.place, path=path, help=help)
@@ -51,7 +51,7 @@ _NOUNS = {"adaptation": "adaptation", "trees": "tree", "loops": "loop"}
 
 
 def _references(spec_index: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
-    """Yield the section, its noun, the name and the path of each reference in loops and their parts."""
+    """Yield, for each reference in loops and their parts: the section, its noun, the reference, and the path."""
     for adaptation in spec_index.spec.adaptation:
         path, does = f"adaptation.{adaptation.name}", adaptation.does
         if isinstance(does, Course):

@@ -12,14 +12,14 @@ from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import reads_of
 from codra_dsl.language.model import Adaptation, Course, Loop, Output, Reference, TreeElement
 
-_KEYS = ("analyse", "adapt", "execute")
+_LOOP_KEYS = ("analyse", "adapt", "execute")
 _SECTIONS = (("metrics", "analyse", "computes"), ("adaptation", "adapt", "makes"), ("trees", "execute", "executes"))
 
 
 def parts_of_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric, adaptation and tree belongs to one loop."""
-    if any(spec_index.lost(section) for section in ("metrics", "adaptation", "trees")) or spec_index.lost(
-        "loops", *_KEYS
+    if any(spec_index.has_damage(section) for section in ("metrics", "adaptation", "trees")) or spec_index.has_damage(
+        "loops", *_LOOP_KEYS
     ):
         return
     if not all(faults.is_sound("loops", loop.name) for loop in spec_index.spec.loops):
@@ -29,20 +29,20 @@ def parts_of_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Di
         "adaptation": spec_index.spec.adaptation,
         "trees": spec_index.spec.trees,
     }
-    for section, key, does in _SECTIONS:
+    for section, key, verb in _SECTIONS:
         owners: dict[str, tuple[Loop, Reference]] = {}
         for loop in spec_index.spec.loops:
             for reference in getattr(loop, key):
                 owner, first = owners.setdefault(reference.name, (loop, reference))
                 if owner is not loop:
-                    message = f"loop '{owner.name}' also {does} '{reference.name}'"
+                    message = f"loop '{owner.name}' also {verb} '{reference.name}'"
                     related = (Related("the other entry", first.place),)
                     path = f"loops.{loop.name}.{key}"
                     help = f"name '{reference.name}' in only one of the two loops"
                     yield finding("two-loops", message, reference.place, path=path, help=help, related=related)
         for element in elements[section]:
             if element.name not in owners:
-                message = f"no loop {does} '{element.name}'"
+                message = f"no loop {verb} '{element.name}'"
                 path, help = f"{section}.{element.name}", f"name it under '{key}' of a loop, or remove it"
                 yield finding("part-without-loop", message, element.place, path=path, help=help)
 
@@ -73,7 +73,7 @@ def split_courses(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
             yield finding("two-loops", message, does.within.place, path=path, help=help)
 
 
-_READERS = {
+_READING_KEYS = {
     "metrics": ("rules",),
     "actions": ("rules",),
     "adaptation": ("choose", "always", "value"),
@@ -83,9 +83,9 @@ _READERS = {
 
 def unread_outputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric is read, and every action can be chosen."""
-    if any(spec_index.lost(section, *keys) for section, keys in _READERS.items()):
+    if any(spec_index.has_damage(section, *keys) for section, keys in _READING_KEYS.items()):
         return
-    read_names = {name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.named(*key)}
+    read_names = {name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.input_names(*key)}
     read_names |= {mention.name for mention in references(spec_index)}
     read_names |= {
         reads_of(name.name)[2] for site in spec_index.sites if site.role in CONTEXT_ROLES for name in site.names

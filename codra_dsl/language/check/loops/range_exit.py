@@ -11,7 +11,7 @@ from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.solver.intervals import Interval, Number, in_base
 from codra_dsl.language.check.solver.satisfiable import can_hold
-from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, outcomes
+from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, possible_values
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Choice, Compare, Comparison, Name, Node, Not, names_in
 from codra_dsl.language.model import Parameter
@@ -23,7 +23,7 @@ _END_NAME = "the end of the range"
 def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The value that an adaptation sets is in the range of the variable.
 
-    This is checked as far as it follows from the ranges of the names in the value.
+    The check uses the ranges of the names in the value. A finding is reported only if it follows from these ranges.
     """
     for adaptation, name, tree in adapted_variables(spec_index, faults):
         variable_type, variable = spec_index.context_types[name], spec_index.variables[name]
@@ -52,7 +52,7 @@ _SIDE_TEXTS = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more tha
 
 
 def _choice_branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
-    """Yield each branch of a value that is a choice, with the conditions under which it is used."""
+    """Yield each branch of a value that is a choice, with the conditions under which this branch is used."""
     if not isinstance(tree, Choice):
         yield tree, assumptions
         return
@@ -73,8 +73,8 @@ def _exit_sides(
     names = set(occurrences)
     is_exact = len(names) == len(occurrences)
     values = {name: known_values(types.get(name)) | UNKNOWN for name in names}
-    possible_values = outcomes(branch, Context(values | {age_key(name): AGES for name in names}))
-    intervals = [value for value in possible_values if isinstance(value, Interval)]
+    branch_values = possible_values(branch, Context(values | {age_key(name): AGES for name in names}))
+    intervals = [value for value in branch_values if isinstance(value, Interval)]
     assert variable_type.range is not None
     for operator, end in zip(_SIDE_TEXTS, variable_type.range, strict=True):
         limit = in_base(end, variable_type.unit)

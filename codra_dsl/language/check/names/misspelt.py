@@ -18,13 +18,13 @@ def find_misspelt_declarations(
     declared_names: Iterable[str],
     used_names: Iterable[str],
 ) -> dict[str, str]:
-    """Return, for unknown names, the misspelt declarations that cause them.
+    """Return a mapping from unknown names to the misspelt declared names that should be these names.
 
     Args:
         spec_index: the spec.
         unknown_mentions: the mentions of each unknown name.
         declared_names: all declared names.
-        used_names: all names that are used, unknown or not.
+        used_names: all names that are used, including unknown names.
     """
     compared_mentions = (mentions for mentions, _ in zip(unknown_mentions, range(MAX_SUGGESTIONS), strict=False))
     use_counts = {mentions[0].name: len(_first_mentions(mentions)) for mentions in compared_mentions}

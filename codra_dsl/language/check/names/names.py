@@ -1,4 +1,4 @@
-"""Rules of phase 1: every name that an element refers to is declared, has the right kind, and can be read there."""
+"""Rules of phase 1: every name in an element is declared, has the right kind, and can be read in this place."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from codra_dsl.language.load.templates.templates import INSTANCE
 from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import Access, Agent, Algorithm, Resource, Variable
 
-_UNKNOWN = {
+_RULES_AND_NOUNS = {
     "context": ("unknown-variable", "context-variable"),
     "resources": ("unknown-resource", "resource"),
     "agents": ("unknown-source", "source"),
@@ -38,7 +38,7 @@ _WORD = re.compile(r"\w+")
 
 
 def unknown_variables(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every context-variable that something refers to is declared: one finding per name, with all its mentions."""
+    """Every context-variable that something refers to is declared. All mentions of a name are in one finding."""
     groups = list(
         unknown_mentions(spec_index, "context", chain(references(spec_index), mentions_in_preconditions(spec_index)))
     )
@@ -49,7 +49,7 @@ def unknown_variables(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diag
         for group in groups
         if not _is_returned(spec_index, group[0]) and _intended_literal_help(spec_index, group[0]) is None
     ]
-    remaining_groups = yield from _report_misspelt_declarations(
+    remaining_groups = yield from _misspelt_declaration_findings(
         spec_index,
         "context",
         misspelling_candidates,
@@ -74,10 +74,10 @@ def unknown_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diag
     """Every resource that an algorithm uses is declared."""
     groups = list(unknown_mentions(spec_index, "resources", resource_mentions(spec_index)))
     if groups:
-        used = (mention.name for mention in resource_mentions(spec_index))
+        used_names = (mention.name for mention in resource_mentions(spec_index))
         for first, *others in (
-            yield from _report_misspelt_declarations(
-                spec_index, "resources", groups, _places(spec_index.resources), used
+            yield from _misspelt_declaration_findings(
+                spec_index, "resources", groups, _places(spec_index.resources), used_names
             )
         ):
             yield _undeclared_name_finding(spec_index, "resources", first, others)
@@ -88,12 +88,14 @@ def unknown_sources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagno
     groups = list(unknown_mentions(spec_index, "agents", source_mentions(spec_index)))
     if groups:
         places = _places(spec_index.agents)
-        used = (mention.name for mention in source_mentions(spec_index))
+        used_names = (mention.name for mention in source_mentions(spec_index))
         sources = frozenset({OBSERVER, MAIN_EXECUTION}) | spec_index.names("agents")
         for first, *others in (
-            yield from _report_misspelt_declarations(spec_index, "agents", groups, places, used, known=sources)
+            yield from _misspelt_declaration_findings(
+                spec_index, "agents", groups, places, used_names, known_names=sources
+            )
         ):
-            yield _undeclared_name_finding(spec_index, "agents", first, others, known=sources)
+            yield _undeclared_name_finding(spec_index, "agents", first, others, known_names=sources)
 
 
 def unknown_names_in_results(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
@@ -116,54 +118,57 @@ def _unknown_in_results(spec_index: SpecIndex, algorithm: str, groups: list[list
         spec_index, misspelling_candidates, places, spec_index.used_values[algorithm]
     )
     for first, *others in groups:
-        declared = misspelt_declarations.get(first.name)
-        if declared is None:
+        declared_name = misspelt_declarations.get(first.name)
+        if declared_name is None:
             yield _unknown_returned_value_finding(spec_index, algorithm, first, others)
         else:
-            path = f"perception.{algorithm}.returns.{declared}"
-            noun, place = "returned value", places[declared]
+            path = f"perception.{algorithm}.returns.{declared_name}"
+            noun, place = "returned value", places[declared_name]
             rule = "unknown-returned-value"
             yield misspelt_finding(
-                spec_index, (algorithm,), declared, (first, *others), rule=rule, noun=noun, place=place, path=path
+                spec_index, (algorithm,), declared_name, (first, *others), rule=rule, noun=noun, place=place, path=path
             )
 
 
-def _report_misspelt_declarations(
+def _misspelt_declaration_findings(
     spec_index: SpecIndex,
     section: str,
     groups: list[list[Mention]],
     places: Mapping[str, Place],
-    used: Iterable[str],
+    used_names: Iterable[str],
     *,
-    known: frozenset[str] = frozenset(),
+    known_names: frozenset[str] = frozenset(),
 ) -> Generator[Diagnostic, None, list[list[Mention]]]:
-    """Yield findings about misspelt declarations; return the mentions of the remaining names to report.
+    """Yield findings about misspelt declarations. Return the mentions of the other names that must be reported.
 
-    Names without a similar declaration are not returned if the names of at least as many elements could not be read.
+    A name without a similar declaration may belong to an element with an unreadable name. If there are at least as many
+    elements with unreadable names as names without a similar declaration, these names are not returned.
     """
-    rule, noun = _UNKNOWN[section]
+    rule, noun = _RULES_AND_NOUNS[section]
     misspelling_candidates = [group for group in groups if spec_index.other_kind(group[0].name, section) is None]
     undeclared_names = {group[0].name for group in misspelling_candidates}
-    misspelt_declarations = find_misspelt_declarations(spec_index, misspelling_candidates, places, used)
+    misspelt_declarations = find_misspelt_declarations(spec_index, misspelling_candidates, places, used_names)
     for group in groups:
-        declared = misspelt_declarations.get(group[0].name)
-        if declared is not None:
-            place, path = places[declared], f"{section}.{declared}"
-            yield misspelt_finding(spec_index, section, declared, group, rule=rule, noun=noun, place=place, path=path)
+        declared_name = misspelt_declarations.get(group[0].name)
+        if declared_name is not None:
+            place, path = places[declared_name], f"{section}.{declared_name}"
+            yield misspelt_finding(
+                spec_index, section, declared_name, group, rule=rule, noun=noun, place=place, path=path
+            )
     remaining_groups = [group for group in groups if group[0].name not in misspelt_declarations]
-    candidates = known or spec_index.names(section)
+    candidates = known_names or spec_index.names(section)
     unknown_names = [group[0].name for group in remaining_groups if group[0].name in undeclared_names]
-    nameless_count = spec_index.unnamed_element_count(section)
-    suggestions = ((name, spec_index.nearest(name, section, candidates)) for name in unknown_names)
+    unnamed_element_count = spec_index.unnamed_element_count(section)
+    suggestions = ((name, spec_index.nearest_name(name, section, candidates)) for name in unknown_names)
     unmatched_names = {
         name
         for name, suggestion in suggestions
-        if suggestion is None or (nameless_count and not is_slip(name, suggestion))
+        if suggestion is None or (unnamed_element_count and not is_slip(name, suggestion))
     }
     spans = {group[0].place.span for group in remaining_groups if group[0].name in unmatched_names}
     return (
         remaining_groups
-        if len(spans) > nameless_count
+        if len(spans) > unnamed_element_count
         else [group for group in remaining_groups if group[0].name not in unmatched_names]
     )
 
@@ -173,7 +178,7 @@ def _places(declared: Mapping[str, Variable] | Mapping[str, Resource] | Mapping[
 
 
 def _is_returned(spec_index: SpecIndex, mention: Mention) -> bool:
-    """Return whether a name in a precondition is a returned value of its algorithm."""
+    """Return whether a name in a precondition is a value that the algorithm of this precondition returns."""
     site = mention.site
     if site is None or site.owner[0] != "perception":
         return False
@@ -185,7 +190,7 @@ def _intended_literal_help(spec_index: SpecIndex, mention: Mention) -> LiteralHe
 
 
 def _is_other_element_or_literal(spec_index: SpecIndex, mention: Mention) -> bool:
-    """Return whether a name in a condition over a result belongs to another element, or is intended as a literal."""
+    """Return whether a name in a condition over a result is the name of an element, or is intended as a literal."""
     is_named = (
         spec_index.declares("context", mention.name) or spec_index.other_kind(mention.name, "context") is not None
     )
@@ -241,7 +246,7 @@ NAME_CHECKS = (
 
 
 def _arguments(algorithm: Algorithm) -> Iterator[tuple[str, str, Place]]:
-    """Yield the name of each argument, the key that it comes from, and its place."""
+    """Yield, for each argument, its name, the key under which it is written, and its place."""
     for name, _ in algorithm.parameters:
         yield name, "with", algorithm.places.get(f"with.{name}", algorithm.place)
     for usage in algorithm.uses:
@@ -258,21 +263,21 @@ def _undeclared_name_finding(
     others: list[Mention],
     *,
     literal: LiteralHelp | None = None,
-    known: frozenset[str] | None = None,
+    known_names: frozenset[str] | None = None,
 ) -> Diagnostic:
-    """Return the finding about a name that a section does not declare; `known` are the names to suggest."""
+    """Return the finding about a name that a section does not declare. `known_names` are the candidates to suggest."""
     kind = spec_index.other_kind(first.name, section)
     if kind is not None:
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
         return _mention_finding("wrong-kind-of-name", message, f"write the name of {NOUNS[section]}", first, others)
-    rule, noun = _UNKNOWN[section]
+    rule, noun = _RULES_AND_NOUNS[section]
     if section == "agents" and first.path.endswith((".by", ".requesters")):
         noun = "agent"
     message = f"unknown {noun} '{first.name}' in {first.user}"
     if literal is not None:
         return _mention_finding(rule, message, literal.help, first, others, fix=literal.fix((first, *others)))
-    candidates = spec_index.names(section) if known is None else known
-    nearest_name = spec_index.nearest(first.name, section, candidates)
+    candidates = spec_index.names(section) if known_names is None else known_names
+    nearest_name = spec_index.nearest_name(first.name, section, candidates)
     if nearest_name is not None and is_slip(first.name, nearest_name):
         spec_index.corrections.add_misspelt_reference(section, first.name, nearest_name)
     fix = _renaming(spec_index, first, others, nearest_name, candidates)
@@ -289,8 +294,10 @@ def _renaming(
 ) -> Fix | None:
     if nearest_name is None:
         return None
-    known = spec_index.mentioned | {OBSERVER, MAIN_EXECUTION}
-    return renaming_fix(first.name, nearest_name, candidates, [mention.place for mention in (first, *others)], known)
+    known_names = spec_index.mentioned_words | {OBSERVER, MAIN_EXECUTION}
+    return renaming_fix(
+        first.name, nearest_name, candidates, [mention.place for mention in (first, *others)], known_names
+    )
 
 
 def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str) -> str:
@@ -309,14 +316,14 @@ def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str) -> 
 def _invalid_name_help(spec_index: SpecIndex, mention: Mention, section: str) -> str:
     """Return the help for a text that is not a name, e.g. several names without ',', or a name with other text."""
     words = _WORD.findall(mention.name)
-    known = [word for word in words if word in spec_index.names(section) or word in _SOURCES.get(section, ())]
-    if len(known) == len(words) > 1:
-        return f"write the names as a list: [{', '.join(known)}]"
-    return f"write only '{known[0]}'" if len(known) == 1 else "write a name: letters A to Z, digits and '_'"
+    known_names = [word for word in words if word in spec_index.names(section) or word in _SOURCES.get(section, ())]
+    if len(known_names) == len(words) > 1:
+        return f"write the names as a list: [{', '.join(known_names)}]"
+    return f"write only '{known_names[0]}'" if len(known_names) == 1 else "write a name: letters A to Z, digits and '_'"
 
 
 def _parameter_help(spec_index: SpecIndex, mention: Mention) -> str | None:
-    """Return the help for a name in a template that is, or begins with, the name of a parameter."""
+    """Return the help for a name in a template that begins with the name of a parameter; None for other names."""
     if mention.place.use is None:
         return None
     words = mention.name.split("_")
@@ -344,7 +351,7 @@ def _unknown_returned_value_finding(
     if literal is not None:
         fix = literal.fix((first, *others))
         return _mention_finding("unknown-returned-value", message, literal.help, first, others, fix=fix)
-    nearest_name = spec_index.nearest(first.name, f"returned by {algorithm}", returned)
+    nearest_name = spec_index.nearest_name(first.name, f"returned by {algorithm}", returned)
     if nearest_name is not None and is_slip(first.name, nearest_name):
         spec_index.corrections.add_misspelt_reference((algorithm,), first.name, nearest_name)
     help = f"did you mean '{nearest_name}'?" if nearest_name else _declaration_help(spec_index, first, "returns")

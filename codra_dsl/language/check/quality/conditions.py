@@ -22,33 +22,33 @@ from codra_dsl.language.expression import Name, Node, Not, Truth, names_in, spel
 from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
 
 MAX_MEMBERS = 30
-"""The maximum number of earlier members with which a member is compared. Members after them are not compared."""
+"""The maximum number of earlier members with which a member is compared. Further members are not compared at all."""
 
 MAX_RELATED_PLACES = 5
 """The maximum number of further members in a finding."""
 
 
-def never_holding(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Some result can be accepted, and each value that has a condition can follow from an accepted result."""
+def never_holding_conditions(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """Some result can be accepted, and each value that has a condition can be identified from an accepted result."""
     yield from _once_per_shape(spec_index, faults, _never_holding_findings)
 
 
 def _never_holding_findings(
     spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm
 ) -> Iterator[Diagnostic]:
-    accepted = tuple(_sound_conditions(spec_index, algorithm.accept_when))
+    accepted_conditions = tuple(_sound_conditions(spec_index, algorithm.accept_when))
     types = spec_index.returned_types[algorithm.name]
-    core = contradiction(accepted, types)
+    core = contradiction(accepted_conditions, types)
     if core:
         yield _never_holds_finding(algorithm, "accept_when", "rejects every result", core, types)
         return
     for entry in algorithm.identifies:
         if faults.is_sound("context", entry.variable.name) and entry.variable.name in spec_index.variables:
-            yield from _never_identified(spec_index, algorithm, entry, accepted)
+            yield from _never_identified_findings(spec_index, algorithm, entry, accepted_conditions)
 
 
-def always_holding(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Every condition is false for some value; otherwise it has no effect."""
+def always_holding_conditions(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """Every condition is false for some value. A condition that is always true has no effect."""
     for algorithm in spec_index.algorithms.values():
         if not faults.is_sound("perception", algorithm.name):
             continue
@@ -75,7 +75,7 @@ def _always_holding_findings(
                 yield _always_holds_finding(algorithm, key, condition, returned_types, algorithm.returns)
 
 
-CONDITION_CHECKS = (never_holding, always_holding)
+CONDITION_CHECKS = (never_holding_conditions, always_holding_conditions)
 """The checks of this module."""
 
 
@@ -86,7 +86,7 @@ def _once_per_shape(
 ) -> Iterator[Diagnostic]:
     """Yield the findings of a rule about the use of results, for each algorithm.
 
-    Many algorithms of a large spec are alike: if one of them has no finding, all others with the same shape have none.
+    Many algorithms of a large spec have the same shape. If one of them has no finding, the others have no findings.
     """
     clean_shapes: set[object] = set()
     for algorithm in spec_index.algorithms.values():
@@ -107,7 +107,7 @@ def _sound_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) ->
 
 
 def _parts_of_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
-    """Yield the conditions of a list, except plain names and negated names. Each part of an `and` is separate."""
+    """Yield the conditions of a list, except plain and negated names. The parts of an `and` are yielded separately."""
     for condition in conditions:
         for stated_condition in _sound_conditions(spec_index, [condition]):
             for part in stated_condition.parts or (stated_condition,):
@@ -120,7 +120,7 @@ def _names(condition: StatedCondition) -> Iterable[str]:
 
 
 def _true_conditions(spec_index: SpecIndex, faults: FaultyElements, entry: Identification) -> Iterator[StatedCondition]:
-    """Yield the condition under which a bool is True, except literals and plain names, which are intended."""
+    """Yield the condition under which a bool is True. Yield nothing for literals and plain names: they are intended."""
     variable = spec_index.variables.get(entry.variable.name)
     by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
     if variable is None or not faults.is_sound("context", variable.name) or not isinstance(by, Condition):
@@ -139,7 +139,9 @@ def _always_holds_finding(
     depends_on_range = not always_holds(condition.tree, types_without_ranges(types, [condition.tree]))
     names = tuple(_names(condition))
     place = f"'{key.partition('.')[0]}' of algorithm '{algorithm.name}'"
-    precondition_help = f"remove it, or write 'known({names[0]})' if that is intended" if names else "remove it"
+    precondition_help = (
+        f"remove the condition, or write 'known({names[0]})' if this is intended" if names else "remove it"
+    )
     help_by_key = {"observable_when": precondition_help, "accept_when": "change the condition, or remove it"}
     return finding(
         "always-holds",
@@ -151,8 +153,8 @@ def _always_holds_finding(
     )
 
 
-def _never_identified(
-    spec_index: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[StatedCondition, ...]
+def _never_identified_findings(
+    spec_index: SpecIndex, algorithm: Algorithm, entry: Identification, accepted_conditions: tuple[StatedCondition, ...]
 ) -> Iterator[Diagnostic]:
     """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
     types = spec_index.returned_types[algorithm.name]
@@ -162,7 +164,7 @@ def _never_identified(
         for stated_condition in _sound_conditions(spec_index, [condition]):
             if isinstance(stated_condition.tree, Truth) and not stated_condition.tree.value:
                 continue
-            core = contradiction((*accepted, stated_condition), types)
+            core = contradiction((*accepted_conditions, stated_condition), types)
             if core:
                 name = entry.variable.name
                 yield _never_holds_finding(
@@ -177,11 +179,11 @@ def _never_identified(
             negated_conditions = [
                 StatedCondition(_negation(other), other.text, other.place) for _, other in earlier_conditions.values()
             ]
-            blocking_core = contradiction((*accepted, *negated_conditions, stated_condition), types)
+            blocking_core = contradiction((*accepted_conditions, *negated_conditions, stated_condition), types)
             blocking_values = [
                 name
-                for name, denial in zip(earlier_conditions, negated_conditions, strict=True)
-                if denial in blocking_core
+                for name, negated_condition in zip(earlier_conditions, negated_conditions, strict=True)
+                if negated_condition in blocking_core
             ]
             if blocking_core:
                 shadowed_values.setdefault(tuple(blocking_values), []).append((value, stated_condition))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.owners import reads
+from codra_dsl.language.check.knowledge.owners import read_elements
 from codra_dsl.language.check.quality.exclusion import excluded_previews
 from codra_dsl.language.check.quality.reach import can_judge_reach, unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
@@ -17,9 +17,10 @@ MAX_RELATED_PLACES = 5
 
 
 def unreached_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Every variable is needed by a skill or loop, directly or through others. Without skills, all are observed.
+    """Every variable is needed by a skill or a loop, directly or through other variables.
 
-    Variables that loops add or set are exempt, since programs read them.
+    If no skill is declared, all variables are observed. Variables that loops add or set are exempt, since programs read
+    them.
     """
     if not can_judge_reach(spec_index):
         return
@@ -29,23 +30,23 @@ def unreached_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
     variables_read_by_agents = {
         element.name
         for agent in spec_index.spec.agents
-        for element in reads(spec_index.declared_graph, agent)
+        for element in read_elements(spec_index.declared_graph, agent)
         if element.section == "context"
     }
     for variable in spec_index.variables.values():
         name = variable.name
-        is_exempt = name in spec_index.read_by_loops or any(
+        is_exempt = name in spec_index.variables_read_by_loops or any(
             source.name in (ADAPTER, ANALYST) for source in variable.sources
         )
         is_exempt = is_exempt or variable.pose_condition is not None or name in unreached_observer_variables
         is_exempt = is_exempt or name in spec_index.spec.damaged.get("context", ())
         is_exempt = is_exempt or (name in variables_read_by_agents and name not in spec_index.producers)
-        if name not in spec_index.reached and not is_exempt and faults.is_sound("context", name):
+        if name not in spec_index.variables_in_force and not is_exempt and faults.is_sound("context", name):
             message, help = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"
             if name in spec_index.producers:
                 message += ": it gets no observer"
             else:
-                help = f"its source writes it, but no observer uses it: {help}"
+                help = f"its source writes the variable, but no observer uses it: {help}"
             help += ", or remove it"
             yield finding("unreached-variable", message, variable.place, path=f"context.{name}", help=help)
 
@@ -121,7 +122,7 @@ def _unidentified_variables(
     spec_index: SpecIndex, faults: FaultyElements, mentions: _Mentions
 ) -> Iterator[tuple[Variable, list[tuple[Skill, Place]]]]:
     """Yield the variables that have sources but no algorithm, each with the skills that refer to it."""
-    if spec_index.lost("perception", "identifies"):
+    if spec_index.has_damage("perception", "identifies"):
         return
     for name, skills_and_places in mentions.items():
         variable = spec_index.variables.get(name)

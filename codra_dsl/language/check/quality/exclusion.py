@@ -1,4 +1,4 @@
-"""Decisions on variables that exclude each other: while one has a certain value, another cannot be observed."""
+"""Decisions that need a variable which cannot be observed while another variable of the decision has some value."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ MAX_STEPS = 100_000
 
 
 def excluded_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Every variable that a skill previews can be observed after other skills have changed its other variables.
+    """Every variable that a skill previews can be observed after other skills have changed the other variables.
 
-    Let a skill preview `x` and `y`, and let other skills make `x` become V. Then `y` is excluded if every algorithm for
-    `y` has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and
-    the skills that make `x` become V have previewed `y` before, then `y` counts as known.
+    Let a skill preview `x` and `y`, and let other skills set `x` to V. Then `y` is excluded if every algorithm for `y`
+    has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and the
+    skills that set `x` to V have previewed `y` before, then `y` is assumed to be known.
     """
-    if spec_index.lost("perception", *NEED_KEYS, "identifies") or spec_index.lost("skills", "preview", "monitor"):
+    if spec_index.has_damage("perception", *NEED_KEYS, "identifies") or spec_index.has_damage(
+        "skills", "preview", "monitor"
+    ):
         return
     achievers_by_variable = _achievers_by_variable(spec_index, faults)
     search = _Search(spec_index, faults)
@@ -50,7 +52,7 @@ class _Exclusion:
 
     Attributes:
         text: the precondition that cannot be true.
-        cause: the unknown variable because of which the precondition cannot be true; None if there is none.
+        cause: the unknown variable because of which the precondition cannot be true; None if this is not the reason.
     """
 
     algorithm: Algorithm
@@ -62,7 +64,7 @@ class _Exclusion:
 def _achievers_by_variable(
     spec_index: SpecIndex, faults: FaultyElements
 ) -> Mapping[str, list[tuple[Skill, Expectation]]]:
-    """Return, for each variable, the skills that make the variable become a value, with their expectations."""
+    """Return a mapping from each variable to the skills that set it to a value, and their expectations about it."""
     achievers_by_variable: dict[str, list[tuple[Skill, Expectation]]] = {}
     for skill in spec_index.spec.skills:
         for expectation in skill.monitor:
@@ -75,9 +77,9 @@ def _achievers_by_variable(
 
 
 def _is_kept(spec_index: SpecIndex, name: str, achievers: _Achievers) -> bool:
-    """Return whether the value of a variable is kept, and all makers preview the variable before."""
-    keeps = spec_index.variables[name].when_unobservable is WhenUnobservable.KEEP
-    return keeps and all(any(reference.name == name for reference in achiever.preview) for achiever, _ in achievers)
+    """Return whether the value of a variable is kept, and all these skills preview the variable before they act."""
+    is_kept = spec_index.variables[name].when_unobservable is WhenUnobservable.KEEP
+    return is_kept and all(any(reference.name == name for reference in achiever.preview) for achiever, _ in achievers)
 
 
 def _exclusion_finding(
@@ -87,11 +89,12 @@ def _exclusion_finding(
     cause_text = "" if exclusion.cause is None else f", and '{exclusion.cause}' cannot be observed then"
     return finding(
         "excluded-preview",
-        f"skill '{skill.name}' decides on '{preview.name}', which cannot be observed once '{state.name}' has the value "
-        f"from skill '{achiever.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{cause_text}",
+        f"skill '{skill.name}' decides on '{preview.name}', which cannot be observed once skill '{achiever.name}' "
+        f"has changed '{state.name}': algorithm '{exclusion.algorithm.name}' needs '{exclusion.text}'{cause_text}",
         preview.place,
         path=f"skills.{skill.name}.preview",
-        help=f"preview '{preview.name}' in skill '{achiever.name}' instead, or add an algorithm that can run after it",
+        help=f"preview '{preview.name}' in skill '{achiever.name}' instead, "
+        "or add an algorithm that can run after this skill",
         related=(
             Related(f"'{state.name}' is in the same decision", state.place),
             Related(f"skill '{achiever.name}' changes '{state.name}'", expectation.place),
@@ -103,7 +106,7 @@ def _exclusion_finding(
 class _Search:
     """Finds variables that cannot be observed while another variable has some value.
 
-    The value prevents this directly, or through variables that are forgotten.
+    The value prevents the observation directly, or through other variables that are forgotten.
     """
 
     def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
@@ -117,7 +120,7 @@ class _Search:
                 self._readers.setdefault(need, []).append(name)
 
     def common_exclusions(self, name: str, expectations: Sequence[Expectation]) -> Mapping[str, _Exclusion]:
-        """Return the variables that cannot be observed with any of the expected values of a variable."""
+        """Return the variables that can be observed with none of the expected values of a variable, and the reasons."""
         if name not in self._exclusions:
             conditions = (expectation.condition for expectation in expectations if expectation.condition is not None)
             facts = dict.fromkeys(condition.tree for condition in conditions if condition.tree is not None)
@@ -129,7 +132,7 @@ class _Search:
         return self._exclusions[name]
 
     def _find_exclusions(self, name: str, fact: Node) -> Mapping[str, _Exclusion]:
-        """Return the variables that cannot be observed while a fact about a variable holds, with the reasons."""
+        """Return the variables that cannot be observed while a fact about a variable is true, and the reasons."""
         exclusion_by_algorithm: dict[str, _Exclusion] = {}
         exclusions: dict[str, _Exclusion] = {}
         unknown_names: set[str] = set()

@@ -1,4 +1,4 @@
-"""Values that become stale before newer ones are available, overloaded slots, and ineffective `on_event`."""
+"""Values that become stale before newer values are available, overloaded slots, and `on_event` without effect."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, Group, SpecIndex, watched_by
+from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, Group, SpecIndex, watched_variables
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import (
@@ -24,7 +24,7 @@ from codra_dsl.language.model import (
 )
 
 MAX_VISITS = 300_000
-"""The maximum number of visited variables, for all skills together. Skills after this number are skipped."""
+"""The maximum number of visited variables, for all skills together. After this number, further skills are skipped."""
 
 _ROUNDING = 1e-9
 
@@ -36,7 +36,7 @@ MAX_RELATED_PLACES = 5
 class Renewal:
     """How an algorithm renews evidence.
 
-    The next look begins `pause_s` after the last look began, and each look gives its result within the timeout.
+    Each look begins `pause_s` after the previous look began, and gives its result within the timeout.
 
     Attributes:
         period_s: the period of the algorithm's observer.
@@ -53,47 +53,53 @@ class Renewal:
         return max(self.period_s, self.algorithm.min_interval_s)
 
     @property
-    def oldest_s(self) -> float:
-        """Return the maximum age of evidence when newer evidence replaces it."""
+    def max_age_s(self) -> float:
+        """Return the maximum age that evidence has when newer evidence replaces it."""
         return round(self.pause_s + self.algorithm.timeout_s, 9)
 
-    def confirming_s(self, variable: str) -> float:
-        """Return the maximum age that the first result needed to confirm a variable has when the last one arrives."""
+    def max_confirmation_s(self, variable: str) -> float:
+        """Return the maximum time between the first and the last of the results that confirm a variable."""
         needed_result_count = max(
             needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable
         )
         return round((needed_result_count - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
 
 
-def stale_before_renewed(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Evidence is valid until newer evidence can arrive, for the variable itself and for conditions on its age."""
-    if spec_index.lost("observers", "identifies", "period") or spec_index.lost("perception", "identifies"):
+def stale_evidence(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """Evidence is valid until newer evidence can arrive, and until then also fulfils conditions on its age."""
+    if spec_index.has_damage("observers", "identifies", "period") or spec_index.has_damage("perception", "identifies"):
         return
     for name, variable in spec_index.variables.items():
-        if name in spec_index.reached and variable.valid_for_s < FOREVER_S and faults.is_sound("context", name):
+        if (
+            name in spec_index.variables_in_force
+            and variable.valid_for_s < FOREVER_S
+            and faults.is_sound("context", name)
+        ):
             renewal = _slowest_renewal(spec_index, faults, name)
-            if renewal is not None and variable.valid_for_s < renewal.oldest_s:
+            if renewal is not None and variable.valid_for_s < renewal.max_age_s:
                 yield _stale_finding(variable, renewal)
-            elif renewal is not None and variable.valid_for_s <= renewal.confirming_s(name):
+            elif renewal is not None and variable.valid_for_s <= renewal.max_confirmation_s(name):
                 yield _never_confirmed_finding(variable, renewal)
     for algorithm in spec_index.algorithms.values():
-        is_reached = any(entry.variable.name in spec_index.reached for entry in algorithm.identifies)
+        is_reached = any(entry.variable.name in spec_index.variables_in_force for entry in algorithm.identifies)
         if is_reached and algorithm.observable_when and faults.is_sound("perception", algorithm.name):
             yield from _age_findings(spec_index, faults, algorithm)
 
 
 def oversubscribed_slots(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Observers that run together need no more time of a resource than its slots have."""
-    contested_shares = _contested_shares(spec_index, faults)
+    """Observers that run together need no more slots of a resource than the resource has."""
+    shares_by_resource = _shares_by_overloaded_resource(spec_index, faults)
     demands: dict[str, _Demand] = {}
     visits_left = MAX_VISITS
-    for skill in (spec_index.spec.skills or (None,)) if contested_shares else ():
-        needed_names = graph.closure(spec_index.trees, spec_index.decisions if skill is None else watched_by(skill))
+    for skill in (spec_index.spec.skills or (None,)) if shares_by_resource else ():
+        needed_names = graph.closure(
+            spec_index.tree_variables, spec_index.decisions if skill is None else watched_variables(skill)
+        )
         visits_left -= len(needed_names)
         if visits_left < 0:
             break
         groups = dict.fromkeys(group for name in needed_names if (group := spec_index.group_of.get(name)) is not None)
-        for name, shares in contested_shares.items():
+        for name, shares in shares_by_resource.items():
             demand = _Demand(skill, tuple(shares[group] for group in groups if group in shares))
             if (
                 demand.total
@@ -103,7 +109,7 @@ def oversubscribed_slots(spec_index: SpecIndex, faults: FaultyElements) -> Itera
     yield from (_oversubscribed_finding(spec_index.resources[name], demand) for name, demand in demands.items())
 
 
-def ineffective_on_event(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+def ineffective_on_event_settings(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """No algorithm identifies both variables with `refresh: on_event` and periodic variables."""
     for algorithm in spec_index.algorithms.values():
         variables = [
@@ -120,17 +126,17 @@ def ineffective_on_event(spec_index: SpecIndex, faults: FaultyElements) -> Itera
                     f"identifies '{periodic_variable.name}', for which it looks periodically",
                     variable.places.get("refresh", variable.place),
                     path=f"context.{variable.name}.refresh",
-                    help=f"write 'refresh: on_event' for '{periodic_variable.name}' as well, or for neither",
+                    help=f"write 'refresh: on_event' for '{periodic_variable.name}' as well, or for neither variable",
                     related=(Related("declared here", periodic_variable.place),),
                 )
 
 
-TIMING_CHECKS = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
+TIMING_CHECKS = (stale_evidence, oversubscribed_slots, ineffective_on_event_settings)
 """The checks of this module."""
 
 
 def _slowest_renewal(spec_index: SpecIndex, faults: FaultyElements, name: str) -> Renewal | None:
-    """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or one is unknown."""
+    """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or this is undecided."""
     setting, _ = spec_index.claims.get(name, (None, None))
     if setting is not None and not faults.is_sound("observers", setting.name):
         return None
@@ -141,14 +147,14 @@ def _slowest_renewal(spec_index: SpecIndex, faults: FaultyElements, name: str) -
             return None
         period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
         renewals.append(Renewal(spec_index.algorithms[producer], period_s, setting))
-    return max(renewals, key=lambda renewal: renewal.oldest_s, default=None)
+    return max(renewals, key=lambda renewal: renewal.max_age_s, default=None)
 
 
 def _stale_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' can become stale although everything works: its evidence can be up to "
-        f"{_seconds(renewal.oldest_s)} old before newer evidence arrives, "
+        f"{_seconds(renewal.max_age_s)} old before newer evidence arrives, "
         f"but is valid for {_seconds(variable.valid_for_s)}",
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
@@ -161,8 +167,8 @@ def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' may never be confirmed although everything works: the first result that "
-        f"'confirm' needs can be {_seconds(renewal.confirming_s(variable.name))} older than the last, but is valid for "
-        f"{_seconds(variable.valid_for_s)}",
+        f"'confirm' needs can be {_seconds(renewal.max_confirmation_s(variable.name))} older than the last result, "
+        f"but is valid for {_seconds(variable.valid_for_s)}",
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
         help="write a longer 'valid_for', a shorter 'period', or a 'confirm' that needs fewer results",
@@ -180,11 +186,11 @@ def _age_findings(spec_index: SpecIndex, faults: FaultyElements, algorithm: Algo
                 continue
             is_only_observed = all(source.name == OBSERVER for source in variable.sources)
             renewal = _slowest_renewal(spec_index, faults, variable.name)
-            if is_only_observed and renewal is not None and bound.limit_s < renewal.oldest_s:
+            if is_only_observed and renewal is not None and bound.limit_s < renewal.max_age_s:
                 yield finding(
                     "stale-before-renewed",
                     f"algorithm '{algorithm.name}' needs '{condition.text_of(bound.node)}', but evidence about "
-                    f"'{variable.name}' can be up to {_seconds(renewal.oldest_s)} old although everything works",
+                    f"'{variable.name}' can be up to {_seconds(renewal.max_age_s)} old although everything works",
                     condition.place_of(bound.node),
                     path=f"perception.{algorithm.name}.observable_when",
                     help="write a larger age, or a shorter 'timeout' or 'period'",
@@ -193,7 +199,7 @@ def _age_findings(spec_index: SpecIndex, faults: FaultyElements, algorithm: Algo
 
 
 def _renewal_places(renewal: Renewal) -> Iterator[Related]:
-    """Yield the places of the duration of a look, and of the pause before the next one."""
+    """Yield the places that define the duration of a look, and the pause before the next look."""
     algorithm, setting = renewal.algorithm, renewal.setting
     timeout_place = algorithm.places.get("timeout", algorithm.place)
     yield Related(
@@ -209,7 +215,7 @@ def _renewal_places(renewal: Renewal) -> Iterator[Related]:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """The share of a slot's time that an algorithm needs: its timeout, divided by the validity of its evidence."""
+    """The share of a slot's time that an algorithm needs: the timeout, divided by the validity of the evidence."""
 
     algorithm: Algorithm
     valid_for_s: float
@@ -221,7 +227,7 @@ class _Share:
 
 @dataclass(frozen=True, slots=True)
 class _Demand:
-    """The shares of a resource's slots that the observers of a skill, or all observers, need."""
+    """The shares of a resource's slots that observers need: those of one skill, or all observers if `skill` is None."""
 
     skill: Skill | None
     shares: tuple[_Share, ...]
@@ -231,19 +237,24 @@ class _Demand:
         return sum(share.slot_fraction for share in self.shares)
 
 
-def _contested_shares(spec_index: SpecIndex, faults: FaultyElements) -> Mapping[str, Mapping[Group, _Share]]:
-    """Return, for each resource that all observers together overload, the share of each group of alternatives."""
-    contested_shares: dict[str, dict[Group, _Share]] = {}
+def _shares_by_overloaded_resource(
+    spec_index: SpecIndex, faults: FaultyElements
+) -> Mapping[str, Mapping[Group, _Share]]:
+    """Return a mapping from each overloaded resource to the shares of the groups of alternatives.
+
+    A resource is overloaded if all observers together need more slots than the resource has.
+    """
+    shares_by_resource: dict[str, dict[Group, _Share]] = {}
     for group in spec_index.groups:
         for algorithm in group.algorithms:
             share = _share(spec_index, faults, algorithm)
             for usage in algorithm.uses if share is not None else ():
                 if usage.access is Access.SLOT and share is not None:
-                    shares = contested_shares.setdefault(usage.resource.name, {})
+                    shares = shares_by_resource.setdefault(usage.resource.name, {})
                     shares[group] = max(share, shares.get(group, share), key=lambda candidate: candidate.slot_fraction)
     return {
         name: shares
-        for name, shares in contested_shares.items()
+        for name, shares in shares_by_resource.items()
         if (resource := spec_index.resources.get(name)) is not None
         and resource.slots is not None
         and faults.is_sound("resources", name)

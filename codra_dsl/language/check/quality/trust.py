@@ -17,10 +17,11 @@ def unnoticed_preconditions(spec_index: SpecIndex, faults: FaultyElements) -> It
     """Every variable in a precondition states how long it is valid; otherwise the precondition could stay true forever.
 
     It is enough to state `valid_for`. `when_unobservable: forget` is enough if each algorithm that identifies the
-    variable has preconditions itself, and only observers write the variable. Conditions that bound the age of the
-    variable use no old value, and neither do conditions that read the variable only by `known` or `age`.
+    variable has preconditions itself, and only observers write the variable. Two kinds of conditions use no old value
+    and are ignored: conditions that bound the age of the variable, and conditions that read the variable only by
+    `known` or `age`.
     """
-    for name, (algorithm, place) in _trusting_algorithms(spec_index).items():
+    for name, (algorithm, place) in _first_trusting_algorithms(spec_index).items():
         variable = spec_index.variables.get(name)
         if variable is None or not faults.is_sound("context", name) or _goes_stale(spec_index, variable):
             continue
@@ -41,8 +42,12 @@ TRUST_CHECKS = (unnoticed_preconditions,)
 """The checks of this module."""
 
 
-def _trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
-    """Return, for each variable whose last value preconditions use, the first algorithm that uses it and the place."""
+def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
+    """Return a mapping from variables to the first algorithm that uses the last value of the variable, and the place.
+
+    The mapping contains each variable whose last value is used in a precondition or under `given`. The place is given
+    by a function.
+    """
     trusting_algorithms: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
     sites: dict[str, list[Site]] = {}
     for site in spec_index.sites:
@@ -64,7 +69,7 @@ def _trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algorithm,
 
 
 def _goes_stale(spec_index: SpecIndex, variable: Variable) -> bool:
-    """Return whether a variable becomes unknown by itself, or whether this is undecided."""
+    """Return whether a variable becomes unknown by itself. If this cannot be decided, return True."""
     if variable.states_validity or variable.pose_condition is not None:  # a comparison of poses expires with the poses
         return True
     forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(spec_index, variable)
@@ -78,7 +83,7 @@ def _can_be_forgotten(spec_index: SpecIndex, variable: Variable) -> bool:
 
 
 def _has_preconditions(spec_index: SpecIndex, algorithm: str) -> bool:
-    """Return whether an algorithm has preconditions, or whether this is unknown."""
+    """Return whether an algorithm has preconditions. If this is unknown, return True."""
     return bool(spec_index.needs[algorithm]) or not spec_index.is_readable("perception", algorithm, *NEED_KEYS)
 
 

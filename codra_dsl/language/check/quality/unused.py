@@ -26,15 +26,16 @@ def unreached_observers(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
                 f"observer '{setting.name}' is not generated: no skill needs {names_text}",
                 setting.place,
                 path=f"observers.{setting.name}",
-                help="add one of its variables to a skill's 'preview' or 'monitor', or remove the observer with them",
+                help="add one of its variables to a skill's 'preview' or 'monitor', "
+                "or remove the observer and these variables",
             )
 
 
 def unused_resources(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every resource is used by an algorithm, or may be used by an algorithm of a template."""
     usages = [usage.resource.name for algorithm in spec_index.spec.perception for usage in algorithm.uses]
-    if spec_index.lost("perception", "uses") or not spec_index.resources.keys() >= set(usages):
-        return  # an undeclared name may be meant as any of the resources
+    if spec_index.has_damage("perception", "uses") or not spec_index.resources.keys() >= set(usages):
+        return  # an undeclared name may be a misspelling of any resource
     used_names = _UsedNames(
         spec_index, usages, ((template.name, template.resources) for template in spec_index.spec.templates)
     )
@@ -56,7 +57,7 @@ def unused_agents(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Dia
     if spec_index.spec.knows:
         sources += [mention.name for mention in source_mentions(spec_index)]
         sources += [agent.name for agent in spec_index.spec.agents if not agent.conduct.is_bare]
-    if spec_index.lost("context", "source") or not {OBSERVER, MAIN_EXECUTION, *spec_index.agents} >= set(sources):
+    if spec_index.has_damage("context", "source") or not {OBSERVER, MAIN_EXECUTION, *spec_index.agents} >= set(sources):
         return
     used_names = _UsedNames(
         spec_index, sources, ((template.name, template.sources) for template in spec_index.spec.templates)
@@ -73,7 +74,7 @@ def unused_agents(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Dia
 
 
 def unused_templates(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every template in the spec's own file is used; templates of parts may be used by other specs."""
+    """Every template in the spec's own file is used. Templates of parts may be used by other specs."""
     for template in spec_index.spec.templates:
         if not template.is_used and template.place.span.file == spec_index.spec.file:
             message = f"nothing uses template '{template.name}'"
@@ -82,7 +83,7 @@ def unused_templates(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagn
 
 
 def shadowed_names(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """No parameter has the name of an element that its template can also refer to, such as `$(door)` and `door`."""
+    """No parameter has the name of an element that the template can refer to as well, as in `$(door)` and `door`."""
     names = {parameter.name for template in spec_index.spec.templates for parameter in template.parameters}
     visible_elements: dict[str, list[tuple[str, _VisibleElement]]] = {}
     for noun, element in _visible_elements(spec_index) if names else ():
@@ -124,12 +125,15 @@ _Element = TypeVar("_Element", Resource, Agent)
 
 
 def _own_elements(spec_index: SpecIndex, elements: Iterable[_Element]) -> Iterator[_Element]:
-    """Yield the elements in the spec's own file; elements of a part may be for another spec."""
+    """Yield the elements in the spec's own file. Elements of parts are left out, since they may be for another spec."""
     return (element for element in elements if element.place.span.file == spec_index.spec.file)
 
 
 class _UsedNames:
-    """The names that elements use, and the names in templates without a use, as far as these names are known."""
+    """The names that elements use, and the names in templates that the spec does not use.
+
+    In the names of such templates, a parameter can stand for any text.
+    """
 
     def __init__(
         self, spec_index: SpecIndex, names: Iterable[str], templates: Iterable[tuple[str, tuple[str, ...]]]
@@ -145,9 +149,9 @@ class _UsedNames:
         return name in self._names or any(pattern.fullmatch(name) for pattern in self._patterns)
 
 
-def _pattern(written: str) -> re.Pattern[str]:
-    """Return the pattern of the names that a name with parameters can become."""
-    return re.compile(r"\w*".join(map(re.escape, _PARAMETER.split(written))))
+def _pattern(parametrized_name: str) -> re.Pattern[str]:
+    """Return the pattern of all names that a name with parameters can become."""
+    return re.compile(r"\w*".join(map(re.escape, _PARAMETER.split(parametrized_name))))
 
 
 def _visible_elements(spec_index: SpecIndex) -> Iterator[tuple[str, _VisibleElement]]:
@@ -177,7 +181,7 @@ def _same_label_finding(variable: Variable, other: Variable) -> Diagnostic:
     is_label = other.label != other.name and _normalize_label(other.label) == _normalize_label(variable.label)
     return finding(
         "same-label",
-        f"{subject} is the same as that of '{other.name}'"
+        f"{subject} is the same as the label of '{other.name}'"
         if is_label
         else f"{subject} is the name of another variable",
         variable.places.get("label", variable.place),

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from codra_dsl.language.check.solver.intervals import Interval
-from codra_dsl.language.check.solver.values import Context, links, outcomes
+from codra_dsl.language.check.solver.values import Context, own_comparisons, possible_values
 from codra_dsl.language.expression import And, Call, Compare, Name, Node, Not, Or, names_in
 from codra_dsl.language.model import Condition
 
@@ -21,7 +21,7 @@ class Bound:
     Attributes:
         name: the variable whose age is bounded.
         node: the comparison that bounds the age, including a `not` before the comparison.
-        limit_s: the maximum age; None if it depends on context-variables.
+        limit_s: the maximum age; None if the maximum depends on context-variables.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Bound:
 
 
 def upper_bounds(condition: Condition) -> Iterator[Bound]:
-    """Yield the maximum ages that a condition requires, such as `age(x) < 2 s`; inside an `or`, none is required."""
+    """Yield the maximum ages that a condition requires, such as `age(x) < 2 s`. An `or` requires no maximum age."""
     pending_nodes = [] if condition.tree is None else [(condition.tree, condition.tree, False)]
     while pending_nodes:
         node, outermost_node, is_negated = pending_nodes.pop()
@@ -41,7 +41,7 @@ def upper_bounds(condition: Condition) -> Iterator[Bound]:
                 (operand, outermost_node if is_negated else operand, is_negated) for operand in reversed(node.operands)
             )
         elif isinstance(node, Compare) and (not is_negated or len(node.rest) == 1):
-            for operator, left, right in links(node):
+            for operator, left, right in own_comparisons(node):
                 yield from _bound(
                     _NEGATED_OPERATORS.get(operator, "") if is_negated else operator, left, right, outermost_node
                 )
@@ -61,5 +61,5 @@ def _bound(operator: str, left: Node, right: Node, outermost_node: Node) -> Iter
 def _limit_s(limit: Node) -> float | None:
     if names_in(limit):
         return None
-    (value, *others) = outcomes(limit, Context({}))
+    (value, *others) = possible_values(limit, Context({}))
     return float(value.low) if not others and isinstance(value, Interval) and value.is_point else None

@@ -1,9 +1,9 @@
 """The search for a case in which some conditions hold and another condition does not.
 
 A case restricts each name that occurs several times: to a bool, to a member, to unknown or, for a number, to one of the
-pieces into which the conditions cut its range. Within a case, each comparison of such a name with constants has only
-one result. If the same two numbers are compared with each other twice, their difference is treated as one number. After
-MAX_CASES cases, the answer is that there may be such a case.
+pieces into which the conditions cut the range of the name. Within a case, each comparison of such a name with constants
+has only one result. If the same two numbers are compared with each other twice, their difference is treated as one
+number. After MAX_CASES cases, the answer is that there may be such a case.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from fractions import Fraction
 from itertools import product
 
 from codra_dsl.language.check.conditions.types import Types
-from codra_dsl.language.check.solver.breakpoints import cuts, is_curved, subjects
+from codra_dsl.language.check.solver.breakpoints import context_keys_of, cuts, is_curved
 from codra_dsl.language.check.solver.intervals import Interval, hull, in_base, negative, pieces, point, quotient, total
 from codra_dsl.language.check.solver.linear import Pair, pair
 from codra_dsl.language.check.solver.values import (
     AGES,
     UNKNOWN,
     Context,
-    Other,
+    UnspecifiedText,
     Value,
     Values,
     age_key,
     known_key,
-    links,
-    outcomes,
+    own_comparisons,
+    possible_values,
 )
 from codra_dsl.language.expression import And, Call, Compare, In, Name, Node, Text, parts, walk
 from codra_dsl.language.model import Kind
 
 MAX_CASES = 4096
-"""The maximum number of cases for each group of conditions that share names. For long conditions, it is smaller."""
+"""The maximum number of cases for each group of conditions that share names, unless MAX_WORK allows only fewer."""
 
 MAX_WORK = 100_000
 """The maximum number of evaluated parts of conditions, in all cases of a group."""
@@ -44,30 +44,33 @@ _FALSE: Values = frozenset({False})
 _ZERO: Values = frozenset({point(Fraction(0))})
 
 
-def is_case(required: Sequence[Node], claim: Node | None, values: Mapping[str, Values], types: Types) -> bool:
+def may_have_case(
+    required_conditions: Sequence[Node], claim: Node | None, values: Mapping[str, Values], types: Types
+) -> bool:
     """Return whether there may be a case in which all required conditions hold and the claim, if any, does not.
 
     Args:
-        required: the required conditions. Groups that share no name are searched separately.
+        required_conditions: the required conditions. Groups that share no name are searched separately.
         claim: a further condition.
-        values: the possible values of each name in the conditions. They contain None if the name can be unknown.
+        values: a mapping from each name to its possible values. The values contain None if the name can be unknown.
         types: the type of each name.
     """
-    required_parts = conjuncts(required)
+    required_conjuncts = conjuncts(required_conditions)
     context = Context(values)
-    if any(True not in outcomes(condition, context) for condition in required_parts):
+    if any(True not in possible_values(condition, context) for condition in required_conjuncts):
         return False
-    if claim is not None and outcomes(claim, context) == _TRUE:
+    if claim is not None and possible_values(claim, context) == _TRUE:
         return False
-    if _are_settled(required_parts if claim is None else (*required_parts, claim), types):
+    if _need_no_cases(required_conjuncts if claim is None else (*required_conjuncts, claim), types):
         return True
-    return all(_Search(group, values, types).finds_case() for group in _groups(required_parts, claim))
+    return all(_Search(group, values, types).finds_case() for group in _groups(required_conjuncts, claim))
 
 
-def _are_settled(conditions: Iterable[Node], types: Types) -> bool:
-    """Return whether no cases need to be distinguished, as in most conditions.
+def _need_no_cases(conditions: Iterable[Node], types: Types) -> bool:
+    """Return whether no cases need to be distinguished, which is true for most conditions.
 
-    This is so if each name occurs only once, no name is an int, and there is neither `in` nor a chain of comparisons.
+    No cases are needed if each name occurs only once, no name is an int, and there is neither `in` nor a chain of
+    comparisons.
     """
     names: set[str] = set()
     for condition in conditions:
@@ -91,7 +94,7 @@ def conjuncts(conditions: Iterable[Node]) -> tuple[Node, ...]:
 
 
 def names_of(conditions: Iterable[Node]) -> tuple[str, ...]:
-    """Return the names that conditions mention, each once."""
+    """Return the names that conditions mention, without repetitions."""
     nodes = (part for condition in conditions for part in walk(condition))
     return tuple(dict.fromkeys(part.name for part in nodes if isinstance(part, Name)))
 
@@ -109,34 +112,34 @@ class _Group:
         return self.required if self.claim is None else (*self.required, self.claim)
 
 
-def _groups(required: Sequence[Node], claim: Node | None) -> Iterable[_Group]:
-    """Return conditions in groups that share no names with each other."""
-    group = _Group(tuple(required), claim)
+def _groups(required_conditions: Sequence[Node], claim: Node | None) -> Iterable[_Group]:
+    """Return the conditions in groups. Conditions in different groups have no name in common."""
+    group = _Group(tuple(required_conditions), claim)
     if len(group.conditions) == 1:
         return (group,)
-    leader = list(range(len(group.conditions)))
-    first: dict[str, int] = {}
+    leaders = list(range(len(group.conditions)))
+    first_index_by_name: dict[str, int] = {}
     for index, condition in enumerate(group.conditions):
         for name in names_of([condition]):
-            leader[_leader(leader, index)] = _leader(leader, first.setdefault(name, index))
-    members: dict[int, list[int]] = {}
-    for index in leader:
-        members.setdefault(_leader(leader, index), [])
-    for index in range(len(leader)):
-        members[_leader(leader, index)].append(index)
+            leaders[_leader(leaders, index)] = _leader(leaders, first_index_by_name.setdefault(name, index))
+    indices_by_leader: dict[int, list[int]] = {}
+    for index in leaders:
+        indices_by_leader.setdefault(_leader(leaders, index), [])
+    for index in range(len(leaders)):
+        indices_by_leader[_leader(leaders, index)].append(index)
     return tuple(
         _Group(
-            tuple(required[index] for index in indices if index < len(required)),
-            claim if indices[-1] == len(required) else None,
+            tuple(required_conditions[index] for index in indices if index < len(required_conditions)),
+            claim if indices[-1] == len(required_conditions) else None,
         )
-        for indices in members.values()
+        for indices in indices_by_leader.values()
     )
 
 
-def _leader(leader: list[int], index: int) -> int:
-    while leader[index] != index:
-        leader[index] = leader[leader[index]]
-        index = leader[index]
+def _leader(leaders: list[int], index: int) -> int:
+    while leaders[index] != index:
+        leaders[index] = leaders[leaders[index]]
+        index = leaders[index]
     return index
 
 
@@ -145,26 +148,30 @@ class _Mentions:
     """The names, texts and comparisons in conditions.
 
     Attributes:
-        counts: for the key of each name, of its age, and of whether it is known: how often this affects the result.
+        counts: for each name, how often its value, its age, and whether it is known affect the result. The keys are
+            those of a context.
         names: the keys in `counts` that are names.
         texts: all quoted texts.
-        links: the two sides of each comparison.
+        comparisons: the two sides of each comparison.
         size: the number of parts of the conditions.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
     names: set[str] = field(default_factory=set)
     texts: dict[str, None] = field(default_factory=dict)
-    links: list[tuple[Node, Node]] = field(default_factory=list)
+    comparisons: list[tuple[Node, Node]] = field(default_factory=list)
     size: int = 0
 
     def add(self, condition: Node) -> None:
-        """Add a condition. The parts of a chain, and of `in`, count twice: some are compared several times."""
+        """Add a condition.
+
+        The parts of a chain of comparisons, and of `in`, count twice, because some of them are compared several times.
+        """
         pending_nodes = [(condition, 1)]
         while pending_nodes:
             node, times = pending_nodes.pop()
             self.size += 1
-            self.links += ((left, right) for _, left, right in links(node))
+            self.comparisons += ((left, right) for _, left, right in own_comparisons(node))
             if isinstance(node, Name):
                 self.counts[node.name] += times
                 self.names.add(node.name)
@@ -187,12 +194,14 @@ class _Search:
         self._mentions = _Mentions()
         for condition in group.conditions:
             self._mentions.add(condition)
-        self._links = [(left, right, subjects(left) | subjects(right)) for left, right in self._mentions.links]
-        self._pairs, self._sides = self._contested_pairs()
+        self._comparisons = [
+            (left, right, context_keys_of(left) | context_keys_of(right)) for left, right in self._mentions.comparisons
+        ]
+        self._pairs, self._sides = self._tracked_pairs()
 
     def finds_case(self) -> bool:
-        """Return whether there may be such a case. Cases are split until one is certain or none is left."""
-        keys = [key for key in self._mentions.counts if self._is_contested(key)]
+        """Return whether there may be such a case. Cases are split until one case is certain or no case is left."""
+        keys = [key for key in self._mentions.counts if self._needs_split(key)]
         keys += self._sides
         remaining_case_count = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
         pending_cases: list[tuple[Mapping[str, Values], int]] = [(self._values, 0)]
@@ -200,18 +209,21 @@ class _Search:
             remaining_case_count -= 1
             values, index = pending_cases.pop()
             context = Context(values, self._pairs)
-            required_truths = [outcomes(condition, context) for condition in self._group.required]
-            claim_truths = _FALSE if self._group.claim is None else outcomes(self._group.claim, context)
+            required_truths = [possible_values(condition, context) for condition in self._group.required]
+            claim_truths = _FALSE if self._group.claim is None else possible_values(self._group.claim, context)
             if any(True not in truths for truths in required_truths) or claim_truths == _TRUE:
                 continue
             if index == len(keys) or (True not in claim_truths and all(truths == _TRUE for truths in required_truths)):
                 return True
-            cells = self._cells(keys[index], context)
-            pending_cases += (({**values, keys[index]: cell}, index + 1) for cell in reversed(cells))
+            value_sets = self._value_sets(keys[index], context)
+            pending_cases += (({**values, keys[index]: value_set}, index + 1) for value_set in reversed(value_sets))
         return bool(pending_cases)
 
-    def _is_contested(self, key: str) -> bool:
-        """Return whether the search splits by the values of a key, i.e. of a name, of its age, or of being known."""
+    def _needs_split(self, key: str) -> bool:
+        """Return whether the search splits cases by the values of a key.
+
+        The key stands for a name, for the age of a name, or for whether a name is known.
+        """
         occurs_repeatedly = self._mentions.counts[key] > 1
         if key not in self._mentions.names:
             return occurs_repeatedly and (key in self._values or not key.startswith("known("))
@@ -220,70 +232,74 @@ class _Search:
             declared is not None and self._values[key] != UNKNOWN and (occurs_repeatedly or declared.kind is Kind.INT)
         )
 
-    def _contested_pairs(self) -> tuple[Mapping[tuple[int, int], Pair], Mapping[str, tuple[Node, Node, Pair]]]:
+    def _tracked_pairs(self) -> tuple[Mapping[tuple[int, int], Pair], Mapping[str, tuple[Node, Node, Pair]]]:
         """Return the pairs of numbers whose difference occurs more than once or is 0.
 
-        For each key of a difference that is not 0, also return the two sides and their pair.
+        Also return a mapping from the key of each difference that is not 0 to the two sides and their pair.
 
-        Differences that depend on only one name are left out, since the range of this name is cut where its comparisons
-        change. If one of the sides is curved, the difference is included, because then there are no such cuts.
+        A difference that depends on only one name is left out, since the range of this name is cut at the numbers where
+        the results of its comparisons change. But if one side is curved, there are no such cuts, and the difference is
+        included.
         """
         number_comparisons = [
             (left, right, pair(left, right))
-            for left, right, on in self._links
-            if on and self._is_number(left) and self._is_number(right)
+            for left, right, context_keys in self._comparisons
+            if context_keys and self._is_number(left) and self._is_number(right)
         ]
         counts = Counter(pair_.key for _, _, pair_ in number_comparisons)
-        contested_comparisons = [
+        tracked_comparisons = [
             (left, right, pair_)
             for left, right, pair_ in number_comparisons
             if not pair_.key
-            or (counts[pair_.key] > 1 and (len(subjects(left) | subjects(right)) > 1 or is_curved(left, right)))
+            or (
+                counts[pair_.key] > 1
+                and (len(context_keys_of(left) | context_keys_of(right)) > 1 or is_curved(left, right))
+            )
         ]
-        pairs = {(id(left), id(right)): pair_ for left, right, pair_ in contested_comparisons}
-        return pairs, {pair_.key: (left, right, pair_) for left, right, pair_ in contested_comparisons if pair_.key}
+        pairs = {(id(left), id(right)): pair_ for left, right, pair_ in tracked_comparisons}
+        return pairs, {pair_.key: (left, right, pair_) for left, right, pair_ in tracked_comparisons if pair_.key}
 
     def _is_number(self, node: Node) -> bool:
-        values = outcomes(node, Context(self._values)) - UNKNOWN
+        values = possible_values(node, Context(self._values)) - UNKNOWN
         return bool(values) and all(isinstance(value, Interval) for value in values)
 
-    def _cells(self, key: str, context: Context) -> Sequence[Values]:
-        """Return the possible values of a name, or of the difference of two numbers, in sets that need no split."""
+    def _value_sets(self, key: str, context: Context) -> Sequence[Values]:
+        """Return the possible values of a name, or of the difference of two numbers, as sets that need no split."""
         if key in self._sides:
-            return self._difference_cells(key, context)
-        cells: list[Value] = []
+            return self._difference_sets(key, context)
+        values: list[Value] = []
         for value in sorted(context.values.get(key, AGES), key=str):
             if isinstance(value, Interval):
-                cells += pieces(value, self._cuts(key), self._step(key))
-            elif value is Other.ANY:
-                cells += (*self._texts(), Other.UNMENTIONED)
+                values += pieces(value, self._cuts(key), self._step(key))
+            elif value is UnspecifiedText.ANY:
+                values += (*self._texts(), UnspecifiedText.UNMENTIONED)
             else:
-                cells.append(value)
-        return tuple(frozenset({cell}) for cell in cells)
+                values.append(value)
+        return tuple(frozenset({value}) for value in values)
 
-    def _difference_cells(self, key: str, context: Context) -> Sequence[Values]:
-        """Return the pieces of the possible differences of two numbers, and UNKNOWN if this is possible too."""
+    def _difference_sets(self, key: str, context: Context) -> Sequence[Values]:
+        """Return the pieces of the possible differences of two numbers, and UNKNOWN if a difference can be unknown."""
         left, right, own_pair = self._sides[key]
         limits = [other_pair.limit for other_pair in self._pairs.values() if other_pair.key == key]
         differences: list[Interval] = []
-        cells: list[Values] = []
-        for one, other in product(outcomes(left, context), outcomes(right, context)):
+        unknown_sets: list[Values] = []
+        for one, other in product(possible_values(left, context), possible_values(right, context)):
             if isinstance(one, Interval) and isinstance(other, Interval):
-                scaled = quotient(total(one, negative(other)), point(own_pair.factor))
-                differences.append(total(scaled, point(own_pair.limit)))
+                scaled_difference = quotient(total(one, negative(other)), point(own_pair.factor))
+                differences.append(total(scaled_difference, point(own_pair.limit)))
             else:
-                cells = [UNKNOWN]
+                unknown_sets = [UNKNOWN]
         return (
-            *cells,
+            *unknown_sets,
             *(frozenset({part}) for part in (pieces(hull(differences), limits, None) if differences else ())),
         )
 
     def _cuts(self, key: str) -> frozenset[Fraction]:
-        own = frozenset({key})
-        return cuts(key, ((left, right) for left, right, on in self._links if on == own))
+        own_keys = frozenset({key})
+        return cuts(key, ((left, right) for left, right, context_keys in self._comparisons if context_keys == own_keys))
 
     def _step(self, key: str) -> Fraction | None:
-        """Return the number, in base units, of which each value of an int is a multiple; None for other types."""
+        """Return the step between the values of an int, in base units; None for other types."""
         declared = self._types.get(key)
         step = in_base(1, declared.unit) if declared is not None and declared.kind is Kind.INT else None
         return step if isinstance(step, Fraction) else None

@@ -1,4 +1,4 @@
-"""Conditions that exclude each other, and the parts of a finding about them."""
+"""Conditions that exclude each other, and the message and the related places of findings about such conditions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from codra_dsl.language.check.conditions.types import Types
-from codra_dsl.language.check.solver.breakpoints import subjects
+from codra_dsl.language.check.solver.breakpoints import context_keys_of
 from codra_dsl.language.check.solver.case_split import conjuncts
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.check.solver.values import age_key
@@ -15,19 +15,19 @@ from codra_dsl.language.expression import And, Node, names_in
 from codra_dsl.language.model import FOREVER_S, Condition, Returned, Variable
 
 MAX_CONDITIONS = 50
-"""If there are more conditions than this, the search for those that exclude each other is skipped."""
+"""If there are more conditions than this number, unnecessary conditions are not removed from a contradiction."""
 
 
 MAX_QUOTED_CONDITIONS = 3
 """The maximum number of conditions that a message quotes besides the offender."""
 
 MAX_RELATED_PLACES = 10
-"""The maximum number of places of these conditions in a finding."""
+"""The maximum number of conditions besides the offender whose places are in a finding."""
 
 
 @dataclass(frozen=True, slots=True)
 class StatedCondition:
-    """A condition that must be true, and where it is written.
+    """A condition that must be true, and the place where the condition is written.
 
     Attributes:
         parts: the operands if the condition is an `and`; else empty.
@@ -47,7 +47,7 @@ def state_condition(condition: Condition, tree: Node) -> StatedCondition:
 
 
 def contradiction(conditions: Sequence[StatedCondition], types: Types) -> tuple[StatedCondition, ...]:
-    """Return conditions that can never be true together, in their order; () if all can be true together.
+    """Return conditions that can never be true together, in the given order; () if all can be true together.
 
     Conditions that are found to be unnecessary for the contradiction are left out.
     If several conditions are needed, each `and` among them is narrowed down to the parts that are needed.
@@ -75,7 +75,7 @@ def _needed_conditions(conditions: Sequence[StatedCondition], types: Types) -> t
 
 
 def never_true_message(core: Sequence[StatedCondition]) -> str:
-    """Return the message about conditions that exclude each other, with the last of them as the offender."""
+    """Return the message about conditions that exclude each other, with the last condition as the offender."""
     *others, last = core
     if not others:
         return f"'{last.text}' is never true"
@@ -90,7 +90,10 @@ def never_true_message(core: Sequence[StatedCondition]) -> str:
 def related_places(
     core: Sequence[StatedCondition], types: Types, declared_elements: Iterable[Variable | Returned]
 ) -> Iterator[Related]:
-    """Yield the places of the other conditions, and of the ranges without which there is no contradiction."""
+    """Yield the places of all conditions except the last.
+
+    If there is no contradiction without the limits of names, also yield the places of these limits.
+    """
     *others, _ = core
     yield from (Related("cannot be true together with this", other.place) for other in others[:MAX_RELATED_PLACES])
     trees = [condition.tree for condition in core]
@@ -110,7 +113,7 @@ def types_without_ranges(types: Types, trees: Iterable[Node]) -> Types:
 
 def limit_places(trees: Iterable[Node], declared_elements: Iterable[Variable | Returned]) -> Iterator[Related]:
     """Yield the limits of the names in some conditions: ranges, and the validity of variables whose age is compared."""
-    keys = {key for tree in trees for key in subjects(tree)}
+    keys = {key for tree in trees for key in context_keys_of(tree)}
     for element in declared_elements:
         if isinstance(element, Variable) and age_key(element.name) in keys and element.valid_for_s < FOREVER_S:
             place = element.places.get("valid_for", element.place)

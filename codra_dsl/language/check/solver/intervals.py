@@ -20,7 +20,7 @@ _RADIANS_PER_DEGREE = Fraction(repr(math.pi)) / 180
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Interval:
-    """All numbers between two ends; an end belongs to the interval unless it is open."""
+    """All numbers between two ends. An end belongs to the interval unless the end is open."""
 
     low: Number
     high: Number
@@ -29,12 +29,12 @@ class Interval:
 
     @property
     def is_point(self) -> bool:
-        """Whether it contains only one number."""
+        """Whether the interval contains only one number."""
         return self.low == self.high
 
     @property
     def is_empty(self) -> bool:
-        """Whether it contains no number."""
+        """Whether the interval contains no number."""
         return self.low > self.high or (self.is_point and (self.low_open or self.high_open))
 
 
@@ -51,15 +51,15 @@ def in_base(value: float, unit: Unit) -> Number:
     """Return a value in base units, computed exactly from its decimal text."""
     if isinstance(value, float) and not math.isfinite(value):
         return value
-    exact = Fraction(value if isinstance(value, int) else repr(value)) * unit.factor
-    return exact * _RADIANS_PER_DEGREE**unit.degrees if unit.degrees else exact
+    exact_value = Fraction(value if isinstance(value, int) else repr(value)) * unit.factor
+    return exact_value * _RADIANS_PER_DEGREE**unit.degrees if unit.degrees else exact_value
 
 
 def hull(intervals: Iterable[Interval]) -> Interval:
     """Return the smallest interval that contains all of these intervals."""
-    several = list(intervals)
-    low, low_open = min((interval.low, interval.low_open) for interval in several)
-    high, high_closed = max((interval.high, not interval.high_open) for interval in several)
+    interval_list = list(intervals)
+    low, low_open = min((interval.low, interval.low_open) for interval in interval_list)
+    high, high_closed = max((interval.high, not interval.high_open) for interval in interval_list)
     return Interval(low, high, low_open, not high_closed)
 
 
@@ -82,17 +82,20 @@ def total(one: Interval, other: Interval) -> Interval:
 
 
 def product(one: Interval, other: Interval) -> Interval:
-    """Return all products of a number of each interval. An end is included if it is uncertain whether it belongs."""
+    """Return an interval that contains all products of a number of one interval and a number of the other.
+
+    If it is uncertain whether an end is a product, the end is included.
+    """
     if other.is_point:
         return _scaled(one, other.low)
     if one.is_point:
         return _scaled(other, one.low)
-    ends = [_times(mine, theirs) for mine in (one.low, one.high) for theirs in (other.low, other.high)]
+    ends = [_times(end, other_end) for end in (one.low, one.high) for other_end in (other.low, other.high)]
     return Interval(min(ends), max(ends))
 
 
 def quotient(one: Interval, other: Interval) -> Interval:
-    """Return an interval that contains all quotients by numbers other than zero."""
+    """Return an interval that contains all quotients with a divisor other than zero."""
     if other.is_point and not isinstance(other.low, float) and other.low != 0:
         return _scaled(one, 1 / other.low)
     return FULL
@@ -104,8 +107,8 @@ def magnitude(one: Interval) -> Interval:
         return one
     if one.high <= 0:
         return negative(one)
-    mirrored = negative(one)
-    high, high_closed = max((interval.high, not interval.high_open) for interval in (one, mirrored))
+    negated_interval = negative(one)
+    high, high_closed = max((interval.high, not interval.high_open) for interval in (one, negated_interval))
     return Interval(Fraction(0), high, high_open=not high_closed)
 
 
@@ -132,12 +135,12 @@ def can_be_equal(one: Interval, other: Interval) -> bool:
 
 
 def pieces(interval: Interval, points: Iterable[Number], step: Fraction | None) -> tuple[Interval, ...]:
-    """Return an interval cut at some points: these points, and the intervals between them.
+    """Return the pieces of an interval that is cut at some points: these points, and the intervals between them.
 
     Args:
         interval: the interval to cut.
         points: where to cut; points outside the interval are ignored.
-        step: the number of which only multiples are possible; None if all numbers are possible.
+        step: if not None, the pieces are narrowed to the multiples of this number.
     """
     parts: list[Interval] = []
     low, low_open = interval.low, interval.low_open
@@ -151,7 +154,7 @@ def pieces(interval: Interval, points: Iterable[Number], step: Fraction | None) 
 
 
 def _multiples(one: Interval, step: Fraction) -> Interval:
-    """Return the smallest interval that contains the multiples of a step in another interval."""
+    """Return the smallest interval that contains all multiples of a step in the given interval."""
     low, high = one.low, one.high
     if isinstance(low, Fraction):
         first = math.ceil(low / step)
@@ -165,8 +168,12 @@ def _multiples(one: Interval, step: Fraction) -> Interval:
 def _scaled(one: Interval, factor: Number) -> Interval:
     if factor == 0:
         return point(Fraction(0))
-    scaled = Interval(_times(one.low, factor), _times(one.high, factor), one.low_open, one.high_open)
-    return scaled if factor > 0 else Interval(scaled.high, scaled.low, scaled.high_open, scaled.low_open)
+    scaled_interval = Interval(_times(one.low, factor), _times(one.high, factor), one.low_open, one.high_open)
+    return (
+        scaled_interval
+        if factor > 0
+        else Interval(scaled_interval.high, scaled_interval.low, scaled_interval.high_open, scaled_interval.low_open)
+    )
 
 
 def _add(one: Number, other: Number) -> Number:

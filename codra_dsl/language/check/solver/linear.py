@@ -13,11 +13,11 @@ from codra_dsl.language.units import ONE, parse_unit
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two compared numbers. Their difference is `factor * (number - limit)`.
+    """Two numbers that are compared. Their difference is `factor * (number - limit)`.
 
     Attributes:
-        key: identifies `number`. Two keys are equal only if their numbers are equal, and known in the same cases. The
-            key of 0 is empty.
+        key: the text of `number`, which is computed from names. Two keys are equal only if their numbers are equal, and
+            are known in the same cases. If `number` is always 0, the key is empty.
     """
 
     key: str
@@ -28,43 +28,51 @@ class Pair:
 def pair(left: Node, right: Node) -> Pair:
     """Return two numbers as a pair. Comparisons of the same number with different constants have the same key."""
     difference = _sum(left).plus(_sum(right), Fraction(-1))
-    factor = difference.lead
-    key = difference.times(1 / factor).key if any(difference.parts.values()) else ""
+    factor = difference.first_factor
+    key = difference.times(1 / factor).key if any(difference.factors_by_key.values()) else ""
     return Pair(key, -difference.constant / factor, factor)
 
 
 @dataclass(frozen=True, slots=True)
 class _Sum:
-    """A constant and summands. `parts` has the factor of each summand, by the key of the summand.
+    """The sum of a constant and summands. `factors_by_key` is a mapping from the key of each summand to its factor.
 
-    No summand is itself a sum. A summand with factor 0 stays in the sum: it must be known for the sum to be known.
+    No summand is itself a sum. A summand with the factor 0 stays in the sum, because the sum is unknown while this
+    summand is unknown.
     """
 
-    parts: Mapping[str, Fraction]
+    factors_by_key: Mapping[str, Fraction]
     constant: Fraction = Fraction(0)
 
     @property
-    def lead(self) -> Fraction:
-        """Return the first factor that is not 0, in the alphabetical order of the keys; 1 if there is none."""
-        return next((self.parts[key] for key in sorted(self.parts) if self.parts[key]), Fraction(1))
+    def first_factor(self) -> Fraction:
+        """Return the first factor that is not 0, in the alphabetical order of the keys; 1 if all factors are 0."""
+        return next(
+            (self.factors_by_key[key] for key in sorted(self.factors_by_key) if self.factors_by_key[key]), Fraction(1)
+        )
 
     @property
     def key(self) -> str:
-        """Return a text that is equal for sums that are equal apart from their constant."""
-        return " + ".join(f"{self.parts[key]}*{key}" for key in sorted(self.parts))
+        """Return a text that is the same for all sums that differ only in the constant."""
+        return " + ".join(f"{self.factors_by_key[key]}*{key}" for key in sorted(self.factors_by_key))
 
     def text(self) -> str:
-        """Return a text that is equal for equal sums."""
+        """Return a text that is the same for equal sums."""
         return f"({self.key} + {self.constant})"
 
     def times(self, factor: Fraction) -> _Sum:
-        return _Sum({key: own_factor * factor for key, own_factor in self.parts.items()}, self.constant * factor)
+        return _Sum(
+            {key: own_factor * factor for key, own_factor in self.factors_by_key.items()}, self.constant * factor
+        )
 
     def plus(self, other: _Sum, factor: Fraction = Fraction(1)) -> _Sum:
         addend = other.times(factor)
-        none = Fraction(0)
-        parts = {key: self.parts.get(key, none) + addend.parts.get(key, none) for key in (*self.parts, *addend.parts)}
-        return _Sum(parts, self.constant + addend.constant)
+        zero = Fraction(0)
+        factors = {
+            key: self.factors_by_key.get(key, zero) + addend.factors_by_key.get(key, zero)
+            for key in (*self.factors_by_key, *addend.factors_by_key)
+        }
+        return _Sum(factors, self.constant + addend.constant)
 
 
 def _sum(node: Node) -> _Sum:
@@ -80,9 +88,13 @@ def _sum(node: Node) -> _Sum:
         case Arithmetic(operator=operator, left=left, right=right):
             return _calculate(operator, _sum(left), _sum(right))
         case Call(function="abs", arguments=(operand,)):
-            inner = _sum(operand)
-            positive = inner.times(Fraction(-1)) if inner.lead < 0 else inner
-            return _single_summand(f"abs{positive.text()}") if inner.parts else _Sum({}, abs(inner.constant))
+            inner_sum = _sum(operand)
+            positive_sum = inner_sum.times(Fraction(-1)) if inner_sum.first_factor < 0 else inner_sum
+            return (
+                _single_summand(f"abs{positive_sum.text()}")
+                if inner_sum.factors_by_key
+                else _Sum({}, abs(inner_sum.constant))
+            )
         case Call(function="min" | "max" as function, arguments=arguments):
             keys = sorted({_sum(argument).text() for argument in arguments})
             return _single_summand(f"{function}({', '.join(keys)})") if len(keys) > 1 else _sum(arguments[0])
@@ -97,9 +109,9 @@ def _calculate(operator: str, left: _Sum, right: _Sum) -> _Sum:
     if operator in "+-":
         return left.plus(right, Fraction(1 if operator == "+" else -1))
     if operator == "/":
-        is_constant = not right.parts and right.constant
+        is_constant = not right.factors_by_key and right.constant
         return left.times(1 / right.constant) if is_constant else _single_summand(f"{left.text()} / {right.text()}")
     for one, other in ((left, right), (right, left)):
-        if not one.parts:
+        if not one.factors_by_key:
             return other.times(one.constant)
     return _single_summand(" * ".join(sorted((left.text(), right.text()))))

@@ -1,8 +1,9 @@
-"""Decides whether conditions can hold, always hold, or follow from others, by the types, ranges and units of names.
+"""Decides, from types, ranges and units, whether conditions can hold, always hold, or follow from other conditions.
 
 Every answer comes from one question: is there a case in which some conditions hold and another condition does not? The
-answers are exact if names are compared with constants, also through sums, `abs`, `min` and `max`. Otherwise the answers
-err towards "possible": the answer that conditions cannot hold, or that they follow, is always correct.
+answers are exact if names are compared with constants, also inside sums, `abs`, `min` and `max`. Otherwise, the answer
+may be that there is such a case although there is none. If the answer is that conditions cannot hold, or that
+conditions follow from others, it is always correct.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
 from codra_dsl.language.check.conditions.types import Types
-from codra_dsl.language.check.solver.case_split import conjuncts, is_case, names_of
+from codra_dsl.language.check.solver.case_split import conjuncts, may_have_case, names_of
 from codra_dsl.language.check.solver.intervals import Interval
 from codra_dsl.language.check.solver.values import EITHER, UNKNOWN, Values, age_key, known_key, known_values
 from codra_dsl.language.expression import Call, Name, Node, walk
@@ -21,51 +22,53 @@ _ANY_AGE: Values = frozenset({Interval(-math.inf, math.inf)})
 _NO_VALUES: Values = frozenset()
 
 
-def can_hold(conditions: Sequence[Node], unknown: Iterable[str], types: Types) -> bool:
-    """Return whether conditions can be true together; also True if this cannot be decided.
+def can_hold(conditions: Sequence[Node], unknown_names: Iterable[str], types: Types) -> bool:
+    """Return whether conditions can be true together. If this cannot be decided, return True.
 
     Args:
         conditions: the conditions that must be true.
-        unknown: names that are certainly unknown; every other name can have any value of its type or be unknown.
+        unknown_names: names that are certainly unknown. Every other name can be unknown, or have any value of its type.
         types: the type of each name.
     """
-    unknown_names = frozenset(unknown)
-    if all(type(condition) is Name for condition in conditions):  # as in most preconditions
-        return not any(condition.name in unknown_names for condition in conditions if isinstance(condition, Name))
+    unknown_name_set = frozenset(unknown_names)
+    if all(type(condition) is Name for condition in conditions):  # most preconditions are a single name
+        return not any(condition.name in unknown_name_set for condition in conditions if isinstance(condition, Name))
     names = names_of(conditions)
-    values = {name: UNKNOWN if name in unknown_names else known_values(types.get(name)) | UNKNOWN for name in names}
+    values = {name: UNKNOWN if name in unknown_name_set else known_values(types.get(name)) | UNKNOWN for name in names}
     values |= _ages(names, types)
-    return is_case(conditions, None, values, types)
+    return may_have_case(conditions, None, values, types)
 
 
-def known(name: str) -> Node:
+def known_call(name: str) -> Node:
     """Return the condition that a name is known."""
     return Call(start=0, end=0, function="known", arguments=(Name(start=0, end=0, name=name),))
 
 
-def implies(stronger: Sequence[Node], weaker: Sequence[Node], types: Types) -> bool:
-    """Return whether the weaker conditions are true whenever the stronger are, for any known and unknown values.
+def implies(stronger_conditions: Sequence[Node], weaker_conditions: Sequence[Node], types: Types) -> bool:
+    """Return whether the weaker conditions are true in all cases in which the stronger conditions are true.
+
+    In a case, each name is unknown or has a value.
 
     Args:
-        stronger: the conditions that are all true.
-        weaker: the conditions that must all follow.
-        types: the type of each name in the conditions, from `declared_type`. Nothing follows from missing names.
+        stronger_conditions: the conditions that are all true.
+        weaker_conditions: the conditions that must all follow from the stronger conditions.
+        types: the type of each name in the conditions, from `declared_type`. A name without a type can have any value.
     """
-    claims = conjuncts(weaker)
-    names = names_of((*stronger, *claims))
+    claims = conjuncts(weaker_conditions)
+    names = names_of((*stronger_conditions, *claims))
     values = {name: known_values(types.get(name)) | UNKNOWN for name in names} | _ages(names, types)
-    return not any(is_case(stronger, part, values, types) for part in claims)
+    return not any(may_have_case(stronger_conditions, part, values, types) for part in claims)
 
 
 def always_holds(condition: Node, types: Types, *, optional_names: Iterable[str] = ()) -> bool:
-    """Return whether a condition is true for every possible value of its names, once these are known.
+    """Return whether a condition is true for every possible value of its names.
 
-    `known(x)` can be true or false, and an age can be any number.
+    The names are known, except optional names. `known(x)` can be true or false, and an age can be any number.
 
     Args:
         condition: the condition.
-        types: the type of each name in it.
-        optional_names: names that may be unknown nevertheless.
+        types: the type of each name in the condition.
+        optional_names: the names that may be unknown.
     """
     optional_name_set = frozenset(optional_names)
     values = {
@@ -80,11 +83,11 @@ def always_holds(condition: Node, types: Types, *, optional_names: Iterable[str]
                 values[known_key(argument.name)] = EITHER
             else:
                 values[age_key(argument.name)] = _ANY_AGE
-    return not is_case((), condition, values, types)
+    return not may_have_case((), condition, values, types)
 
 
 def _ages(names: Iterable[str], types: Types) -> dict[str, Values]:
-    """Return the possible ages of valid evidence for each name with a finite validity, by its `age_key`."""
+    """Return a mapping from the `age_key` of each name with a finite validity to the possible ages of its evidence."""
     declared = ((name, types.get(name)) for name in names)
     return {
         age_key(name): frozenset({Interval(Fraction(0), Fraction(repr(type_.valid_for_s)))})

@@ -1,8 +1,8 @@
 """The possible values of a part of a condition, given the possible values of each name in it, in Kleene's logic.
 
-Each mention of a name is treated independently. The answer therefore contains every possible value and may contain
-more. It is exact if no name occurs twice. `case_split` asks for the possible values in each case of the names that
-occur several times.
+Each mention of a name is treated independently. Therefore the answer contains every possible value, and may contain
+impossible values as well. The answer is exact if no name occurs twice. `case_split` distinguishes cases of the names
+that occur several times, and computes the possible values in each case.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from codra_dsl.language.model import Kind
 from codra_dsl.language.units import ONE, parse_unit
 
 MAX_PIECES = 8
-"""The maximum number of separate intervals. If there are more, their hull replaces them."""
+"""The maximum number of separate intervals. If there are more intervals, their hull replaces them."""
 
 
-class Other(Enum):
+class UnspecifiedText(Enum):
     """Texts that are not known literally: any text, or a text that the conditions do not mention."""
 
     ANY = "any"
     UNMENTIONED = "unmentioned"
 
 
-Value = bool | str | Other | Interval | None
+Value = bool | str | UnspecifiedText | Interval | None
 """A value, a set of values, or None for unknown."""
 
 Values = frozenset[Value]
@@ -57,12 +57,13 @@ Values = frozenset[Value]
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """A case.
+    """The possible values in one case.
 
     Attributes:
-        values: the possible values of each name. Further keys are the `age_key` of a name for its age, the `known_key`
-            of a name for whether it is known, and the key of a pair for the difference of two numbers.
-        pairs: the pairs whose difference occurs more than once or is 0. The key consists of the `id` of each side.
+        values: a mapping from each name to its possible values. There are three kinds of further keys: the `age_key` of
+            a name for its age, the `known_key` of a name for whether the name is known, and the key of a pair for the
+            difference of two numbers.
+        pairs: the pairs whose difference occurs more than once or is 0. A key consists of the `id` of each side.
     """
 
     values: Mapping[str, Values]
@@ -79,7 +80,7 @@ AGES: Values = frozenset({Interval(Fraction(0), FULL.high)})
 
 
 def known_values(declared: Type | None) -> Values:
-    """Return the possible values of a name of some type while it is known."""
+    """Return the possible values of a known name with the given type."""
     if declared is None:  # a wrong declaration causes no findings about its readers
         return _ANY_VALUES
     if declared.kind is Kind.BOOL:
@@ -87,7 +88,7 @@ def known_values(declared: Type | None) -> Values:
     if declared.kind is Kind.ENUM:
         return frozenset(declared.values)
     if declared.kind is Kind.STR:
-        return frozenset({Other.ANY})
+        return frozenset({UnspecifiedText.ANY})
     if declared.range is None:
         return _NUMBERS
     low, high = (in_base(end, declared.unit) for end in declared.range)
@@ -104,13 +105,13 @@ def known_key(name: str) -> str:
     return f"known({name})"
 
 
-def outcomes(node: Node, context: Context) -> Values:
+def possible_values(node: Node, context: Context) -> Values:
     """Return the possible values of a part of a condition."""
-    return _READERS[type(node)](node, context)
+    return _EVALUATORS[type(node)](node, context)
 
 
-def links(node: Node) -> Iterator[tuple[str, Node, Node]]:
-    """Yield each comparison between two values in a node itself, not in its parts."""
+def own_comparisons(node: Node) -> Iterator[tuple[str, Node, Node]]:
+    """Yield each comparison of two values in a node itself, without the comparisons in its parts."""
     if isinstance(node, Compare):
         operands = (node.first, *(operand for _, operand in node.rest))
         for (operator, _), (left, right) in zip(node.rest, pairwise(operands), strict=True):
@@ -142,17 +143,17 @@ def _number(node: Node, _: Context) -> Values:
 
 def _not(node: Node, context: Context) -> Values:
     assert isinstance(node, Not)
-    return frozenset(None if value is None else not value for value in outcomes(node.operand, context))
+    return frozenset(None if value is None else not value for value in possible_values(node.operand, context))
 
 
 def _and(node: Node, context: Context) -> Values:
     assert isinstance(node, And)
-    return _conjunction(outcomes(operand, context) for operand in node.operands)
+    return _conjunction(possible_values(operand, context) for operand in node.operands)
 
 
 def _or(node: Node, context: Context) -> Values:
     assert isinstance(node, Or)
-    return _disjunction(outcomes(operand, context) for operand in node.operands)
+    return _disjunction(possible_values(operand, context) for operand in node.operands)
 
 
 def _conjunction(operands: Iterable[Values]) -> Values:
@@ -182,28 +183,30 @@ def _kleene_or(one: Value, other: Value) -> bool | None:
 
 
 def _compare(node: Node, context: Context) -> Values:
-    return _conjunction(compare_values(*link, context) for link in links(node))
+    return _conjunction(compare_values(*link, context) for link in own_comparisons(node))
 
 
 def _in(node: Node, context: Context) -> Values:
     assert isinstance(node, In)
-    truths = _disjunction(compare_values(*link, context) for link in links(node))
+    truths = _disjunction(compare_values(*link, context) for link in own_comparisons(node))
     return frozenset(None if value is None else value is not node.negated for value in truths)
 
 
 def compare_values(operator: str, left: Node, right: Node, context: Context) -> Values:
     """Return the possible results of a comparison.
 
-    If the context contains the difference of the two sides, this difference decides.
+    If the context contains the difference of the two sides, the results are computed from this difference.
     """
-    ones, others = outcomes(left, context), outcomes(right, context)
-    truths = frozenset(truth for one in ones for other in others for truth in _judge(operator, one, other))
+    left_values, right_values = possible_values(left, context), possible_values(right, context)
+    truths = frozenset(truth for one in left_values for other in right_values for truth in _judge(operator, one, other))
     pair = context.pairs.get((id(left), id(right))) if context.pairs else None
-    numbers = None if pair is None else context.values.get(pair.key)
-    if pair is None or numbers is None or truths == UNKNOWN:
+    differences = None if pair is None else context.values.get(pair.key)
+    if pair is None or differences is None or truths == UNKNOWN:
         return truths
     pair_operator = operator if pair.factor > 0 else _MIRRORED_OPERATORS[operator]
-    exact_truths = frozenset(truth for number in numbers for truth in _judge(pair_operator, number, point(pair.limit)))
+    exact_truths = frozenset(
+        truth for difference in differences for truth in _judge(pair_operator, difference, point(pair.limit))
+    )
     return exact_truths | UNKNOWN if None in truths and not pair.key else exact_truths
 
 
@@ -213,11 +216,11 @@ def _judge(operator: str, one: Value, other: Value) -> Values:
     if isinstance(one, Interval) and isinstance(other, Interval):
         return _COMPARISONS[operator](one, other)
     has_same_type = isinstance(one, (bool, str)) and type(one) is type(other)
-    if operator not in ("==", "!=") or not (has_same_type or Other.UNMENTIONED in (one, other)):
+    if operator not in ("==", "!=") or not (has_same_type or UnspecifiedText.UNMENTIONED in (one, other)):
         return EITHER
     return (
         EITHER
-        if one is other is Other.UNMENTIONED or Other.ANY in (one, other)
+        if one is other is UnspecifiedText.UNMENTIONED or UnspecifiedText.ANY in (one, other)
         else _truth((one == other) == (operator == "=="))
     )
 
@@ -269,17 +272,17 @@ _MIRRORED_OPERATORS: Mapping[str, str] = {"<": ">", "<=": ">=", ">": "<", ">=": 
 
 def _negative(node: Node, context: Context) -> Values:
     assert isinstance(node, Negative)
-    return _calculate(intervals.negative, outcomes(node.operand, context))
+    return _calculate(intervals.negative, possible_values(node.operand, context))
 
 
 def _arithmetic(node: Node, context: Context) -> Values:
     """Return the possible results. The result of a division by zero is unknown."""
     assert isinstance(node, Arithmetic)
-    left, right = outcomes(node.left, context), outcomes(node.right, context)
+    left, right = possible_values(node.left, context), possible_values(node.right, context)
     if node.operator == "/" and all(map(_is_no_divisor, right)):
         return UNKNOWN
     results = _calculate(_OPERATIONS[node.operator], left, right)
-    if node.operator != "/" or results == UNKNOWN or not any(_holds_zero(value) for value in right):
+    if node.operator != "/" or results == UNKNOWN or not any(_may_be_zero(value) for value in right):
         return results
     return results | UNKNOWN
 
@@ -288,7 +291,7 @@ def _is_no_divisor(value: Value) -> bool:
     return value is None or (isinstance(value, Interval) and value.is_point and value.low == 0)
 
 
-def _holds_zero(value: Value) -> bool:
+def _may_be_zero(value: Value) -> bool:
     return not isinstance(value, Interval) or intervals.can_be_equal(value, _ZERO)
 
 
@@ -296,8 +299,10 @@ def _calculate(operation: Callable[..., Interval], *operands: Values) -> Values:
     """Return the possible results of an operation on numbers; unknown if an operand is unknown."""
     if any(values == UNKNOWN for values in operands):
         return UNKNOWN
-    numbers = [[value if isinstance(value, Interval) else FULL for value in values - UNKNOWN] for values in operands]
-    ranges = [operation(*combination) for combination in product(*numbers)]
+    operand_ranges = [
+        [value if isinstance(value, Interval) else FULL for value in values - UNKNOWN] for values in operands
+    ]
+    ranges = [operation(*combination) for combination in product(*operand_ranges)]
     results: Values = frozenset(ranges if len(ranges) <= MAX_PIECES else [intervals.hull(ranges)])
     return results | UNKNOWN if any(None in values for values in operands) else results
 
@@ -320,9 +325,9 @@ def _call(node: Node, context: Context) -> Values:
         assert isinstance(argument, Name)
         return _known(argument.name, context) if node.function == "known" else _age(argument.name, context)
     if node.function == "abs":
-        return _calculate(intervals.magnitude, outcomes(node.arguments[0], context))
+        return _calculate(intervals.magnitude, possible_values(node.arguments[0], context))
     operation = _OPERATIONS[node.function]
-    return reduce(partial(_calculate, operation), (outcomes(argument, context) for argument in node.arguments))
+    return reduce(partial(_calculate, operation), (possible_values(argument, context) for argument in node.arguments))
 
 
 def _known(name: str, context: Context) -> Values:
@@ -341,18 +346,18 @@ def _age(name: str, context: Context) -> Values:
 
 def _choice(node: Node, context: Context) -> Values:
     assert isinstance(node, Choice)
-    then, otherwise = outcomes(node.then, context), outcomes(node.otherwise, context)
+    then, otherwise = possible_values(node.then, context), possible_values(node.otherwise, context)
     values: set[Value] = set()
-    for held in outcomes(node.condition, context):
-        if held is None:
+    for truth in possible_values(node.condition, context):
+        if truth is None:
             values |= {value for one in then for other in otherwise for value in _agreement(one, other)}
         else:
-            values |= then if held else otherwise
+            values |= then if truth else otherwise
     return frozenset(values)
 
 
 def _agreement(one: Value, other: Value) -> Values:
-    """Return the possible values of a choice with an unknown condition. They are known only if both sides agree."""
+    """Return the possible values of a choice with an unknown condition. A value is known only if both sides agree."""
     if one is None or other is None:
         return UNKNOWN
     if isinstance(one, Interval) and isinstance(other, Interval):
@@ -363,7 +368,7 @@ def _agreement(one: Value, other: Value) -> Values:
     return frozenset({one, other, None})
 
 
-_READERS: Mapping[type[Node], Callable[[Node, Context], Values]] = {
+_EVALUATORS: Mapping[type[Node], Callable[[Node, Context], Values]] = {
     Name: _name,
     Number: _number,
     Text: _literal,

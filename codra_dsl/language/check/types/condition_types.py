@@ -25,14 +25,14 @@ from codra_dsl.language.model import (
 )
 
 
-def conditions(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every condition is true or false, or has a value that fits its variable; it compares only comparable values."""
+def wrong_conditions(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+    """Every condition is true or false, or has a value that fits its variable, and compares only comparable values."""
     for judgement in spec_index.judgements.values():
         for problem in judgement.problems:
             yield _condition_finding(spec_index, judgement.site, problem)
 
 
-def integral_ranges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def fractional_ranges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The ends of the range of an int are whole numbers."""
     for variable in spec_index.spec.context:
         yield from _range_findings(variable.type, variable.place, "context", variable.name, "range")
@@ -42,7 +42,7 @@ def integral_ranges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagno
             yield from _range_findings(returned.type, returned.place, "perception", algorithm.name, key)
 
 
-def forms_of_identification(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
+def wrong_identification_forms(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """A mapping identifies an enum; `enter` and `leave` identify a bool."""
     for algorithm in spec_index.spec.perception:
         for entry in algorithm.identifies:
@@ -74,7 +74,7 @@ def commanded_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Di
 
 
 def misused_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """A resource with slots is used with `slot`; one without slots has a handle and is used with `read`."""
+    """A resource with slots is used with `slot`. A resource without slots has a handle and is used with `read`."""
     for algorithm in spec_index.spec.perception:
         for usage in algorithm.uses:
             resource = spec_index.resources.get(usage.resource.name)
@@ -91,7 +91,7 @@ def misused_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diag
                 yield _misuse_finding(algorithm, usage, resource.place, message, "write 'slot'")
 
 
-TYPE_CHECKS = (conditions, integral_ranges, forms_of_identification, commanded_resources, misused_resources)
+TYPE_CHECKS = (wrong_conditions, fractional_ranges, wrong_identification_forms, commanded_resources, misused_resources)
 """The rules of this phase."""
 
 
@@ -120,7 +120,9 @@ def _condition_finding(spec_index: SpecIndex, site: Site, problem: Problem) -> D
     fix = None
     if problem.suggestion is not None and isinstance(problem.node, Text):
         text_place = site.condition.place_between(problem.node.start + 1, problem.node.end - 1)
-        fix = member_fix(problem.node.value, problem.suggestion, problem.candidates, text_place, spec_index.mentioned)
+        fix = member_fix(
+            problem.node.value, problem.suggestion, problem.candidates, text_place, spec_index.mentioned_words
+        )
     return finding(problem.rule, message, place, path=site.path, help=problem.help, fix=fix)
 
 
@@ -142,7 +144,9 @@ def _member_findings(
                 member.place,
                 path=f"perception.{algorithm.name}.identifies.{entry.variable.name}",
                 help=f"did you mean '{nearest_member}'?" if nearest_member else f"values are {values_text}",
-                fix=member_fix(member.name, nearest_member, variable.type.values, member.place, spec_index.mentioned)
+                fix=member_fix(
+                    member.name, nearest_member, variable.type.values, member.place, spec_index.mentioned_words
+                )
                 if nearest_member
                 else None,
             )

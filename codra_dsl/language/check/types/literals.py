@@ -10,7 +10,7 @@ from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.fixes import quoting_fix, truth_fix
 from codra_dsl.language.check.index.mentions import Mention
 from codra_dsl.language.check.index.spec_index import SpecIndex
-from codra_dsl.language.check.solver.values import links
+from codra_dsl.language.check.solver.values import own_comparisons
 from codra_dsl.language.diagnostics import Fix
 from codra_dsl.language.expression import Name, walk
 from codra_dsl.language.load.yaml.fixes import corrected_truth_value
@@ -22,7 +22,7 @@ class LiteralHelp:
     """The help for a name that was intended as a literal.
 
     Attributes:
-        truth: `true` or `false` if the name was intended as one of them; else empty.
+        truth: `true` or `false` if the name was intended as this truth value; otherwise empty.
         condition: the condition that contains the name, if quotes around the name are the fix.
     """
 
@@ -40,7 +40,10 @@ class LiteralHelp:
 
 
 def intended_literal_help(spec_index: SpecIndex, site: Site, name: str) -> LiteralHelp | None:
-    """Return the help for a name that was intended as a literal: a member without quotes, or `yes`."""
+    """Return the help for a name that was intended as a literal, such as a member without quotes, or `yes`.
+
+    Return None if the name was probably not intended as a literal.
+    """
     is_whole_condition = isinstance(site.condition.tree, Name)
     truth_value = corrected_truth_value(name)
     if truth_value is not None:
@@ -52,14 +55,14 @@ def intended_literal_help(spec_index: SpecIndex, site: Site, name: str) -> Liter
     readable_types: Types = spec_index.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
     if site.role in KNOWLEDGE_ROLES:
         readable_types = {
-            read_name.name: spec_index.declared_graph.read_type(read_name.name) for read_name in site.names
+            read_name.name: spec_index.declared_graph.name_type(read_name.name) for read_name in site.names
         }
     types = [
         readable_types.get(read_name.name) or spec_index.context_types.get(read_name.name) for read_name in site.names
     ]
     enum_values = [
         value_type.values
-        for value_type in (*types, spec_index.wanted(site))
+        for value_type in (*types, spec_index.wanted_type(site))
         if value_type is not None and value_type.kind is Kind.ENUM
     ]
     if not any(name in values for values in enum_values):
@@ -70,7 +73,10 @@ def intended_literal_help(spec_index: SpecIndex, site: Site, name: str) -> Liter
 
 
 def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None:
-    """Return the help for an undeclared name that is compared as a literal, or is a member of some enum."""
+    """Return the help for an undeclared name that is compared as a literal, or is a member of some enum.
+
+    Return None for other names.
+    """
     site = mention.site
     if site is None or site.condition.tree is None:
         return None
@@ -85,7 +91,10 @@ def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None
         owner = spec_index.owner_of_member.get(mention.name) if reads_context else next(owners, None)
         return f'write {owner} == "{mention.name}"' if owner else None
     side_pairs = (
-        side_pair for node in walk(site.condition.tree) for _, *link in links(node) for side_pair in (link, link[::-1])
+        side_pair
+        for node in walk(site.condition.tree)
+        for _, *link in own_comparisons(node)
+        for side_pair in (link, link[::-1])
     )
     opposite_names = (
         other.name
@@ -101,5 +110,5 @@ def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None
 def _readable_types(spec_index: SpecIndex, site: Site) -> Types:
     """Return the types of the names that can be read in a condition over results or in an expectation's condition."""
     if site.role is Role.MONITOR:
-        return {site.variable or "": spec_index.wanted(site)}
+        return {site.variable or "": spec_index.wanted_type(site)}
     return spec_index.returned_types[site.owner[1]]

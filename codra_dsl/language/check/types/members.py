@@ -10,7 +10,7 @@ from codra_dsl.language.check.index.corrections import Owner
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAX_SUGGESTIONS, SpecIndex
 from codra_dsl.language.check.index.words import USERS
-from codra_dsl.language.check.solver.values import links
+from codra_dsl.language.check.solver.values import own_comparisons
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, replacing, suggest
 from codra_dsl.language.expression import Choice, Name, Node, Text, walk
 from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
@@ -46,8 +46,8 @@ class _Enum:
         return places.get(f"values.{member}") or places.get("values") or self.place
 
 
-def members_to_blame(spec_index: SpecIndex) -> Iterator[Diagnostic]:
-    """Yield findings about wrong declared members: conditions mention the intended members instead.
+def wrong_member_findings(spec_index: SpecIndex) -> Iterator[Diagnostic]:
+    """Yield findings about wrong members in declarations, if conditions mention the intended members instead.
 
     The corrections are added to `spec_index.corrections`.
     """
@@ -81,7 +81,7 @@ def _enum_findings(
 ) -> Iterator[Diagnostic]:
     """Yield findings about the members of one enum.
 
-    Misspelt members are added to `wrong_members`, because they can also be among the unknown members of other enums.
+    Misspelt members are added to `wrong_members`, because they can be unknown members of other enums as well.
     """
     values = dict.fromkeys(enum.type.values)
     corrections: dict[str, tuple[str, ...]] = {}
@@ -143,7 +143,7 @@ def _related(enum: _Enum, member: str) -> Related:
 
 
 def _mentions(spec_index: SpecIndex) -> Iterator[tuple[Key, str, Place, str]]:
-    """Yield every mention of a member, with its enum, its place, and the element that contains it."""
+    """Yield, for every mention of a member, the enum, the member, the place and the element that mentions it."""
     for site in spec_index.sites:
         user = f"{USERS[site.owner[0]]} '{site.owner[1]}'"
         for key, member, node in _mentions_in_condition(spec_index, site):
@@ -159,7 +159,7 @@ def _mentions_in_condition(spec_index: SpecIndex, site: Site) -> Iterator[tuple[
     assert tree is not None
     reads_returned_values = site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES)
     owner: Owner = (site.owner[1],) if reads_returned_values else "context"
-    for one, other in ((one, other) for node in walk(tree) for _, one, other in links(node)):
+    for one, other in ((one, other) for node in walk(tree) for _, one, other in own_comparisons(node)):
         for name_side, value_side in ((one, other), (other, one)):
             if isinstance(name_side, Name):
                 yield from (
@@ -180,7 +180,7 @@ def _shared_enum_members(
 ) -> Iterator[tuple[Key, str, Node]]:
     """Yield the members of both enums if a returned enum becomes the value of a context-variable.
 
-    The members of each enum count as mentions in the other enum.
+    Each member of one enum is yielded as a mention for the other enum.
     """
     variable = spec_index.variables.get(site.variable or "")
     algorithm = spec_index.algorithms[site.owner[1]]

@@ -1,4 +1,4 @@
-"""The construction of `CheckedMape`: fuzzy engines from rules, and lowered conditions."""
+"""The construction of `CheckedMape`: fuzzy engines that are made from rules, and conditions as Python text."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from codra_dsl.language.model import Adaptation, Course, Loop, Output, Parameter
 
 
 def checked_mape(spec_index: SpecIndex) -> CheckedMape | None:
-    """Return the loops of a sound spec; None if it declares none."""
+    """Return the loops of a sound spec; None if the spec declares no loops."""
     spec = spec_index.spec
     if not spec.adapts:
         return None
@@ -53,7 +53,7 @@ def checked_mape(spec_index: SpecIndex) -> CheckedMape | None:
 def _stage(parsed_rules: ParsedRules, section: str, outputs: tuple[Output, ...]) -> CheckedStage | None:
     if not outputs:
         return None
-    names = dict.fromkeys(name for output in outputs for name in parsed_rules.named(section, output.name))
+    names = dict.fromkeys(name for output in outputs for name in parsed_rules.input_names(section, output.name))
     inputs = tuple(_input(parsed_rules, parsed_rules.variables[name]) for name in names)
     checked_outputs = tuple(
         CheckedOutput(output=output, variable=output.name if section == "metrics" else weight_name(output.name))
@@ -160,7 +160,11 @@ def _tree(spec_index: SpecIndex, tree: TreeElement) -> CheckedTree:
 
 
 def _loop(spec_index: SpecIndex, loop: Loop) -> CheckedLoop:
-    """Return a loop with the rates that its rules and conditions read; unread rates belong to the first loop."""
+    """Return a loop with the rates that it computes.
+
+    A rate belongs to the first loop with a rule or a condition that reads the rate. Rates that no loop reads belong to
+    the first loop of the spec.
+    """
     rates_by_loop = {
         reading_loop.name: tuple(_rates(spec_index, reading_loop)) for reading_loop in spec_index.spec.loops
     }
@@ -175,12 +179,12 @@ def _loop(spec_index: SpecIndex, loop: Loop) -> CheckedLoop:
 
 
 def _rates(spec_index: SpecIndex, loop: Loop) -> Iterator[str]:
-    names = {name for metric in loop.analyse for name in spec_index.parsed_rules.named("metrics", metric.name)}
+    names = {name for metric in loop.analyse for name in spec_index.parsed_rules.input_names("metrics", metric.name)}
     for adaptation in spec_index.spec.adaptation:
         if adaptation.name in (reference.name for reference in loop.adapt):
             does = adaptation.does
             actions = [reference.name for reference in does.choose] if isinstance(does, Course) else []
-            names |= {name for action in actions for name in spec_index.parsed_rules.named("actions", action)}
+            names |= {name for action in actions for name in spec_index.parsed_rules.input_names("actions", action)}
             names |= {
                 read_name.name
                 for site in spec_index.sites

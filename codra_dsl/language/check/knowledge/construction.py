@@ -1,4 +1,4 @@
-"""The construction of `CheckedKnowledge`: lowered patterns, owned and read elements, and initial values."""
+"""The construction of `CheckedKnowledge`: patterns as Python text, owned and read elements, and initial values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnow
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.spec_index import OBSERVER, SpecIndex
 from codra_dsl.language.check.knowledge.ends import starting_value
-from codra_dsl.language.check.knowledge.owners import owns, reads
+from codra_dsl.language.check.knowledge.owners import read_elements, writable_elements
 from codra_dsl.language.expression import Path, reads_of
 from codra_dsl.language.model import Agent, AgentRule, Condition, Literal
 
@@ -17,7 +17,7 @@ _READERS = frozenset({"value", "known", "age"})
 
 
 def checked_knowledge(spec_index: SpecIndex) -> CheckedKnowledge | None:
-    """Return the knowledge of a sound spec; None if it declares none."""
+    """Return the knowledge of a sound spec; None if the spec declares no knowledge."""
     if not spec_index.spec.knows:
         return None
     declared_graph = spec_index.declared_graph
@@ -32,8 +32,8 @@ def checked_knowledge(spec_index: SpecIndex) -> CheckedKnowledge | None:
 def _agent(spec_index: SpecIndex, agent: Agent) -> CheckedAgent:
     return CheckedAgent(
         agent=agent,
-        owns=owns(spec_index.declared_graph, agent.name),
-        reads=reads(spec_index.declared_graph, agent),
+        owns=writable_elements(spec_index.declared_graph, agent.name),
+        reads=read_elements(spec_index.declared_graph, agent),
         wakes=_patterns(spec_index, agent.conduct.wakes),
         rules=tuple(_rule(spec_index, rule) for rule in agent.conduct.rules),
     )
@@ -55,30 +55,32 @@ def _patterns(spec_index: SpecIndex, patterns: tuple[Condition, ...]) -> tuple[C
 
 def _pattern(spec_index: SpecIndex, pattern: Condition) -> CheckedPattern:
     path = pattern.tree if isinstance(pattern.tree, Path) else None
-    python = "" if path is not None else over_knowledge(spec_index.declared_graph, spec_index.python(pattern, None))
+    python = (
+        "" if path is not None else python_over_knowledge(spec_index.declared_graph, spec_index.python(pattern, None))
+    )
     return CheckedPattern(text=pattern.text, place=pattern.place, path=path, python=python)
 
 
-def over_knowledge(declared_graph: DeclaredGraph, python: str) -> str:
-    """Return a lowered condition in which each name is read as an attribute of a node."""
-    return ast.unparse(_Naming(declared_graph).visit(ast.parse(python, mode="eval")))
+def python_over_knowledge(declared_graph: DeclaredGraph, python: str) -> str:
+    """Return the Python text of a condition, changed so that each name is read as an attribute of a node."""
+    return ast.unparse(_NodeNameTransformer(declared_graph).visit(ast.parse(python, mode="eval")))
 
 
-class _Naming(ast.NodeTransformer):
-    """Puts the node of each context-variable before its name, and replaces readings of poses by runtime functions."""
+class _NodeNameTransformer(ast.NodeTransformer):
+    """Adds nodes to the names of context-variables, and replaces readings of poses by calls of runtime functions."""
 
     def __init__(self, declared_graph: DeclaredGraph) -> None:
         self._declared_graph = declared_graph
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Return a call that reads a name from knowledge; other calls stay as they are."""
+        """Return the call that reads the same name from knowledge. Calls that read no name are not changed."""
         self.generic_visit(node)
         match node:
             case ast.Call(func=ast.Name(id=reader), args=[ast.Constant(value=str(name))]) if reader in _READERS:
-                return self._reading(reader, name)
+                return self._renamed_call(reader, name)
         return node
 
-    def _reading(self, reader: str, name: str) -> ast.Call:
+    def _renamed_call(self, reader: str, name: str) -> ast.Call:
         function, first, second = reads_of(name)
         if function and reader == "value":
             return _make_call(function, first, second)
