@@ -59,7 +59,7 @@ def script(*statements: Assignment) -> Kind:
 
 
 class _ImmediateLeaf(Kind):
-    """Completes within every tick."""
+    """A leaf that completes within the tick in which it begins."""
 
     def __init__(self, succeeds: Callable[[Node], bool]) -> None:
         self._succeeds = succeeds
@@ -138,7 +138,7 @@ class Ports:
         """Return an input as a number.
 
         Raises:
-            TreeError: if it is neither a number nor the text of one.
+            TreeError: if the input is neither a number nor the text of a number.
         """
         number = number_in(self.value(port))
         if number is None:
@@ -196,7 +196,7 @@ class Robot:
         self._makers[name] = make
 
     def does(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
-        """Register a function as a condition or action; after it has returned RUNNING, it is called again."""
+        """Register a function as a condition or action; a function that has returned RUNNING is called again."""
         self.can(name, lambda: _FunctionAction(name, function))
 
     def of(self, name: str) -> Action:

@@ -16,7 +16,7 @@ GLOBAL_PREFIX = "@"
 """The prefix for entries of the outermost tree."""
 
 _EQUALITY_TOLERANCE = 2.0**-23
-"""Scripts treat two numbers as equal up to this difference."""
+"""Scripts treat two numbers as equal if their difference is not larger than this value."""
 
 PRIVATE_PREFIX = "_"
 """The prefix of entries that `_autoremap` never remaps."""
@@ -39,7 +39,7 @@ class Scope:
         """Begin without entries.
 
         Args:
-            outer_scope: the scope of the tree that has this one as a subtree.
+            outer_scope: the scope of the tree that contains this tree as a subtree.
             remapped: the names of entries in the outer scope. The keys are the names of these entries in this scope.
             remaps_all: whether every other entry, unless private, is the entry of the same name in the outer scope
                 (`_autoremap`).
@@ -189,7 +189,7 @@ def number_in(value: object) -> int | float | None:
 
 
 def plain_value(value: object) -> Any:
-    """Return a value as entries hold it: not as an `Operand`."""
+    """Return a value in the form in which entries hold it, which is not an `Operand`."""
     return value.value if isinstance(value, Operand) else value
 
 
@@ -213,14 +213,14 @@ def is_true(value: object) -> bool:
 
 
 class Operand:
-    """A value in the computations of scripts. All numbers have one type, and the text of a number compares as a number.
+    """A value in the computations of scripts. All numbers have one type, and numbers can be compared with their texts.
 
     Scripts use Python's operators on operands, which behave as in BehaviorTree.CPP: `'42' == 42` is true, and `1 / 0`
     is infinite as in C++.
     """
 
     __slots__ = ("value",)
-    __hash__ = None  # type: ignore[assignment]  # it equals values with other hashes
+    __hash__ = None  # type: ignore[assignment]  # operands can be equal to values with other hashes
 
     def __init__(self, value: object) -> None:
         self.value = value

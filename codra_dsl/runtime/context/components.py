@@ -95,8 +95,8 @@ class Components:
             is_asked_for=lambda variable: self.forest.is_asked_for(variable, self.commands.declarations),
         )
 
-    def with_knowledge(self, model: KnowledgeModel) -> Knowledge:
-        """Return the knowledge graph that shares these variables, steps and journal."""
+    def create_knowledge(self, model: KnowledgeModel) -> Knowledge:
+        """Return a new knowledge graph that shares the variables, the steps and the journal of the context manager."""
         context_link = ContextLink(
             variables=tuple(variable for variable in self.store.variables.values() if variable.pose_condition is None),
             clock=self.clock,
@@ -116,9 +116,9 @@ class Components:
         return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
 
     def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:
-        """Return a reading; if its variable was never observed or is stale, with a detail.
+        """Return a reading with a detail that says why the variable cannot be observed now.
 
-        The detail says why the variable cannot be observed now. If the reading already has a detail, it is kept.
+        The detail is added only if the variable was never observed or is stale, and the reading has no detail yet.
         """
         if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
             return reading

@@ -80,7 +80,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             record: the event log for every change; by default a new one.
             find: returns the perception function of an algorithm; by default, the function that `call` of the algorithm
                 names.
-            knowledge: the knowledge graph and its agents in the spec; None if it declares no graph.
+            knowledge: the knowledge graph and its agents in the spec; None if the spec declares no graph.
 
         Raises:
             CallError: if a perception function cannot be imported, or a handle is missing or not usable.
@@ -96,11 +96,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._subscriptions, self.commands = components.subscriptions, components.commands
         self._skills = components.skills
         self._main_execution_slots = MainExecutionSlots(components.slots, self.commands, self._clock)
-        self._party_numbers = itertools.count(2)
+        self._main_execution_numbers = itertools.count(2)
         self._nodes = {} if knowledge is None else nodes_of_variables(knowledge, model.variables)
         with self._clock:  # so that the graph begins at the same instant as the journal
             self.record.begin(lambda: self._run_header(seed))
-            self._knowledge = None if knowledge is None else components.with_knowledge(knowledge)
+            self._knowledge = None if knowledge is None else components.create_knowledge(knowledge)
 
     def __enter__(self) -> Self:
         return self
@@ -109,10 +109,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.close()
 
     def close(self) -> None:
-        """Withdraw everything, stop all observers and cancel their jobs; after that nothing can be declared.
+        """Withdraw all declarations, stop all observers and cancel their jobs; after that nothing can be declared.
 
         A decision that waits for an observer in another thread stops waiting. While the interpreter shuts down, this
-        does nothing: threads that held the lock are gone, and processes of isolated algorithms end by themselves.
+        method does nothing: threads that held the lock no longer run, and processes of isolated algorithms end by
+        themselves.
         """
         if sys.is_finalizing():
             return
@@ -150,14 +151,14 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.commands.withdraw(name)
 
     def expect(self, *skills: SkillName) -> None:
-        """Set the skills that come next: their previews are declared until they begin or others are expected."""
+        """Set the skills that come next: their previews are declared until the skills begin or others are expected."""
         for name in skills:
             self._skill(name)
         self.commands.expect(skills)
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
-        """Run a skill. Its previews and monitored variables are declared until it ends; it is no longer expected."""
+        """Run a skill, which is no longer expected then. Its preview and monitored variables are declared until it ends."""
         model = self._skill(name)
         number = self.commands.begin(name)
         try:
@@ -191,7 +192,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             return self.commands.declarations.names() | needed
 
     def spent(self) -> Mapping[str, Cost]:
-        """Return the cost and the results of each observer so far, by its name."""
+        """Return a mapping from the name of each observer to its costs and results so far."""
         with self._lock:
             observers = self._forest.observers.items()
             return {
@@ -222,8 +223,8 @@ class ContextManager(Generic[VariableName, SkillName]):
     def obstacle(self, name: VariableName) -> str:
         """Return why a variable, known or unknown, cannot be observed now; empty if an algorithm can look.
 
-        The text has, for each algorithm, the first condition that does not hold. If the observer of the variable does
-        not run, the text says so. If no observer identifies the variable, the text has the sources of the variable.
+        The text states for each algorithm the first condition that does not hold. If the observer of the variable does
+        not run, the text says so. If no observer identifies the variable, the text names the sources of the variable.
         """
         self._model(name)
         return self._components.obstacle(name)
@@ -424,7 +425,7 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     @contextmanager
     def slot(self, *resources: str) -> Iterator[None]:
-        """Use slots of shared resources as the main execution, which goes before every observer.
+        """Use slots of shared resources as the main execution, which gets slots before every observer.
 
         The call waits for the jobs that hold the slots, at most for the longest timeout of these jobs. Inside the
         `with` block the same thread may request the same slots again, without effect.
@@ -437,9 +438,9 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._main_execution_slots.hold(resources):
             yield
 
-    def next_party_name(self) -> str:
+    def next_main_execution_name(self) -> str:
         """Return the name of a further main execution, for its declarations; each call returns a new name."""
-        return f"{MAIN} {next(self._party_numbers)}"
+        return f"{MAIN} {next(self._main_execution_numbers)}"
 
     # Internal
 

@@ -34,10 +34,10 @@ class DecisionRequest:
 
 @dataclass(slots=True, kw_only=True)
 class Decision:
-    """A decision that is not made yet.
+    """The state of one decision.
 
     Attributes:
-        number: counted from 1 in a run.
+        number: the number of the decision in the run, from 1.
         asked_s: when the decision was requested.
         reading: the last reading of the variable that was looked up for this decision.
         met: whether this reading answers the request.

@@ -69,14 +69,14 @@ class ShadowRow:
 
     @property
     def largest_difference(self) -> float | None:
-        """Return the largest difference between numbers; None if there are no numbers that differ."""
-        numbers = (
+        """Return the largest difference between numbers in disagreements; None if there are no such numbers."""
+        differences = (
             abs(disagreement.held - disagreement.seen)
             for disagreement in self.disagreements
             if isinstance(disagreement.held, (int, float)) and isinstance(disagreement.seen, (int, float))
             if not isinstance(disagreement.held, bool)
         )
-        return max(numbers, default=None)
+        return max(differences, default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Slots for the main execution, which goes before every observer, but waits for the jobs that hold the slots."""
+"""Slots for the main execution, which gets them before every observer, but waits for the jobs that hold them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class MainExecutionSlots:
         Args:
             slots: the slots of shared resources.
             commands: executes requests.
-            clock: the clock on which a thread waits.
+            clock: the clock for waiting.
         """
         self._slots = slots
         self._commands = commands
@@ -46,9 +46,9 @@ class MainExecutionSlots:
             yield
             return
         if held_resources:
-            together = ", ".join(repr(name) for name in (*sorted(held_resources), *new_resources))
+            slots_text = ", ".join(repr(name) for name in (*sorted(held_resources), *new_resources))
             raise RuntimeError(
-                f"request all slots in one call, so that threads never wait for each other: slot({together})"
+                f"request all slots in one call, so that threads never wait for each other: slot({slots_text})"
             )
         granted = threading.Event()
 

@@ -27,7 +27,7 @@ from codra_dsl.runtime.values.model import VariableModel, integer, member, text
 
 
 class Stage(StrEnum):
-    """The stage of a task: the label of the edge that leads to it (P2, section 3.2)."""
+    """The stage of a task: the label of the edge that leads to the task (P2, section 3.2)."""
 
     WANTS = "wants"
     IS = "is"
@@ -68,8 +68,8 @@ class GraphSchema:
     Attributes:
         model: the declarations, with the node `context` if a context-variable needs it.
         tasks: the tasks, by name.
-        agents: the names of all agents that are declared or may write something; the main execution is
-            one of them if it may write.
+        agents: the names of all agents that are declared or may write something. The main execution is one of them if
+            it may write something.
         nodes_by_variable: for each context-variable, the name of the node that has it as an attribute.
         nodes_of_context: the names of all nodes that have a context-variable as an attribute.
     """
@@ -130,9 +130,9 @@ class GraphSchema:
             raise unknown("type of edges", name, self._edge_types) from None
 
     def types_of_edges(self, name: str) -> frozenset[str]:
-        """Return the types of edges that a name in a path means.
+        """Return the names of the types of edges that a name in a path stands for.
 
-        These are the type of this name or, if there is none, all types with this label.
+        If a type has this name, the result is only this type; otherwise the result is all types with this label.
 
         Raises:
             UnknownNameError: if no type of edges has this name or label.
@@ -176,7 +176,7 @@ class GraphSchema:
 
 
 def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> KnowledgeModel:
-    """Return a model with the node `context`, if a context-variable belongs to it."""
+    """Return the model; if a context-variable belongs to the node `context`, with this node."""
     if CONTEXT not in variables.values() or any(node.name == CONTEXT for node in model.nodes):
         return model
     types = model.node_types
@@ -186,7 +186,7 @@ def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> K
 
 
 def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]) -> Mapping[str, str]:
-    """Return, for each context-variable, the name of the node that declares it as an attribute, or else `context`.
+    """Return for each context-variable the name of the node that declares it as an attribute, or else `context`.
 
     Variables that are computed from poses are left out: they are not attributes of a node.
     """
@@ -202,7 +202,7 @@ def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]
 def _variable_attributes(
     nodes: Mapping[str, str], variables: Sequence[VariableModel]
 ) -> Mapping[str, Mapping[str, Attribute]]:
-    """Return, for each node, the attributes that are context-variables, by their names."""
+    """Return for each node those of its attributes that are context-variables, with their names as keys."""
     attributes: dict[str, dict[str, Attribute]] = {}
     for variable in variables:
         model = AttributeModel(

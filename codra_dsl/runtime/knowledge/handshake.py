@@ -7,8 +7,8 @@ The requester inserts the edge `wants` (P2's `starts`) and may abort the task. T
 (P2's ACK) by turning this edge into `is`, and finishes the task with a result. Each step names its request, so that no
 agent answers another request by mistake.
 
-A deadline ends a stage by the clock, even if the agents are gone. It is counted from the instant of the step that began
-the stage. At the instant of the deadline the stage has ended, whichever event of this instant is executed first.
+A deadline ends a stage even if the agents no longer exist. Its time begins with the step that began the stage. At the
+instant of the deadline the stage has ended, regardless of the order in which the events of this instant are executed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class ConflictError(RuntimeError):
 
 
 def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> Request:
-    """Request a task, with values of attributes that its requesters write; the executor must acknowledge it."""
+    """Request a task, with values of attributes that requesters write; the executor must acknowledge the request."""
     model = _model(change_set.schema, task)
     Permissions(by(*model.requesters)).check(change_set.agent, f"a request of {task}")
     before = _present_handover(change_set, model)
@@ -118,7 +118,7 @@ def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
 
 
 def _require_handover(change_set: ChangeSet, request: Request, *stages: Stage) -> Handover:
-    """Return the handover of a request, if it is the latest one and at one of the given stages."""
+    """Return the handover of the latest request; raise an error for an older request or another stage."""
     handover = _present_handover(change_set, _model(change_set.schema, request.task))
     if handover.request == request and handover.stage in stages:
         return handover

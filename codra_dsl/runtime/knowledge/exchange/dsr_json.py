@@ -55,7 +55,7 @@ def read_text(path: Path) -> str:
     """Return the text of a file.
 
     Raises:
-        ExchangeError: if it cannot be read, is too large, or is not UTF-8.
+        ExchangeError: if the file cannot be read, is too large, or is not UTF-8.
     """
     if path.exists() and not path.is_file():
         raise ExchangeError(f"{path}: this is not a file")
