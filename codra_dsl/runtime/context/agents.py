@@ -67,8 +67,8 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         """Call back when a `wakes` pattern of the agent becomes true in the knowledge graph; see `AgentHandle.on_wake`.
 
         No other handle of the agent can be opened until the subscription or this handle is closed, even if this object
-        is no longer referenced. While the subscription lasts, the observed variables in the agent's `wakes` patterns are
-        declared; the holder of these declarations is `agent NAME`.
+        is no longer referenced. While the subscription lasts, the observed variables in the `wakes` patterns of the
+        agent are declared; the holder of these declarations is `agent NAME`.
 
         Raises:
             LookupError: if the spec declares no knowledge graph.

@@ -158,7 +158,10 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
-        """Run a skill, which is no longer expected then. Its preview and monitored variables are declared until it ends."""
+        """Run a skill. Its previews and monitored variables are declared until it ends.
+
+        The skill is no longer expected (see `expect`).
+        """
         model = self._skill(name)
         number = self.commands.begin(name)
         try:

@@ -41,11 +41,11 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
 
 
 def evidence_of(assessment: Assessment, extra_variables: Iterable[str] = ()) -> Details:
-    """Return the readings, and the results of the stages.
+    """Return the details of an assessment: the readings, and the results of the stages.
 
     Args:
         assessment: the assessment of the instant.
-        extra_variables: variables that a condition reads, even if no stage does.
+        extra_variables: variables that a condition reads, even if no stage reads them.
     """
     stages = (assessment.metrics, assessment.actions)
     return {

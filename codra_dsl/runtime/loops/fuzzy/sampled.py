@@ -1,4 +1,4 @@
-"""Norms of rows of samples: the norms of `norms` for numpy arrays."""
+"""The norms of the module `norms`, for numpy arrays of samples."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _normalized_sum(a: Samples, b: Samples) -> Samples:
     return (a + b) / np.maximum(1.0, a + b)
 
 
-OF_SAMPLES: Mapping[Norm, Callable[..., Samples]] = MappingProxyType(
+NORMS_OF_SAMPLES: Mapping[Norm, Callable[..., Samples]] = MappingProxyType(
     {
         norms.algebraic_product: _algebraic_product,
         norms.bounded_difference: _bounded_difference,
@@ -94,4 +94,4 @@ OF_SAMPLES: Mapping[Norm, Callable[..., Samples]] = MappingProxyType(
         norms.unbounded_sum: _unbounded_sum,
     }
 )
-"""The norm of samples for each norm of two degrees."""
+"""For each norm of two degrees, the same norm for samples."""
