@@ -213,10 +213,11 @@ def is_true(value: object) -> bool:
 
 
 class Operand:
-    """A value in the computations of scripts. All numbers have one type, and numbers can be compared with their texts.
+    """A value in the computations of scripts.
 
-    Scripts use Python's operators on operands, which behave as in BehaviorTree.CPP: `'42' == 42` is true, and `1 / 0`
-    is infinite as in C++.
+    All numbers have one type. In a comparison of a number with the text of a number, the text becomes a number. Scripts
+    use Python's operators on operands, which behave as in BehaviorTree.CPP: `'42' == 42` is true, and `1 / 0` is
+    infinite as in C++.
     """
 
     __slots__ = ("value",)

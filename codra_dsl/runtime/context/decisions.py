@@ -53,5 +53,5 @@ class Decision:
 
     @property
     def is_answered(self) -> bool:
-        """Return whether the main execution need not look."""
+        """Return whether context has answered, so that the main execution need not look."""
         return self.met and not self.request.shadow

@@ -144,7 +144,7 @@ class ChangeSet:
                 changed_elements[key] = element = element.with_history(updated_history)
 
     def undo(self) -> None:
-        """Remove the readings that `state` has added to histories, because the new state will never be used."""
+        """Remove the readings that `state` has added to histories; call this if the new state is not used."""
         for histories_and_readings in self._new_readings.values():
             for history, reading in histories_and_readings:
                 history.remove(reading)

@@ -37,7 +37,7 @@ class ContextLink:
 
     Each context-variable is an attribute of a node; graph and context hold the same reading objects. In one step, first
     the graph's map changes and then the variable's cell. Each write to the graph or to the context holds the single
-    lock of the steps. So no thread ever needs two locks, which it would have to acquire in a certain order.
+    lock of the steps. So no thread ever needs two locks, and no order of locks has to be observed.
 
     Attributes:
         variables: the variables of the context.

@@ -59,7 +59,10 @@ class GraphIndex:
         return tuple(self._incoming_keys.get(name, ()))
 
     def compacted_index(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
-        """Return the index for a state with these nodes and edges: a new one if most entries of this are obsolete."""
+        """Return an index for a state with these nodes and edges.
+
+        If most entries of this index are obsolete, the result is a new index; otherwise it is this index.
+        """
         if self.addition_count <= 2 * (len(nodes) + len(edges)):
             self.compaction_threshold = 2 * self.addition_count
             return self

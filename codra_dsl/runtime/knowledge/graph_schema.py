@@ -176,7 +176,7 @@ class GraphSchema:
 
 
 def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> KnowledgeModel:
-    """Return the model; if a context-variable belongs to the node `context`, with this node."""
+    """Return the model, with the node `context` added if a context-variable belongs to this node."""
     if CONTEXT not in variables.values() or any(node.name == CONTEXT for node in model.nodes):
         return model
     types = model.node_types

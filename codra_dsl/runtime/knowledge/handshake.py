@@ -7,8 +7,9 @@ The requester inserts the edge `wants` (P2's `starts`) and may abort the task. T
 (P2's ACK) by turning this edge into `is`, and finishes the task with a result. Each step names its request, so that no
 agent answers another request by mistake.
 
-A deadline ends a stage even if the agents no longer exist. Its time begins with the step that began the stage. At the
-instant of the deadline the stage has ended, regardless of the order in which the events of this instant are executed.
+A deadline ends a stage even if the agents no longer exist. The time until the deadline runs from the step that began
+the stage. At the instant of the deadline the stage has ended, regardless of the order in which the events of this
+instant are executed.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ class Knowledge:
         self._clock = clock
         self._now_s = clock.now_s
         self._context_link = context_link
-        # Every write holds this lock. With a context manager, it is held during a step, for the graph and the context.
+        # Every write holds this lock. With a context manager, this is the lock of the steps, also for the context.
         self._step_clock: Clock = clock if context_link is None else context_link.clock
         self._step_now_s = self._step_clock.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.clock
@@ -163,7 +163,7 @@ class Knowledge:
     # Waiting and subscriptions
 
     def subscribe(self, callback: Callable[[Change], object], *patterns: Pattern) -> Subscription:
-        """Call back whenever the matches of the patterns change, and once at the beginning if the patterns hold then.
+        """Call back whenever the matches of the patterns change, and once at the beginning if the patterns hold.
 
         The callback runs without any lock, one call at a time. In real time it runs in a thread of its own. In
         simulated time it runs as an event at the instant of the change and must not wait. Its exceptions are logged.

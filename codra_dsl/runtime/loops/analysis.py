@@ -59,7 +59,7 @@ class OutputResult:
         name: the metric, or the action.
         bounds: all possible values.
         value: the worse end of the bounds, which is used as the value; None if this end is unknown.
-        evidence_s: the oldest instant of evidence of the known inputs that the rules of the output read.
+        evidence_s: the instant of the oldest evidence, among the known inputs that the rules of the output read.
     """
 
     name: str

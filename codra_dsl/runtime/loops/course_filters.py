@@ -31,7 +31,7 @@ class SwitchReason(StrEnum):
     """The action had the highest weight when the loop began."""
 
     LEADS = "leads"
-    """For the hold time, the action's weight has exceeded the weight of the running action by the lead."""
+    """For the hold time, the action's weight has exceeded the weight of the running action by the required lead."""
 
     WORSE = "worse"
     """The same as `LEADS`, but within the dwell or cooldown, because a metric has become worse."""
@@ -86,7 +86,7 @@ class FilterState:
         return self.since_s + model.dwell_s
 
     def cooldown_until_s(self, model: CourseModel, action: str) -> float:
-        """Return the end of the cooldown of an action, before which it is not chosen again."""
+        """Return the end of an action's cooldown; the action is not chosen again before this instant."""
         return self.left_s.get(action, -math.inf) + model.cooldown_s
 
     def after_pause(self) -> FilterState:

@@ -1,9 +1,9 @@
 """MAPE-K loops: they analyse knowledge, choose courses, set parameters and execute trees (P2, Figure 3).
 
 A loop is an agent like any other agent. It analyses at its period, when an input changes, and when its filters are due;
-it ticks its trees at their periods. In a round, a loop analyses if this is due, and ticks the trees that are due. In
-simulated time a round runs at once. In real time each round runs in a separate thread, so an action that hangs blocks
-only its own loop.
+it ticks its trees at their periods. A round is the analysis, if one is due, and then the ticks of the trees that are
+due. In simulated time a round runs at once. In real time each round runs in a separate thread, so an action that hangs
+blocks only its own loop.
 
 The events that a loop records are inputs of a replay, like the values that agents write: a replay reads them from the
 journal and does not run the engines again.
@@ -124,7 +124,7 @@ class Mape:
         return self._loops[name]
 
     def decisions(self, course: str) -> tuple[Decision, ...]:
-        """Return the newest decisions of a course, each with its chain."""
+        """Return the newest decisions of a course, each with the assessment that led to it."""
         return tuple(self._loop_of(course).planning.decisions[course])
 
     def course_state(self, course: str) -> CourseState:

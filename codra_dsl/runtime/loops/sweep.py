@@ -62,8 +62,8 @@ class Switch:
     """A change of the action from one value of the input to another.
 
     Attributes:
-        low: `low` and `high` are the two values between which the action changes. If they are numbers, they are
-            adjacent.
+        low: `low` and `high` are the two values between which the action changes. If they are numbers, bisection has
+            brought them close together.
         rules: for each stage, the rule whose strength differs most: among the rules for the two actions, and among the
             rules for the metrics. If a hard rule causes the switch, only the hard rule.
     """

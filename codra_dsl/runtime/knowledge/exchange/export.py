@@ -26,7 +26,7 @@ def export_dsr(
         knowledge: the graph.
         initial_import: the import that the graph began with, if any. Parts of the import that the graph does not hold,
             and unchanged parts, are exported as they were read; parts that were deleted meanwhile are left out.
-        unit_m: the unit of translations, in metres; ignored if `initial_import` is given, whose unit is used.
+        unit_m: the unit of translations, in metres. If `initial_import` is given, its unit is used instead.
     """
     dsr_import = initial_import or DsrImport(
         model=knowledge.model, document=DsrGraph(), skipped_parts=(), imported_keys=frozenset(), unit_m=unit_m
@@ -168,7 +168,10 @@ class _Exporter:
         return {EDGE_TYPE_ATTRIBUTE: encode_value(str(edge.type))} if len(fitting_types) > 1 else {}
 
     def _parent_attributes(self, name: str) -> dict[str, DsrValue]:
-        """Return a node's parent and depth as DSR attributes; empty if unchanged since the import, or if not placed."""
+        """Return a node's parent and depth as DSR attributes.
+
+        The result is empty if both are unchanged since the import, or if the node has no RT edge.
+        """
         ancestor_chain = _ancestor_chain(name, self._parents)
         is_placed = len(ancestor_chain) > 1 or name in self._parents.values()
         if name in self._document_nodes and ancestor_chain == _ancestor_chain(name, self._document_parents):

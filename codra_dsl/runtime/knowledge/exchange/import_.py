@@ -65,7 +65,7 @@ class DsrImport:
 
 
 def import_dsr(model: KnowledgeModel, document: DsrGraph, *, unit_m: float = MILLIMETRE_M) -> DsrImport:
-    """Return the initial content of a knowledge graph, with the content of a DSR graph.
+    """Return a DSR graph as the initial content of a knowledge graph.
 
     Args:
         model: the declarations.
@@ -198,7 +198,7 @@ class _Importer:
             yield name, converted_value
 
     def _edge_type_or_reason(self, edge: DsrEdge, origin: Node, target: Node) -> EdgeType | str:
-        """Return the only type that fits an edge's label, ends and `EDGE_TYPE_ATTRIBUTE`; otherwise an explanation."""
+        """Return the only type that fits an edge's label, ends and `EDGE_TYPE_ATTRIBUTE`; otherwise the reason."""
         labelled_types = self._schema.edge_types_with_label(edge.label)
         fitting_types = [edge_type for edge_type in labelled_types if edge_type.fits(origin, target)]
         type_value = edge.attributes.get(EDGE_TYPE_ATTRIBUTE)

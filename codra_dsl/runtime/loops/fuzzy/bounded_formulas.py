@@ -17,9 +17,9 @@ _ROUNDING = 1e-12
 
 
 def calculate(name: str, *operands: Bounds) -> Bounds:
-    """Return the bounds of an operator or function.
+    """Return the bounds of the result of an operator or function.
 
-    If the bounds cannot be determined easily, the result is all numbers; it is never a guess.
+    If these bounds cannot be determined easily, all numbers are returned, not a guess.
     """
     if name in _LOGICAL_NAMES:
         return Bounds(0.0, 1.0)

@@ -40,7 +40,7 @@ def _widen(low: float, high: float, scale: float, *, may_be_unknown: bool) -> Bo
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> Bounds:
-    """Return the possible degrees of a term when a rule reads it: those from the conclusions before this rule."""
+    """Return the possible degrees that a rule reads for a term; they follow from conclusions of earlier rules."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, Bounds(0.0, 0.0))
 
 

@@ -93,7 +93,7 @@ def is_finite(bounds: Bounds) -> bool:
 
 
 def hull(values: Iterable[float]) -> Bounds:
-    """Return the interval from the least to the greatest value; all numbers if one is NaN."""
+    """Return the interval from the least to the greatest value; all numbers if a value is NaN."""
     numbers = list(values)
     if any(value != value for value in numbers):
         return ANYTHING
@@ -188,7 +188,7 @@ def hedge(function: Callable[[float], float], x: Bounds) -> Bounds:
 
 
 def clipped(bounds: Bounds, minimum: float, maximum: float) -> Bounds:
-    """Return the nearest values in a range; an unknown value stays unknown."""
+    """Return the bounds of the values after limiting them to a range; an unknown value stays unknown."""
     if bounds.low != bounds.low:
         return bounds
     low, high = (min(max(end, minimum), maximum) for end in bounds[:2])

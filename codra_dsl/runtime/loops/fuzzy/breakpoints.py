@@ -26,7 +26,10 @@ def _sigmoids(left: float, rising: float, falling: float, right: float, *_: floa
 
 
 def _gaussian_product(mean_a: float, deviation_a: float, mean_b: float, deviation_b: float, *_: float) -> list[float]:
-    """Return both means, and the top of the product of the two bell curves; it matters where the halves overlap."""
+    """Return both means, and the top of the product of the two bell curves.
+
+    Where the halves of the curves overlap, this product is the membership.
+    """
     first, second = deviation_a * deviation_a, deviation_b * deviation_b
     top = [(mean_a * second + mean_b * first) / (first + second)] if first + second > 0.0 else []
     return [mean_a, mean_b, *top]

@@ -1,4 +1,4 @@
-"""Defuzzifiers: one number from the samples of a fuzzy set; `xs` are the points and `ys` their degrees."""
+"""Defuzzifiers, which turn the samples of a fuzzy set into one number; `xs` are the points and `ys` their degrees."""
 
 from __future__ import annotations
 

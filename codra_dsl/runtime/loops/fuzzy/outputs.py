@@ -173,7 +173,7 @@ def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> 
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> float:
-    """Return the degree of an output's term when a rule reads it: that from the conclusions before this rule."""
+    """Return the degree that a rule reads for a term of an output; it follows from conclusions of earlier rules."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, 0.0)
 
 
@@ -183,7 +183,7 @@ def shaped(output: Integral, memberships: tuple[Membership, ...]) -> Integral:
 
 
 def clipped(value: float, minimum: float, maximum: float) -> float:
-    """Return the nearest value in a range; NaN stays NaN."""
+    """Return the value, limited to a range; NaN stays NaN."""
     if value < minimum:
         return minimum
     return maximum if value > maximum else value
