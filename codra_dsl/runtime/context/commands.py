@@ -199,12 +199,12 @@ class Commands:
                 raise NotASourceError(f"{name!r} follows from poses and cannot be written")
             if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
-                    f"{name!r} is for {' or '.join(model.sources)} to write: "
-                    f"the main execution may write it only while it is declared{_agent_help(model)}"
+                    f"{name!r} may be written by {' or '.join(model.sources)}: "
+                    f"the main execution may write the variable only while it is declared{_agent_help(model)}"
                 )
             if writer != MAIN and writer not in model.sources:
                 self._event_writer.write(Kind.VARIABLE, name, "refused", value=content, source=writer)
-                raise NotASourceError(f"{name!r} is for {' or '.join(model.sources)} to write, not for {writer!r}")
+                raise NotASourceError(f"{name!r} may be written by {' or '.join(model.sources)}, not by {writer!r}")
             self._store_reading(model, content, writer, evidence_s)
 
     def adapt(self, agent: str, name: str, what: str, details: Mapping[str, object]) -> None:

@@ -113,7 +113,7 @@ class Components:
         obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
         if variable.pose_condition is not None:
             return "it follows from poses"
-        return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
+        return f"only {' or '.join(variable.sources)} may write it" if obstacle is None else obstacle
 
     def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:
         """Return a reading with a detail that says why the variable cannot be observed now.

@@ -192,7 +192,7 @@ class ChangeSet:
         permissions = self.schema.node_type(node.type).permissions
         permissions.check(self.agent, f"nodes of type {node.type}")
         if name in self.schema.nodes_of_context:
-            raise NotASourceError(f"the node {name!r} cannot be deleted: context-variables are its attributes")
+            raise NotASourceError(f"the node {name!r} cannot be deleted: some of its attributes are context-variables")
         if permissions.is_ranked:
             permissions.check_rank(self.agent, node.writer, name)
         for key in sorted({*self._state.index.outgoing_keys(name), *self._state.index.incoming_keys(name)}):
@@ -254,7 +254,9 @@ class ChangeSet:
         if self.agent not in edge_type.permissions.writers:
             edge_type.permissions.refuse(self.agent, f"edges of type {type_name}")
         if edge_type.model.motion is not None:
-            raise ValueError(f"edges of type {type_name!r} have a pose: use place() to place {target!r} in {origin!r}")
+            raise ValueError(
+                f"edges of type {type_name!r} have a pose: use place() for {target!r} relative to {origin!r}"
+            )
         self.upsert_edge(edge_type, origin, target)
         for attribute, value in values.items():
             self.set_of_edge(origin, type_name, target, attribute, value, None)

@@ -125,7 +125,7 @@ def _require_handover(change_set: ChangeSet, request: Request, *stages: Stage) -
         return handover
     if handover.request != request:
         raise ConflictError(
-            f"request {request.number} of {request.task!r} is not the latest one, which is {handover.number}"
+            f"request {request.number} of {request.task!r} is not the latest request: that is request {handover.number}"
         )
     reason_text = f" ({handover.reason})" if handover.reason else ""
     raise ConflictError(f"request {request.number} of {request.task!r} is at the stage {handover.stage}{reason_text}")

@@ -149,7 +149,7 @@ class Knowledge:
             state = next((candidate for candidate in states if candidate.since_s <= instant_s), None)
             begin_s = self._past_states[0].since_s if self._past_states else self._state.since_s
         if state is None:
-            raise ValueError(f"the graph is kept from {begin_s} s on, not from {instant_s}: read it from a journal")
+            raise ValueError(f"the graph is kept only from {begin_s} s on: for {instant_s}, read it from a journal")
         return Snapshot(self._schema, state, instant_s)
 
     def get(self, name: str, attribute: str) -> Reading[Any]:

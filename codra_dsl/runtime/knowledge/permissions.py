@@ -71,7 +71,7 @@ class Permissions:
             NotASourceError: always.
         """
         writers_text = " or ".join(self._priorities) or "no agent"
-        raise NotASourceError(f"{subject!r} is for {writers_text} to write, not for {agent!r}")
+        raise NotASourceError(f"{subject!r} may be written by {writers_text}, not by {agent!r}")
 
     def check_rank(self, agent: str, previous_writer: str, subject: str) -> None:
         """Check that an agent may overwrite the valid value of another agent.

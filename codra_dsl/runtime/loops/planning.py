@@ -303,7 +303,7 @@ class Planning:
             except NotOfTypeError as error:
                 state.refused_value = value
                 if value != refused_value_before:
-                    message = f"{model.variable!r} is not set: {error}; bound the value, or state a wider range"
+                    message = f"{model.variable!r} is not set: {error}; limit the value, or state a wider range"
                     yield Refusal(parameter=model, message=message)
 
     def _choose_settings(

@@ -224,18 +224,21 @@ def test_an_edge_between_wrong_types_is_refused() -> None:
 @pytest.mark.parametrize(
     ("write", "why"),
     [
-        (lambda agent: agent.set("battery", "level", 1.0), "'battery.level' is for navigation to write"),
-        (lambda agent: agent.insert_node("anna", "person"), "'nodes of type person' is for person_detection to write"),
-        (lambda agent: agent.delete_node("robot"), "'nodes of type robot' is for no agent to write"),
+        (lambda agent: agent.set("battery", "level", 1.0), "'battery.level' may be written by navigation"),
+        (
+            lambda agent: agent.insert_node("anna", "person"),
+            "'nodes of type person' may be written by person_detection",
+        ),
+        (lambda agent: agent.delete_node("robot"), "'nodes of type robot' may be written by no agent"),
         (
             lambda agent: agent.insert_edge("robot", "close_to", "robot"),
-            "'edges of type close_to' is for container_detection or person_detection to write",
+            "'edges of type close_to' may be written by container_detection or person_detection",
         ),
-        (lambda agent: agent.delete_edge("robot", "has", "battery"), "'edges of type has' is for no agent to write"),
-        (lambda agent: agent.place("world", "robot_pose", "robot", HERE), "is for navigation to write"),
+        (lambda agent: agent.delete_edge("robot", "has", "battery"), "'edges of type has' may be written by no agent"),
+        (lambda agent: agent.place("world", "robot_pose", "robot", HERE), "may be written by navigation"),
         (lambda agent: agent.insert_edge("robot", "wants", "detecting"), "'edges of type wants' is for no agent"),
-        (lambda agent: agent.set("detecting", "result", "ok"), "'detecting.result' is for no agent to write"),
-        (lambda agent: agent.request("rotating"), "'a request of rotating' is for picking to write"),
+        (lambda agent: agent.set("detecting", "result", "ok"), "'detecting.result' may be written by no agent"),
+        (lambda agent: agent.request("rotating"), "'a request of rotating' may be written by picking"),
     ],
 )
 def test_a_write_without_permission_is_refused_and_audited(write: object, why: str) -> None:

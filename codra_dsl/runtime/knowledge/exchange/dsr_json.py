@@ -391,4 +391,4 @@ def _scalar_text(content: object) -> str:
     try:
         return json.dumps(content, ensure_ascii=False, allow_nan=False)
     except ValueError:
-        raise ExchangeError(f"JSON has no number {content!r}: make it a text") from None
+        raise ExchangeError(f"JSON has no number {content!r}: write the number as a text") from None
