@@ -306,8 +306,8 @@ class Switch(Kind):
     def _is_equal(self, variable: object, case: object) -> bool:
         if str(variable) == str(case):
             return True
-        left, right = self._number(variable), self._number(case)
+        left, right = self._as_number(variable), self._as_number(case)
         return left is not None and right is not None and equal(left, right)
 
-    def _number(self, value: object) -> int | float | None:
+    def _as_number(self, value: object) -> int | float | None:
         return self._enums[value] if isinstance(value, str) and value in self._enums else number_in(value)

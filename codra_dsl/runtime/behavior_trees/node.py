@@ -281,8 +281,8 @@ class Node(Behaviour):
         ):
             if condition is not None and is_true(condition(scope)):
                 return result
-        holds = conditions.while_true is None or is_true(conditions.while_true(scope))
-        return None if holds else Result.SKIPPED
+        is_allowed = conditions.while_true is None or is_true(conditions.while_true(scope))
+        return None if is_allowed else Result.SKIPPED
 
     def _run(self, script: tuple[Assignment, ...]) -> None:
         for statement in script:

@@ -254,21 +254,21 @@ class Operand:
         return _sum(other, self.value)
 
     def __sub__(self, other: object) -> Operand:
-        left, right = _numbers("-", self.value, other)
+        left, right = _require_numbers("-", self.value, other)
         return Operand(left - right)
 
     def __rsub__(self, other: object) -> Operand:
         return Operand(other) - self
 
     def __mul__(self, other: object) -> Operand:
-        left, right = _numbers("*", self.value, other)
+        left, right = _require_numbers("*", self.value, other)
         return Operand(left * right)
 
     def __rmul__(self, other: object) -> Operand:
         return Operand(other) * self
 
     def __truediv__(self, other: object) -> Operand:
-        left, right = _numbers("/", self.value, other)
+        left, right = _require_numbers("/", self.value, other)
         return Operand(left / right if right else _quotient_by_zero(left, right))
 
     def __rtruediv__(self, other: object) -> Operand:
@@ -293,7 +293,7 @@ class Operand:
         return compare(left, right)
 
 
-def _numbers(sign: str, left: object, right: object) -> tuple[int | float, int | float]:
+def _require_numbers(sign: str, left: object, right: object) -> tuple[int | float, int | float]:
     values = plain_value(left), plain_value(right)
     if _family(values[0]) != NUMBER or _family(values[1]) != NUMBER:
         raise TreeError(f"{values[0]!r} {sign} {values[1]!r}: this operator needs two numbers")
@@ -303,7 +303,7 @@ def _numbers(sign: str, left: object, right: object) -> tuple[int | float, int |
 def _sum(left: object, right: object) -> Operand:
     if isinstance(left, str) and isinstance(right, str):
         return Operand(left + right)
-    first, second = _numbers("+", left, right)
+    first, second = _require_numbers("+", left, right)
     return Operand(first + second)
 
 

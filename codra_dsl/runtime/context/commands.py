@@ -232,7 +232,7 @@ class Commands:
             now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
             decision = Decision(number=self._decision_count, request=request, asked_s=now_s, reading=reading)
             self._look_up(decision)
-            if not decision.met and request.wait_up_to_s > 0:
+            if not decision.is_met and request.wait_up_to_s > 0:
                 self._urgencies.wait(decision.number, request.variable)
                 return decision
             self._answer_or_look(decision)
@@ -256,15 +256,15 @@ class Commands:
         with self._clock:
             self._record_input("found", number=decision.number, value=content, raised=raised)
             self._urgencies.answer(decision.number)  # the decision may have been abandoned while it waited
-            what = "shadowed" if decision.met else "fell_back"
-            shadow_details = {"shadow": True} if shadow and not decision.met else {}
+            what = "shadowed" if decision.is_met else "fell_back"
+            shadow_details = {"shadow": True} if shadow and not decision.is_met else {}
             if raised is not None:
                 self._record_decision(what, decision, raised=raised, **shadow_details)
                 return
             is_invalidated = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
             is_kept = not shadow and content is not None and not is_invalidated and self._may_write(name)
             look_details: dict[str, object] = {"found": content}
-            if not decision.met:
+            if not decision.is_met:
                 look_details |= {"kept": is_kept, **shadow_details}
             elif content is not None:
                 look_details["agrees"] = content == decision.reading.content
@@ -359,7 +359,7 @@ class Commands:
 
     def _look_up(self, decision: Decision) -> None:
         decision.reading = self._store.reading(decision.request.variable)
-        decision.met = decision.request.is_met(decision.reading, self._clock.now_s())
+        decision.is_met = decision.request.is_met(decision.reading, self._clock.now_s())
 
     def _answer_or_look(self, decision: Decision) -> None:
         """Answer a decision from context, or note that the main execution begins to look."""

@@ -33,7 +33,7 @@ class Components:
 
     Attributes:
         lock: held during each change.
-        time: the clock of real or simulated time, which holds no lock while events run.
+        unlocked_clock: the clock of real or simulated time, which holds no lock while events run.
         clock: a clock with the same time, whose events are steps under the lock.
         skills: the skills by name.
     """
@@ -50,7 +50,7 @@ class Components:
     ) -> None:
         """Create and connect all parts. The arguments and the errors are those of `ContextManager`."""
         self.lock = threading.RLock()
-        self.time = clock
+        self.unlocked_clock = clock
         self.clock = LockedClock(clock, self.lock)
         self.skills = {skill.name: skill for skill in model.skills}
         self.event_writer = EventWriter(record, self.clock, self.clock.position)
@@ -103,7 +103,7 @@ class Components:
             event_writer=self.event_writer,
             write=self.store.write,
         )
-        knowledge = Knowledge(model, clock=self.time, context_link=context_link)
+        knowledge = Knowledge(model, clock=self.unlocked_clock, context_link=context_link)
         self.store.mirror = knowledge.mirror
         PoseConditions(self.store.variables.values(), knowledge, self.clock, self.store)
         return knowledge
@@ -129,7 +129,7 @@ class Components:
         self.forest.changed(name, is_renewed)
         self.expectations.changed(name)
         self.subscriptions.notify_change(name, self.store.reading)
-        self.time.notify()
+        self.unlocked_clock.notify()
 
     def forget_variables_of(self, observer: Observer) -> None:
         """Forget the variables of a stopped observer that are declared with `forget`."""

@@ -158,10 +158,7 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
-        """Run a skill. Its previews and monitored variables are declared until it ends.
-
-        The skill is no longer expected (see `expect`).
-        """
+        """Run a skill: its previews and monitored variables are declared until it ends, and it is no longer expected."""
         model = self._skill(name)
         number = self.commands.begin(name)
         try:
@@ -191,8 +188,10 @@ class ContextManager(Generic[VariableName, SkillName]):
     def in_force(self) -> frozenset[str]:
         """Return C_M(t), the variables that are declared or needed by a running observer (P1, Equation 8)."""
         with self._lock:
-            needed = {need for name in self._forest.running() for need in self._forest.observers[name].needs()}
-            return self.commands.declarations.names() | needed
+            needed_variables = {
+                need for name in self._forest.running() for need in self._forest.observers[name].needs()
+            }
+            return self.commands.declarations.names() | needed_variables
 
     def spent(self) -> Mapping[str, Cost]:
         """Return a mapping from the name of each observer to its costs and results so far."""

@@ -59,7 +59,7 @@ class PendingDecision:
         self._clock = clock
         self._read = read
         self._convert = convert
-        is_waiting = not decision.met and decision.request.wait_up_to_s > 0
+        is_waiting = not decision.is_met and decision.request.wait_up_to_s > 0
         self.state = DecisionState.WAITING if is_waiting else self._state_after_wait()
 
     @property

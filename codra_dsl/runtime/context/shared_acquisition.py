@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-Act = Callable[[], None]
+Callback = Callable[[], None]
 
 
 class SharedAcquisition:
@@ -15,7 +15,7 @@ class SharedAcquisition:
     The calls are counted, so that an `end` before its `begin` leaves nothing acquired.
     """
 
-    def __init__(self, take: Act, give_back: Act) -> None:
+    def __init__(self, take: Callback, give_back: Callback) -> None:
         self._take = take
         self._give_back = give_back
         self._lock = threading.RLock()

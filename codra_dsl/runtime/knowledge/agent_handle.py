@@ -150,20 +150,20 @@ class Transaction(Writer):
     changed graph.
     """
 
-    __slots__ = ("_attempt", "_error", "_is_over", "_operations_and_results", "_turn")
+    __slots__ = ("_attempt", "_error", "_is_over", "_operations_and_results", "_write_lock")
 
-    def __init__(self, attempt: Callable[[Operation], Any], turn: AbstractContextManager[object]) -> None:
+    def __init__(self, attempt: Callable[[Operation], Any], write_lock: AbstractContextManager[object]) -> None:
         """Begin without changes.
 
         Args:
-            attempt: applies an operation to a private change set. The transaction holds the lock `turn` when it calls
-                this function.
-            turn: the graph's lock for writes. Each operation of the transaction and its end hold this lock, so none of
-                them happens in the middle of another write.
+            attempt: applies an operation to a private change set. The transaction holds `write_lock` when it calls this
+                function.
+            write_lock: the graph's lock for writes. Each operation of the transaction and its end hold this lock, so
+                none of them happens in the middle of another write.
         """
         super().__init__(self._execute)
         self._attempt = attempt
-        self._turn = turn
+        self._write_lock = write_lock
         self._is_over = False
         self._operations_and_results: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
@@ -175,7 +175,7 @@ class Transaction(Writer):
 
     def _execute(self, verb: Verb, arguments: tuple[Any, ...]) -> Any:
         operation = Operation(verb, arguments)
-        with self._turn:
+        with self._write_lock:
             if self._is_over:
                 raise PermissionError("this transaction is over: begin another")
             try:
@@ -188,7 +188,7 @@ class Transaction(Writer):
 
     def end(self) -> None:
         """Accept no more changes."""
-        with self._turn:
+        with self._write_lock:
             self._is_over = True
 
     def check(self) -> None:

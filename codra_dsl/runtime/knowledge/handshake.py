@@ -35,7 +35,7 @@ class ConflictError(RuntimeError):
 
 def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> Request:
     """Request a task, with values of attributes that requesters write; the executor must acknowledge the request."""
-    model = _model(change_set.schema, task)
+    model = _task_model(change_set.schema, task)
     Permissions(by(*model.requesters)).check(change_set.agent, f"a request of {task}")
     before = _present_handover(change_set, model)
     if before.is_open:
@@ -85,10 +85,10 @@ def abort(change_set: ChangeSet, request: Request) -> None:
 
 def expire(change_set: ChangeSet, task: str) -> None:
     """Abort a task if its deadline has passed; otherwise do nothing."""
-    _present_handover(change_set, _model(change_set.schema, task))
+    _present_handover(change_set, _task_model(change_set.schema, task))
 
 
-def _model(schema: GraphSchema, task: str) -> TaskModel:
+def _task_model(schema: GraphSchema, task: str) -> TaskModel:
     if task not in schema.tasks:
         raise unknown("task", task, schema.tasks)
     return schema.tasks[task]
@@ -97,7 +97,7 @@ def _model(schema: GraphSchema, task: str) -> TaskModel:
 def _model_of_request(schema: GraphSchema, request: Request) -> TaskModel:
     if not isinstance(request, Request):
         raise TypeError(f"expected the return value of request(), or the request of a handover, not {request!r}")
-    return _model(schema, request.task)
+    return _task_model(schema, request.task)
 
 
 def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
@@ -120,7 +120,7 @@ def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
 
 def _require_handover(change_set: ChangeSet, request: Request, *stages: Stage) -> Handover:
     """Return the handover of the latest request; raise an error for an older request or another stage."""
-    handover = _present_handover(change_set, _model(change_set.schema, request.task))
+    handover = _present_handover(change_set, _task_model(change_set.schema, request.task))
     if handover.request == request and handover.stage in stages:
         return handover
     if handover.request != request:

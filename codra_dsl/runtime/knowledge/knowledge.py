@@ -91,7 +91,9 @@ class Knowledge:
         # Every write holds this lock. With a context manager, this is the lock of the steps, also for the context.
         self._step_clock: Clock = clock if context_link is None else context_link.clock
         self._step_now_s = self._step_clock.now_s
-        self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.clock
+        self._write_lock: AbstractContextManager[object] = (
+            threading.RLock() if context_link is None else context_link.clock
+        )
         self._state = State.empty(self._step_now_s())
         self._past_states: deque[State] = deque(maxlen=MAX_PAST_INSTANTS - 1)
         self._readings_in_commit: Sequence[Reading[Value]] = ()
@@ -118,11 +120,11 @@ class Knowledge:
             raise unknown("agent", name, self._schema.agents)
         with self._handles_lock:
             if name not in self._handles:
-                handle = self._handle(name)
+                handle = self._create_handle(name)
                 self._handles[name] = handle
                 return handle
         message = f"the agent {name!r} already has an open handle: close it before you open another"
-        with self._turn:
+        with self._write_lock:
             self._record_refusal(name, RefusedWrite(name, message))
         raise AgentTakenError(message)
 
@@ -144,7 +146,7 @@ class Knowledge:
         """
         if not instant_s <= self._now_s():
             raise ValueError(f"the instant {instant_s} lies in the future: the present instant is {self._now_s()}")
-        with self._turn:
+        with self._write_lock:
             states = chain((self._state,), reversed(self._past_states))
             state = next((candidate for candidate in states if candidate.since_s <= instant_s), None)
             begin_s = self._past_states[0].since_s if self._past_states else self._state.since_s
@@ -233,12 +235,12 @@ class Knowledge:
 
     def replay_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Repeat a refusal from a journal."""
-        with self._turn:
+        with self._write_lock:
             self._record_refusal(agent, refused_write)
 
     # Implementation
 
-    def _handle(self, name: str) -> AgentHandle:
+    def _create_handle(self, name: str) -> AgentHandle:
         is_closed = False
         wake_subscriptions: list[Subscription] = []
 
@@ -293,7 +295,7 @@ class Knowledge:
 
     def _check_rule(self, agent: str, name: str, explain_missing: Callable[[Snapshot], str]) -> None:
         """Raise `RuleError` if a rule does not allow its action in the present graph."""
-        with self._turn:
+        with self._write_lock:
             missing_text = explain_missing(self.step_snapshot())
             if missing_text:
                 message = f"the rule {name!r} of {agent!r} cannot begin: {missing_text}"
@@ -303,7 +305,7 @@ class Knowledge:
     def record_rule_state(self, agent: str, name: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule in the journal."""
         if self._context_link is not None:
-            with self._turn:
+            with self._write_lock:
                 self._context_link.record_rule_state(agent, name, state, message)
 
     @contextmanager
@@ -322,7 +324,7 @@ class Knowledge:
                 self._record_refusal(name, self._make_refused_write(operation, str(error)))
                 raise
 
-        transaction = Transaction(attempt, self._turn)
+        transaction = Transaction(attempt, self._write_lock)
         try:
             yield transaction
         finally:
@@ -330,7 +332,7 @@ class Knowledge:
         transaction.check()
         if change_set.changed_subjects:
             check_open()
-            with self._turn:  # nothing can change between `check_allowed` and the write
+            with self._write_lock:  # nothing can change between `check_allowed` and the write
                 check_allowed()
                 self._write(
                     name, partial(self._adopt_transaction, base_state, change_set, transaction), transaction.operations
@@ -352,7 +354,7 @@ class Knowledge:
         self, agent: str, apply_changes: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
     ) -> ResultT:
         """Apply changes and notify the watches."""
-        with self._turn:
+        with self._write_lock:
             change_set = ChangeSet(
                 self._schema, self._state, self._step_now_s(), agent, None if self._context_link is None else []
             )
@@ -373,9 +375,9 @@ class Knowledge:
 
         This is a fast form of `_write`: it creates an `Operation` only if a journal or an error needs one.
         """
-        with self._turn:
+        with self._write_lock:
             try:
-                if verb is SET and self._context_link is None and self._append(agent, arguments):
+                if verb is SET and self._context_link is None and self._append_value(agent, arguments):
                     return None
                 records: list[ChangeRecord] | None = None if self._context_link is None else []
                 change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, records)
@@ -390,7 +392,7 @@ class Knowledge:
                 return self._apply_verb(agent, verb, arguments)
         return result
 
-    def _append(self, agent: str, arguments: tuple[Any, ...]) -> bool:
+    def _append_value(self, agent: str, arguments: tuple[Any, ...]) -> bool:
         """Append a value to the history of an attribute, without a change set.
 
         This fast path applies to an attribute that was written before, in a graph without a context manager.
@@ -438,7 +440,7 @@ class Knowledge:
             finally:
                 self._readings_in_commit = ()
         for instant_s, handover in change_set.deadlines:
-            self._step_clock.call_at(instant_s, partial(self._expire, handover.task))
+            self._step_clock.call_at(instant_s, partial(self._expire_task, handover.task))
         if self.on_change is not None:
             self.on_change(change_set.changed_subjects)
         self._watches.request_evaluations(change_set.changed_subjects)
@@ -474,7 +476,7 @@ class Knowledge:
         if self._context_link is not None:
             self._context_link.record_refusal(agent, refused_write)
 
-    def _expire(self, task: str) -> None:
+    def _expire_task(self, task: str) -> None:
         self._write(GRAPH_WRITER, lambda change_set: handshake.expire(change_set, task))
 
     def _watch(

@@ -301,10 +301,10 @@ class _Scope:
         if call is None:
             node, _, attribute = name.rpartition(".")
             try:
-                return self._snapshot.get(self._name(node), attribute).content
+                return self._snapshot.get(self._node_name(node), attribute).content
             except AbsentError:
                 return None  # the attributes of a missing node are unknown
-        function_name, a, b = call[1], self._name(call[2]), self._name(call[3])
+        function_name, a, b = call[1], self._node_name(call[2]), self._node_name(call[3])
         if function_name == "distance":
             return self._snapshot.distance_m(a, b)
         return self._snapshot.in_view(a, b) if b in self._snapshot else None
@@ -312,7 +312,7 @@ class _Scope:
     def age_s(self, name: str) -> float | None:
         node, _, attribute = name.rpartition(".")
         try:
-            reading = self._snapshot.get(self._name(node), attribute)
+            reading = self._snapshot.get(self._node_name(node), attribute)
         except AbsentError:
             return None
         return reading.age_s(self._snapshot.instant_s) if reading.known else None
@@ -324,13 +324,13 @@ class _Scope:
         """
         call = _POSE_FUNCTION.fullmatch(name)
         if call is not None:
-            return self._snapshot.fresh_until_s(self._name(call[2]), self._name(call[3]))
+            return self._snapshot.fresh_until_s(self._node_name(call[2]), self._node_name(call[3]))
         node, _, attribute = name.rpartition(".")
         try:
-            reading = self._snapshot.get(self._name(node), attribute)
+            reading = self._snapshot.get(self._node_name(node), attribute)
         except (AbsentError, UnknownNameError):
             return math.inf
         return reading.expires_s if reading.known else math.inf
 
-    def _name(self, name: str) -> str:
+    def _node_name(self, name: str) -> str:
         return self._bindings.get(name, name)

@@ -88,7 +88,7 @@ class State:
 
     def next(self, since_s: float) -> State:
         """Return a copy as the next version, for a change set."""
-        state = _new(State)  # a call of the class with nine arguments takes 1.5 times as long
+        state = _allocate_state(State)  # a call of the class with nine arguments takes 1.5 times as long
         state.since_s = since_s
         state.version = self.version + 1
         state.next_number = self.next_number
@@ -101,4 +101,4 @@ class State:
         return state
 
 
-_new: Callable[[type[State]], State] = object.__new__
+_allocate_state: Callable[[type[State]], State] = object.__new__

@@ -297,8 +297,8 @@ def _due_s(model: CourseModel, state: FilterState, urgent_actions: Collection[st
     if forced_action:
         return math.inf
     if state.unknown_since_s is not None:
-        is_otherwise = state.action == model.otherwise
-        return math.inf if is_otherwise else state.unknown_since_s + model.hold_s + JUST_AFTER_S
+        is_otherwise_action = state.action == model.otherwise
+        return math.inf if is_otherwise_action else state.unknown_since_s + model.hold_s + JUST_AFTER_S
     return min(_ready_s(model, state, action, urgent_actions) for action in model.choose) + JUST_AFTER_S
 
 
@@ -310,11 +310,11 @@ def _state_after_switch(
         name: replace(candidate, leads_since_s=None) for name, candidate in before.tracked_actions.items()
     }
     # A first choice that no known weight supports has no dwell.
-    is_makeshift = not before.action and reason is SwitchReason.NOTHING_KNOWN
+    is_unsupported_choice = not before.action and reason is SwitchReason.NOTHING_KNOWN
     return replace(
         before,
         action=action,
-        since_s=-math.inf if is_makeshift else now_s,
+        since_s=-math.inf if is_unsupported_choice else now_s,
         tracked_actions=_with_leads(model, actions_without_leads, action, now_s),
         left_s={**before.left_s, before.action: now_s} if before.action else before.left_s,
     )

@@ -35,7 +35,7 @@ class Decision:
 
     Attributes:
         before: the action that was left; empty for the first choice.
-        chosen: the step of the filter.
+        filter_step: the step of the filter.
         rule: the hard rule that decided; None if no hard rule did.
     """
 
@@ -45,7 +45,7 @@ class Decision:
     before: str
     because: SwitchReason
     assessment: Assessment
-    chosen: FilterStep
+    filter_step: FilterStep
     rule: HardRuleModel | None = None
 
 
@@ -123,7 +123,7 @@ def choose(
         before=course_state.state.action,
         because=filter_step.because,
         assessment=assessment,
-        chosen=filter_step,
+        filter_step=filter_step,
         rule=rule,
     )
     return CourseState(state=filter_step.state, metrics=metrics_of(model, assessment)), decision, filter_step.due_s

@@ -156,8 +156,8 @@ class _AgentWriters:
         The stamp of a variable never goes back, even if an input with older evidence arrives. Otherwise the variable
         would keep its present value, because the evidence of this value is newer.
         """
-        known_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
-        stamp_s = min(now_s, max(known_s, self._stamps_s.get(variable_write.variable, -math.inf)))
+        evidence_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
+        stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(variable_write.variable, -math.inf)))
         self._stamps_s[variable_write.variable] = stamp_s
         value = math.nan if variable_write.value is None else variable_write.value  # NaN means unknown
         self._agents[agent].set(variable_write.variable, value, evidence_s=stamp_s)
@@ -194,7 +194,9 @@ class Loop:
         _check_names(model, loop)
         self.planning = planning
         self.trees = {
-            tree.name: self._execution(tree, leaves[tree.name]) for tree in model.trees if tree.name in loop.execute
+            tree.name: self._create_execution(tree, leaves[tree.name])
+            for tree in model.trees
+            if tree.name in loop.execute
         }
         self._lock = threading.Lock()
         self._is_on = False
@@ -217,7 +219,7 @@ class Loop:
         self._idle = threading.Event()
         self._idle.set()
 
-    def _execution(self, model: TreeModel, leaves: Leaves) -> Execution:
+    def _create_execution(self, model: TreeModel, leaves: Leaves) -> Execution:
         courses = [course for course in self._model.courses if course.name == model.course]
         missing_actions = [action for course in courses for action in course.choose if action not in model.branches]
         if missing_actions or (model.course and not courses):

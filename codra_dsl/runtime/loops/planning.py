@@ -242,10 +242,12 @@ class Planning:
         readings = context.readings(name for name in self._read_variables if name not in self._rates)
         scene = {name: Observation.of(reading.at(now_s)) for name, reading in readings.items()}
         for name, model in self._rates.items():
-            scene[name] = self._rate(model, context, scene[model.of], now_s)
+            scene[name] = self._observe_rate(model, context, scene[model.of], now_s)
         return scene
 
-    def _rate(self, model: RateModel, context: Context, present_observation: Observation, now_s: float) -> Observation:
+    def _observe_rate(
+        self, model: RateModel, context: Context, present_observation: Observation, now_s: float
+    ) -> Observation:
         observed_rate = rate(model, context.history(model.of), present_observation, now_s)
         range_limits = self._types[model.variable].range
         if range_limits is None or not isinstance(observed_rate.value, float):

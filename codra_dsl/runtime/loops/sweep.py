@@ -280,9 +280,9 @@ def _largest_shift(
         for rule_before, rule_after in zip(before, after, strict=True)
         if outputs & set(rule_before.concludes)
     ]
-    largest = max(shifts, key=_strength_change, default=None)
-    if largest is not None and _strength_change(largest) > _TOLERANCE:
-        yield largest
+    largest_shift = max(shifts, key=_strength_change, default=None)
+    if largest_shift is not None and _strength_change(largest_shift) > _TOLERANCE:
+        yield largest_shift
 
 
 def _strength_change(shift: Shift) -> float:

@@ -243,11 +243,13 @@ def _read_real(json_data: object) -> object:
         raise ValueError(f"{_value_text(json_data)} is too large") from None
 
 
-def _read_list(json_data: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
+def _read_list(
+    json_data: object, read: Callable[[object], object], required_length: int | None = None
+) -> tuple[object, ...]:
     if not isinstance(json_data, list):
         raise ValueError(f"{_value_text(json_data)} is not a list")
-    if count is not None and len(json_data) != count:
-        raise ValueError(f"there are {len(json_data)} numbers instead of {count}")
+    if required_length is not None and len(json_data) != required_length:
+        raise ValueError(f"there are {len(json_data)} numbers instead of {required_length}")
     return tuple(read(number) for number in json_data)
 
 
@@ -273,10 +275,10 @@ _READERS: Mapping[int, Callable[[object], object]] = {
     ValueCode.UINT64: _read_uint64,
     ValueCode.DOUBLE: _read_real,
     ValueCode.UINT64S: partial(_read_list, read=_read_uint64),
-    ValueCode.FLOATS_2: partial(_read_list, read=_read_real, count=2),
-    ValueCode.FLOATS_3: partial(_read_list, read=_read_real, count=3),
-    ValueCode.FLOATS_4: partial(_read_list, read=_read_real, count=4),
-    ValueCode.FLOATS_6: partial(_read_list, read=_read_real, count=6),
+    ValueCode.FLOATS_2: partial(_read_list, read=_read_real, required_length=2),
+    ValueCode.FLOATS_3: partial(_read_list, read=_read_real, required_length=3),
+    ValueCode.FLOATS_4: partial(_read_list, read=_read_real, required_length=4),
+    ValueCode.FLOATS_6: partial(_read_list, read=_read_real, required_length=6),
 }
 
 

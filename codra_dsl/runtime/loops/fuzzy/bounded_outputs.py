@@ -98,8 +98,11 @@ def _envelope(
             if degree is None:
                 continue
             used_degree, imply = usable_degree(degree), NORMS_OF_SAMPLES[conclusion.implication]
-            is_strong = conclusion.implication is norms.minimum and output.aggregation is norms.maximum
-            if not (is_degree(used_degree) or (is_strong and is_finite(used_degree) and used_degree.low >= 0.0)):
+            uses_minimum_and_maximum = conclusion.implication is norms.minimum and output.aggregation is norms.maximum
+            if not (
+                is_degree(used_degree)
+                or (uses_minimum_and_maximum and is_finite(used_degree) and used_degree.low >= 0.0)
+            ):
                 return None
             lows = aggregate(lows, imply(used_degree.low, terms[conclusion.term][0]))
             highs = aggregate(highs, imply(used_degree.high, terms[conclusion.term][1]))

@@ -129,7 +129,7 @@ def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
 
 def _composite_image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
     parts_of, height_of = COMPOSITES[term]
-    first, second = (image(part, x, *chosen) for part, chosen in parts_of(*parameters))
+    first, second = (image(part, x, *part_parameters) for part, part_parameters in parts_of(*parameters))
     if not (is_finite(first) and is_finite(second)):
         return ANYTHING
     height = height_of(*parameters)

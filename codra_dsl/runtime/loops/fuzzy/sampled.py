@@ -60,10 +60,10 @@ def _einstein_sum(a: Samples, b: Samples) -> Samples:
 
 def _hamacher_sum(a: Samples, b: Samples) -> Samples:
     product, missing_a, missing_b = a * b, 1.0 - a, 1.0 - b
-    both = missing_a * missing_b
-    near_one = 1.0 - both / (missing_a + missing_b - both)
-    usual = np.where(product != 1.0, (a + b - 2.0 * product) / (1.0 - product), 1.0)
-    return np.where(((a > 0.5) | (b > 0.5)) & (product != 1.0), near_one, usual)
+    missing_product = missing_a * missing_b
+    values_near_one = 1.0 - missing_product / (missing_a + missing_b - missing_product)
+    usual_values = np.where(product != 1.0, (a + b - 2.0 * product) / (1.0 - product), 1.0)
+    return np.where(((a > 0.5) | (b > 0.5)) & (product != 1.0), values_near_one, usual_values)
 
 
 def _nilpotent_maximum(a: Samples, b: Samples) -> Samples:
