@@ -158,7 +158,7 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
-        """Run a skill: its previews and monitored variables are declared until it ends, and it is no longer expected."""
+        """Run a skill. Its previews and monitored variables are declared until its end; it is no longer expected."""
         model = self._skill(name)
         number = self.commands.begin(name)
         try:
