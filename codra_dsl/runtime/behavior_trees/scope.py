@@ -175,7 +175,7 @@ def _family(value: object) -> str:
 
 
 def number_in(value: object) -> int | float | None:
-    """Return a value as a number; None if it is neither a number or boolean nor the text of one."""
+    """Return a value as a number; None if it is not a number, a boolean, or the text of one of them."""
     if isinstance(value, bool | int | float):
         return value
     if not isinstance(value, str):

@@ -106,7 +106,7 @@ class Commands:
             self.declarations.remove(caller, name)
 
     def expect(self, skills: Iterable[str], caller: str = MAIN) -> None:
-        """Set the skills that a main execution expects next; all others are no longer expected."""
+        """Set the skills that a main execution expects next; all other skills are no longer expected."""
         with self._clock:
             self._check_open()
             expected_skills = list(skills)
@@ -158,7 +158,7 @@ class Commands:
             self._finish(number)
 
     def leave(self, caller: str) -> None:
-        """Withdraw all declarations of a main execution that has left or no longer responds."""
+        """Withdraw all declarations of a caller, such as a main execution that has left or no longer responds."""
         with self._clock:
             self._record_input("leave", caller)
             for number in [

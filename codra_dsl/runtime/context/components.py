@@ -33,7 +33,7 @@ class Components:
 
     Attributes:
         lock: held during each change.
-        unlocked_clock: the clock of real or simulated time, which holds no lock while events run.
+        unlocked_clock: the clock of real or simulated time; it holds no lock while its events run.
         clock: a clock with the same time, whose events are steps under the lock.
         skills: the skills by name.
     """

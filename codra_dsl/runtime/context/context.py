@@ -239,7 +239,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             at_s: a past instant that the event log still covers; now, if None.
 
         Raises:
-            UnknownNameError: if the spec does not declare the name, and no event up to the instant has it.
+            UnknownNameError: if the spec does not declare the name, and no event up to the instant has this name.
             ValueError: if the instant lies in the future, or before the start of the event log.
         """
         with self._lock:
@@ -258,7 +258,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 variable keeps this value.
 
         Raises:
-            NotDeclaredError: if the variable is not declared, and the main execution is not a source of it.
+            NotDeclaredError: if the variable is not declared, and the main execution is not a source of the variable.
             NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """
@@ -269,7 +269,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.commands.write(name, content, MAIN, evidence_s)
 
     def agent(self, name: str) -> Agent[VariableName, AgentHandle]:
-        """Return the handle with which an agent writes the variables that list it under `source`.
+        """Return the handle with which an agent writes the variables that list this agent under `source`.
 
         With a knowledge graph, the agents are those of the graph, and only one handle per agent can be open. The main
         execution is one of these agents if it is a source or requests tasks.

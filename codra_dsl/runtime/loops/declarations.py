@@ -221,8 +221,8 @@ class TreeModel:
         course: the course that selects the tree's branch; empty if no course does.
         entry: the entry of the blackboard that selects the branch to run.
         branches: the value of the entry for each action.
-        tasks: the tasks of the knowledge graph that the tree's leaves hand over. A branch has ended when none of the
-            tasks that it requested is open.
+        tasks: the tasks of the knowledge graph that the tree's leaves hand over. A branch that was left has ended when
+            `agent` has no open request for one of these tasks.
         agent: the agent that requests these tasks.
         period_s: the time between two ticks.
         repeat: what happens after the root of the tree has completed.

@@ -93,7 +93,7 @@ class Execution:
         return str(scope.get(self.model.entry)) if scope.has(self.model.entry) else ""
 
     def choose(self, action: str) -> None:
-        """Halt the present branch within this call; once this branch has ended, run the branch of another action."""
+        """Halt the present branch within this call; once this branch has ended, run the branch of `action`."""
         old_action, now_s = self.action, self._clock.now_s()
         self.action = action
         self._is_idle_until_switch = False
