@@ -52,7 +52,7 @@ class ChangeRecord(NamedTuple):
 KeyT = TypeVar("KeyT")
 
 _NewReadings = list[tuple[History, Reading[Value]]]
-"""The new readings of a node or edge, each with the attribute's history before the change; it may be empty."""
+"""The new readings of a node or edge, each with its attribute's earlier history, which can be empty."""
 
 
 class AbsentError(LookupError):

@@ -218,7 +218,7 @@ NO_HISTORIES: Mapping[str, History] = MappingProxyType({})
 
 
 def element_at_version(element: ElementT, version: int) -> ElementT:
-    """Return a node or edge as it is in a version of the graph, which must contain it."""
+    """Return a node or edge as it is in a version of the graph; this version must contain the node or edge."""
     return make_tuple(type(element), (*element[:-1], version)) if element.histories else element
 
 
@@ -240,6 +240,6 @@ def _readings(histories: Mapping[str, History], version: int) -> Mapping[str, Re
 
 
 make_tuple = tuple.__new__
-"""Creates a named tuple from all its fields, in half the time of a call of its class."""
+"""Creates a named tuple from all its fields, in half the time that a call of the class takes."""
 
 _get_first_version = itemgetter(0)

@@ -26,8 +26,8 @@ class Change(NamedTuple):
     Attributes:
         snapshot: the snapshot that has these matches.
         matches: all present matches.
-        new: the matches that are new.
-        ended: the matches that have ended.
+        new: the matches that did not exist at the previous call.
+        ended: the matches that have ended since the previous call.
     """
 
     snapshot: Snapshot
