@@ -23,7 +23,7 @@ from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.context.package_files import manifest_of, package_folder
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
 from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
-from codra_dsl.runtime.context.shared_acquisition import declaring
+from codra_dsl.runtime.context.shared_acquisition import shared_declaration
 from codra_dsl.runtime.context.skills import Skill
 from codra_dsl.runtime.context.slots import MainExecutionSlots
 from codra_dsl.runtime.context.summarise import summarise_spec
@@ -279,7 +279,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             AgentTakenError: if there is a knowledge graph and a handle of the agent is open.
         """
         if self._knowledge is not None:
-            acquisition = declaring(
+            acquisition = shared_declaration(
                 self.commands, f"agent {name}", self._variables_of_wakes(name, self._knowledge.model)
             )
             return Agent(name, self._write_as, self._knowledge, acquisition)

@@ -99,10 +99,10 @@ def shadow_report(events: Iterable[Event]) -> ShadowReport:
     for event in events:
         if event.kind is Kind.DECISION and (event.what == "shadowed" or event.details.get("shadow")):
             groups.setdefault((event.name, event.details.get("skill") or ""), []).append(event)
-    return ShadowReport(rows=tuple(_row(variable, skill, group) for (variable, skill), group in groups.items()))
+    return ShadowReport(rows=tuple(_make_row(variable, skill, group) for (variable, skill), group in groups.items()))
 
 
-def _row(variable: str, skill: str, events: Iterable[Event]) -> ShadowRow:
+def _make_row(variable: str, skill: str, events: Iterable[Event]) -> ShadowRow:
     unknown: Counter[str] = Counter()
     agreed = unseen = 0
     disagreements: list[Disagreement] = []

@@ -36,7 +36,7 @@ class SharedAcquisition:
                 self._give_back()
 
 
-class Declaring(Protocol):
+class DeclaringCommands(Protocol):
     """The commands that declare variables for observation."""
 
     def declare(self, name: str, caller: str) -> None:
@@ -48,7 +48,7 @@ class Declaring(Protocol):
         ...
 
 
-def declaring(commands: Declaring, caller: str, names: Sequence[str]) -> SharedAcquisition:
+def shared_declaration(commands: DeclaringCommands, caller: str, names: Sequence[str]) -> SharedAcquisition:
     """Return the shared acquisition that declares variables for a caller while there are users (P1, Equation 4)."""
 
     def take() -> None:

@@ -288,8 +288,8 @@ def path(first: str | Place, *rest: str | Place | Link) -> Path:
     """
     if len(rest) % 2:
         raise ValueError("a path must end with a node")
-    links = tuple(_link(edge) for edge in rest[::2])
-    return Path(places=(_place(first), *(_place(place) for place in rest[1::2])), links=links)
+    links = tuple(_as_link(edge) for edge in rest[::2])
+    return Path(places=(_as_place(first), *(_as_place(place) for place in rest[1::2])), links=links)
 
 
 def absent(first: str | Place, *rest: str | Place | Link) -> Absence:
@@ -366,13 +366,13 @@ class KnowledgeModel:
     agents: tuple[AgentModel, ...] = ()
 
 
-def _place(place: str | Place | Link) -> Place:
+def _as_place(place: str | Place | Link) -> Place:
     if isinstance(place, Link):
         raise ValueError(f"expected a node in a path, not the edge {place.edge!r}")
     return Place(name=place) if isinstance(place, str) else place
 
 
-def _link(edge: str | Place | Link) -> Link:
+def _as_link(edge: str | Place | Link) -> Link:
     if isinstance(edge, Place):
         raise ValueError(f"expected an edge in a path, not the node {_place_text(edge)!r}")
     return Link(edge=edge) if isinstance(edge, str) else edge

@@ -98,8 +98,8 @@ class GraphSchema:
             edge_types += [EdgeTypeModel(name=stage, origins=origins, targets=(TASK,)) for stage in Stage]
         _check_unique("type of nodes", [node_type.name for node_type in node_types])
         _check_unique("type of edges", [edge_type.name for edge_type in edge_types])
-        self._node_types = {node_type.name: _node_type(node_type) for node_type in node_types}
-        self._edge_types = {edge_type.name: _edge_type(edge_type) for edge_type in edge_types}
+        self._node_types = {node_type.name: _make_node_type(node_type) for node_type in node_types}
+        self._edge_types = {edge_type.name: _make_edge_type(edge_type) for edge_type in edge_types}
         variable_attributes = _variable_attributes(self.nodes_by_variable, variables)
         task_types_and_attributes = {
             task.name: (TASK, {**_task_attributes(task), **variable_attributes.get(task.name, {})})
@@ -113,7 +113,7 @@ class GraphSchema:
             **task_types_and_attributes,
         }
         writers = (source for variable in variables for source in variable.sources)
-        self.agents = frozenset((*_agents(model), *writers)) - {OBSERVER}
+        self.agents = frozenset((*_agent_names(model), *writers)) - {OBSERVER}
 
     def node_type(self, name: str) -> NodeType:
         """Return a type of nodes; raise `UnknownNameError` if it is not declared."""
@@ -172,7 +172,7 @@ class GraphSchema:
     def _node_attributes(
         self, node: NodeModel, variable_attributes: Mapping[str, Attribute]
     ) -> Mapping[str, Attribute]:
-        return {**self.node_type(node.type).attributes, **_attributes(node.attributes), **variable_attributes}
+        return {**self.node_type(node.type).attributes, **_make_attributes(node.attributes), **variable_attributes}
 
 
 def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> KnowledgeModel:
@@ -212,15 +212,17 @@ def _variable_attributes(
             valid_for_s=variable.valid_for_s,
             history=variable.history,
         )
-        attributes.setdefault(nodes[variable.name], {})[variable.name] = _attribute(model, model.sources, variable.name)
+        attributes.setdefault(nodes[variable.name], {})[variable.name] = _make_attribute(
+            model, model.sources, variable.name
+        )
     return attributes
 
 
-def _node_type(model: NodeTypeModel) -> NodeType:
-    return NodeType(model, Permissions(model.sources), _attributes(model.attributes))
+def _make_node_type(model: NodeTypeModel) -> NodeType:
+    return NodeType(model, Permissions(model.sources), _make_attributes(model.attributes))
 
 
-def _edge_type(model: EdgeTypeModel) -> EdgeType:
+def _make_edge_type(model: EdgeTypeModel) -> EdgeType:
     label = model.label or (RT if model.motion is not None else str(model.name))
     if (label == RT) != (model.motion is not None):
         raise ValueError(f"edges of type {model.name!r} must either have a motion and the label {RT}, or neither")
@@ -228,18 +230,21 @@ def _edge_type(model: EdgeTypeModel) -> EdgeType:
         model,
         label,
         Permissions(model.sources),
-        {attribute.name: _attribute(attribute, attribute.sources or model.sources) for attribute in model.attributes},
+        {
+            attribute.name: _make_attribute(attribute, attribute.sources or model.sources)
+            for attribute in model.attributes
+        },
         frozenset(model.origins),
         frozenset(model.targets),
     )
 
 
-def _attribute(model: AttributeModel, sources: Sequence[Writer], variable: str = "") -> Attribute:
+def _make_attribute(model: AttributeModel, sources: Sequence[Writer], variable: str = "") -> Attribute:
     return Attribute(model, Permissions(sources), model.type.converter(), variable)
 
 
-def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
-    return {model.name: _attribute(model, model.sources) for model in models}
+def _make_attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
+    return {model.name: _make_attribute(model, model.sources) for model in models}
 
 
 def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
@@ -255,13 +260,13 @@ def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
         AttributeModel(name="reason", type=text()),
     )
     declared_attributes = {
-        attribute.name: _attribute(attribute, attribute.sources or by(*task.requesters))
+        attribute.name: _make_attribute(attribute, attribute.sources or by(*task.requesters))
         for attribute in task.attributes
     }
-    return {**declared_attributes, **_attributes(handshake_attribute_models)}
+    return {**declared_attributes, **_make_attributes(handshake_attribute_models)}
 
 
-def _agents(model: KnowledgeModel) -> Iterable[str]:
+def _agent_names(model: KnowledgeModel) -> Iterable[str]:
     yield from (agent.name for agent in model.agents)
     for task in model.tasks:
         yield from (task.by, *task.requesters)

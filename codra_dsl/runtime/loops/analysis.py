@@ -193,7 +193,7 @@ def _widen(
                 number if number == number and model_input.variable in variables_read else None
                 for model_input, number in inputs_with_numbers
             )
-            values[index] = _bounds(model, index, tuple(numbers_read))
+            values[index] = _output_bounds(model, index, tuple(numbers_read))
     input_hulls = [
         _hull(possible_values(model_input, number)) for model_input, number in zip(model.inputs, numbers, strict=True)
     ]
@@ -204,7 +204,7 @@ def _widen(
 
 
 @lru_cache(maxsize=MAX_CACHED_BOUNDS)
-def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
+def _output_bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
     """Return the bounds of all possible values of an output.
 
     Args:

@@ -26,7 +26,7 @@ from codra_dsl.runtime.clock import Clock, Timer, Work
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.package_files import package_folder, places_in
-from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, declaring
+from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, shared_declaration
 from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, TreeModel
@@ -214,10 +214,10 @@ class Loop:
         declared_variables = [
             name for name in watched_variables if name in identified_variables
         ]  # the loop decides on these variables (P1, Equation 4)
-        self._declaration = declaring(codra.commands, f"loop {loop.name}", declared_variables)
+        self._declaration = shared_declaration(codra.commands, f"loop {loop.name}", declared_variables)
         self._listener = SharedAcquisition(self._start_listening, self._stop_listening)
-        self._idle = threading.Event()
-        self._idle.set()
+        self._idle_event = threading.Event()
+        self._idle_event.set()
 
     def _create_execution(self, model: TreeModel, leaves: Leaves) -> Execution:
         courses = [course for course in self._model.courses if course.name == model.course]
@@ -273,7 +273,7 @@ class Loop:
                 self._timer.cancel()
                 self._timer = None
         self._listener.end()
-        self._idle.wait(max((course.abort_s for course in self.planning.courses.values()), default=0.0))
+        self._idle_event.wait(max((course.abort_s for course in self.planning.courses.values()), default=0.0))
         for tree in self.trees.values():
             tree.halt()
         self._declaration.end()
@@ -319,7 +319,7 @@ class Loop:
             if not self._is_on or self._is_busy:
                 return
             self._is_busy = True
-            self._idle.clear()
+            self._idle_event.clear()
         try:
             self._clock.start(self._run_round_as_work, _ignore)
         except RuntimeError:  # no thread could be started: the loop tries again after a period
@@ -344,7 +344,7 @@ class Loop:
     def _end_round(self, due_s: float) -> None:
         with self._lock:
             self._is_busy = False
-            self._idle.set()
+            self._idle_event.set()
             if self._has_changed:
                 due_s = min(due_s, self._next_analysis_s())
         self._schedule_round(due_s)
