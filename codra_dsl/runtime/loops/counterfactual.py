@@ -71,8 +71,8 @@ def smallest_changes(
         for change in _input_changes(model, course, decision, model_input)
     ]
     weight_changes = [] if decision.rule is not None else list(_weight_changes(course, decision))
-    smallest_per_kind = [min(changes, key=_get_share) for changes in (input_changes, weight_changes) if changes]
-    return tuple(sorted(smallest_per_kind, key=_get_share))
+    smallest_change_per_kind = [min(changes, key=_get_share) for changes in (input_changes, weight_changes) if changes]
+    return tuple(sorted(smallest_change_per_kind, key=_get_share))
 
 
 def would_keep_course(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:

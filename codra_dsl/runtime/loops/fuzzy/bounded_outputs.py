@@ -115,10 +115,10 @@ def _centroid(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]
 
 def _extreme_means(x_lows: Samples, x_highs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
     """Return the least and the greatest weighted mean of values; at least one weight must be able to exceed 0."""
-    first, last = np.argsort(x_lows, kind="stable"), np.argsort(x_highs, kind="stable")
-    least = _means_by_cut(x_lows[first], highs[first], lows[first])
-    greatest = _means_by_cut(x_highs[last], lows[last], highs[last])
-    return float(np.nanmin(least)), float(np.nanmax(greatest))
+    order_of_lows, order_of_highs = np.argsort(x_lows, kind="stable"), np.argsort(x_highs, kind="stable")
+    low_means = _means_by_cut(x_lows[order_of_lows], highs[order_of_lows], lows[order_of_lows])
+    high_means = _means_by_cut(x_highs[order_of_highs], lows[order_of_highs], highs[order_of_highs])
+    return float(np.nanmin(low_means)), float(np.nanmax(high_means))
 
 
 def _means_by_cut(xs: Samples, before: Samples, after: Samples) -> Samples:
@@ -139,10 +139,14 @@ def _bisector(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]
     low_left, high_left = np.cumsum(lows), np.cumsum(highs)
     low_right, high_right = low_left[-1] - low_left, high_left[-1] - high_left
     with np.errstate(all="ignore"):
-        least = np.nan_to_num(low_left / (low_left + high_right), nan=0.0)
-        most = np.nan_to_num(high_left / (high_left + low_right), nan=1.0)
-    largest_errors = np.maximum(np.abs(least - 0.5), np.abs(most - 0.5))
-    smallest_errors = np.where((least <= 0.5) & (most >= 0.5), 0.0, np.minimum(np.abs(least - 0.5), np.abs(most - 0.5)))
+        least_shares = np.nan_to_num(low_left / (low_left + high_right), nan=0.0)
+        most_shares = np.nan_to_num(high_left / (high_left + low_right), nan=1.0)
+    largest_errors = np.maximum(np.abs(least_shares - 0.5), np.abs(most_shares - 0.5))
+    smallest_errors = np.where(
+        (least_shares <= 0.5) & (most_shares >= 0.5),
+        0.0,
+        np.minimum(np.abs(least_shares - 0.5), np.abs(most_shares - 0.5)),
+    )
     possible_points = xs[smallest_errors <= largest_errors.min() + _ROUNDING]
     return float(possible_points.min()), float(possible_points.max())
 
@@ -170,13 +174,16 @@ def average(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Boun
     if weighted_terms is None:
         return ANYTHING
     weights = [weight for weight, _ in weighted_terms if weight.high > 0.0]
-    numbers = [value for weight, value in weighted_terms if weight.high > 0.0]
+    term_values = [value for weight, value in weighted_terms if weight.high > 0.0]
     if not weights:
         return UNKNOWN
     lows, highs = np.array([weight.low for weight in weights]), np.array([weight.high for weight in weights])
-    least, greatest = np.array([number.low for number in numbers]), np.array([number.high for number in numbers])
-    low, high = _extreme_means(least, greatest, lows, highs)
-    scale = float(max(np.abs(least).max(), np.abs(greatest).max()))
+    value_lows, value_highs = (
+        np.array([value.low for value in term_values]),
+        np.array([value.high for value in term_values]),
+    )
+    low, high = _extreme_means(value_lows, value_highs, lows, highs)
+    scale = float(max(np.abs(value_lows).max(), np.abs(value_highs).max()))
     return _widen(low, high, scale, may_be_unknown=not lows.any())
 
 
