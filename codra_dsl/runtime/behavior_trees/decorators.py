@@ -75,7 +75,7 @@ class _Loop(Kind):
         self._finished_round_count = 0
 
     def tick(self, node: Node) -> Result:
-        """Tick the child; yield after a round that took one tick only, otherwise begin the next round at once."""
+        """Tick the child; yield after a round that took one tick only, otherwise begin the next round in this tick."""
         round_limit = node.read_integer(self._round_limit)
         while self._has_rounds_left(round_limit):
             was_idle = node.nodes[0].result is Result.IDLE

@@ -237,7 +237,7 @@ class ChangeSet:
             self._record_reading(history.attribute, reading)
 
     def history(self, name: str, attribute: str) -> History:
-        """Return the history of an attribute of a node; empty if the attribute was never written before."""
+        """Return the history that an attribute of a node had before this change set; empty if it was never written."""
         node = self.node(name)
         return node.histories.get(attribute) or History(self.schema.attribute(node, attribute), f"{name}.{attribute}")
 

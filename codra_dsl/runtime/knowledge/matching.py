@@ -209,7 +209,7 @@ def _follow_steps(  # noqa: PLR0917 - shared by the two directions of a path
     start_node: str,
     bindings: Mapping[str, str],
 ) -> Iterator[tuple[Mapping[str, str], _EdgeKeysByLink]]:
-    """Yield all matches of some steps from a node, depth first, but not recursively: paths can be long."""
+    """Yield all matches of some steps from a node, depth first, but not recursively: paths can be very long."""
     nodes_by_place: _NodesByPlace = {steps[0][0]: start_node} if steps else {}
     edge_keys: _EdgeKeysByLink = {}
     bindings_stack = [bindings]

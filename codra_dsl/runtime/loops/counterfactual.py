@@ -1,4 +1,4 @@
-"""Counterfactuals: the smallest input change and the smallest weight change that would have kept a course.
+"""Counterfactuals: the smallest change of one input, or of one weight, that would have kept a course.
 
 Each candidate is verified: with the changed input or weight, no other weight may exceed the weight of the course by the
 required lead, and no hard rule may demand another action. For a changed input, the stages are run again. Smoothing,

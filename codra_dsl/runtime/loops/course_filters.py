@@ -16,7 +16,7 @@ from enum import StrEnum
 from codra_dsl.runtime.loops.declarations import CourseModel
 
 JUST_AFTER_S = 1e-6
-"""A filter's next step is this much later than the computed instant, so that the step is never too early."""
+"""A filter's next step is this much later than the computed instant: rounding must not make it too early."""
 
 MIN_LEAD = 1e-9
 """The lead that is used instead of 0, so that equal weights do not switch the course."""
