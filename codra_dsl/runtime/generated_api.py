@@ -319,11 +319,10 @@ _LAZY_IMPORTS = {
     "codra_dsl.runtime.behavior_trees.node": ("Leaves",),
 }
 _MODULES_OF_LAZY_NAMES = {name: module for module, names in _LAZY_IMPORTS.items() for name in names}
-"""For names imported on first use, their module; not for names of `_FUZZY_MODULE_NAMES` and `_TREES_PACKAGE`."""
+"""The module of each name that is imported on first use, except names of `_FUZZY_MODULE_NAMES` and `_TREES_PACKAGE`."""
 
 _ORIGINAL_NAMES = {"TreeNode": "Node", "TreePrecondition": "Precondition"}
-"""Classes of `_TREES_PACKAGE` whose name is already used here: the name that they have here, and their original name.
-"""
+"""For classes of `_TREES_PACKAGE` that have another name here: a mapping from this name to the original name."""
 
 
 def _import_lazily(name: str) -> object:

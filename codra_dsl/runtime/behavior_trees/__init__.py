@@ -1,6 +1,6 @@
 """Behaviour trees with the semantics of BehaviorTree.CPP version 4, on py_trees (P2, section 5.2 and Figure 7).
 
-The norm is the documentation of BehaviorTree.CPP; where the documentation gives no answer, it is the library.
+The nodes follow the documentation of BehaviorTree.CPP; where it gives no answer, they act as the library does.
 `docs/reference/trees.md` lists the differences.
 """
 

@@ -1,7 +1,7 @@
 """Nodes with several children.
 
-Each function returns the kind of one node. The documentation of BehaviorTree.CPP version 4 is the norm: its pages on
-sequences, fallbacks, parallel, conditional and switch nodes.
+Each function returns the kind of one node. The nodes follow the documentation of BehaviorTree.CPP version 4: its pages
+on sequences, fallbacks, parallel, conditional and switch nodes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class _EndPolicy(Enum):
 
 
 class _StepPolicy(Enum):
-    """Whether the next child is ticked in the same tick after a child that completed within one tick."""
+    """When the next child is ticked after a child that completed within one tick: in the same tick or in the next."""
 
     SAME_TICK = auto()
     ONE_PER_TICK = auto()
@@ -34,12 +34,12 @@ def sequence() -> Kind:
 
 
 def async_sequence() -> Kind:
-    """As `sequence`, but it can be halted between any two children: it yields after a child completed in one tick."""
+    """As `sequence`, but yield after a child that completed in one tick, so a halt is possible between children."""
     return _OrderedComposite(Result.SUCCESS, _EndPolicy.RESTART, _StepPolicy.ONE_PER_TICK)
 
 
 def sequence_with_memory() -> Kind:
-    """As `sequence`, but after a failure or a halt it continues at the child that it had reached."""
+    """As `sequence`, but after a failure or a halt, continue with the child that failed or was halted."""
     return _OrderedComposite(Result.SUCCESS, _EndPolicy.TICK_AGAIN, _StepPolicy.ONE_PER_TICK)
 
 
@@ -49,7 +49,7 @@ def fallback() -> Kind:
 
 
 def async_fallback() -> Kind:
-    """As `fallback`, but it can be halted between any two children."""
+    """As `fallback`, but yield after a child that completed in one tick, so a halt is possible between children."""
     return _OrderedComposite(Result.FAILURE, _EndPolicy.RESTART, _StepPolicy.ONE_PER_TICK)
 
 
@@ -59,7 +59,7 @@ def reactive_sequence() -> Kind:
 
 
 def reactive_fallback() -> Kind:
-    """As `reactive_sequence`, for a fallback."""
+    """At each tick, tick the children of a fallback from the first one on, as `reactive_sequence` does."""
     return _ReactiveComposite(Result.FAILURE)
 
 
@@ -74,7 +74,7 @@ class _OrderedComposite(Kind):
         self._skipped_count = 0
 
     def tick(self, node: Node) -> Result:
-        """Tick the children from the remembered one."""
+        """Tick the children, beginning with the remembered one."""
         if not node.is_running:
             self._skipped_count = 0
         child_count = len(node.nodes)
@@ -120,7 +120,7 @@ class _ReactiveComposite(Kind):
         self._continue_result = continue_result
 
     def tick(self, node: Node) -> Result:
-        """Tick the children from the first one."""
+        """Tick the children, beginning with the first one."""
         are_all_skipped = True
         for child in node.nodes:
             result = child.execute()
@@ -306,8 +306,8 @@ class Switch(Kind):
     def _is_equal(self, variable: object, case: object) -> bool:
         if str(variable) == str(case):
             return True
-        left, right = self._number(variable), self._number(case)
+        left, right = self._as_number(variable), self._as_number(case)
         return left is not None and right is not None and equal(left, right)
 
-    def _number(self, value: object) -> int | float | None:
+    def _as_number(self, value: object) -> int | float | None:
         return self._enums[value] if isinstance(value, str) and value in self._enums else number_in(value)

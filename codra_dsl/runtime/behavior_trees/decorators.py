@@ -67,7 +67,7 @@ def retry_until_successful(num_attempts: Setting) -> Kind:
 
 
 class _Loop(Kind):
-    """Ticks its child again after each success, or after each failure."""
+    """Executes its child in rounds: again after each success, or again after each failure."""
 
     def __init__(self, round_limit: Setting, *, repeat_result: Result) -> None:
         self._round_limit = round_limit
@@ -75,7 +75,7 @@ class _Loop(Kind):
         self._finished_round_count = 0
 
     def tick(self, node: Node) -> Result:
-        """Run rounds until a round takes more than this tick; yield after each round that took only one tick."""
+        """Tick the child; yield after a round that took one tick only, otherwise begin the next round in this tick."""
         round_limit = node.read_integer(self._round_limit)
         while self._has_rounds_left(round_limit):
             was_idle = node.nodes[0].result is Result.IDLE
@@ -105,8 +105,8 @@ class _Loop(Kind):
 class Delay(Kind):
     """Ticks its child after a delay.
 
-    As in all nodes that wait, the clock is read when the tree is ticked, and no node has a thread. A waiting node
-    reports to `Pulse.wait_for` the instant for which it waits.
+    Like all nodes that wait, this node has no thread: it reads the clock when the tree is ticked. A waiting node calls
+    `Pulse.wait_for` with the instant for which it waits.
     """
 
     def __init__(self, delay_msec: Setting) -> None:
@@ -138,7 +138,7 @@ class Timeout(Kind):
         self._due_s: float | None = None
 
     def tick(self, node: Node) -> Result:
-        """Tick the child while there is time."""
+        """Tick the child, unless the time is over."""
         if self._due_s is None:
             limit_ms = node.read_integer(self._msec)
             self._due_s = node.now_s + limit_ms * _S_PER_MS if limit_ms > 0 else float("inf")
@@ -303,7 +303,7 @@ def _parse_result(node: Node, setting: Setting) -> Result:
 
 
 class Subtree(Kind):
-    """Ticks the root of another tree, which has entries of its own and entries remapped to those of the outer tree."""
+    """Ticks the root of another tree, which has its own entries and entries that are remapped to the outer tree."""
 
     def __init__(
         self,

@@ -58,10 +58,10 @@ class Tree:
     def tick(self) -> Result:
         """Tick the root, and tick it again as long as a node has only yielded between two steps (`tickOnce`)."""
         result = self.tick_exactly_once()
-        passes = 1
-        while result is Result.RUNNING and self._pulse.needs_tick and passes < MAX_PASSES:
+        pass_count = 1
+        while result is Result.RUNNING and self._pulse.needs_tick and pass_count < MAX_PASSES:
             result = self.tick_exactly_once()
-            passes += 1
+            pass_count += 1
         return result
 
     def run(self, period_s: float, *, timeout_s: float = float("inf")) -> Result:
@@ -89,8 +89,8 @@ class Tree:
 
     def _halt_all(self) -> None:
         """Halt all running nodes after an action or a script has raised an error within a tick."""
-        pending = [self.root]
-        while pending:
-            node = pending.pop()
+        pending_nodes = [self.root]
+        while pending_nodes:
+            node = pending_nodes.pop()
             node.reset()
-            pending.extend(reversed(node.nodes))
+            pending_nodes.extend(reversed(node.nodes))

@@ -59,7 +59,7 @@ def script(*statements: Assignment) -> Kind:
 
 
 class _ImmediateLeaf(Kind):
-    """Completes within every tick."""
+    """A leaf that completes within the tick in which it begins."""
 
     def __init__(self, succeeds: Callable[[Node], bool]) -> None:
         self._succeeds = succeeds
@@ -138,7 +138,7 @@ class Ports:
         """Return an input as a number.
 
         Raises:
-            TreeError: if it is neither a number nor the text of one.
+            TreeError: if the input is neither a number nor the text of a number.
         """
         number = number_in(self.value(port))
         if number is None:
@@ -183,7 +183,7 @@ class Robot:
     """The actions and conditions of a robot, by their names in trees."""
 
     def __init__(self) -> None:
-        self._makers: dict[str, Callable[[], Action]] = {}
+        self._action_factories: dict[str, Callable[[], Action]] = {}
 
     def can(self, name: str, make: Callable[[], Action]) -> None:
         """Register a factory of an action, which is called once per leaf.
@@ -191,12 +191,12 @@ class Robot:
         Raises:
             ValueError: if the name is already registered.
         """
-        if name in self._makers:
+        if name in self._action_factories:
             raise ValueError(f"the action {name!r} already exists")
-        self._makers[name] = make
+        self._action_factories[name] = make
 
     def does(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
-        """Register a function as a condition or action; after it has returned RUNNING, it is called again."""
+        """Register a function as a condition or action; a function that has returned RUNNING is called again."""
         self.can(name, lambda: _FunctionAction(name, function))
 
     def of(self, name: str) -> Action:
@@ -205,9 +205,9 @@ class Robot:
         Raises:
             TreeError: if the robot has no action of this name.
         """
-        if name not in self._makers:
-            raise TreeError(f"the robot has no action {name!r}: it has {_names_text(self._makers)}")
-        return self._makers[name]()
+        if name not in self._action_factories:
+            raise TreeError(f"the robot has no action {name!r}: it has {_names_text(self._action_factories)}")
+        return self._action_factories[name]()
 
 
 class _FunctionAction(Action):

@@ -1,7 +1,7 @@
 """A node with the semantics of BehaviorTree.CPP version 4; py_trees can tick and draw a tree of such nodes.
 
 The composites of py_trees cannot implement these semantics: they have no SKIPPED, their `Sequence` and `Selector` stop
-running children by another rule, their `Parallel` ticks completed children again, their decorators tick a child only
+running children by other rules, their `Parallel` ticks completed children again, their decorators tick a child only
 once per tick, and none of them has conditions around its tick.
 
 So there is only one class of nodes, `Node`, which is a `Behaviour` of py_trees. The `Kind` of a node is a value that
@@ -225,12 +225,12 @@ class Node(Behaviour):
         self.tick_context.pulse.needs_tick = True
 
     def reset_children(self) -> None:
-        """Make all children idle; running ones are halted in order."""
+        """Make all children idle; running children are halted in order."""
         errors: list[Exception] = []
         for child in self.nodes:
             try:
                 child.reset()
-            except Exception as error:  # noqa: BLE001 - the others are halted in any case
+            except Exception as error:  # noqa: BLE001 - the other children are halted in any case
                 errors.append(error)
         if errors:
             raise errors[0]
@@ -265,7 +265,7 @@ class Node(Behaviour):
         self._run(self._conditions.on_halted)
 
     def _result_of_conditions(self) -> Result | None:
-        """Return the result that the conditions decide before the tick, or None."""
+        """Return the result that the conditions before the tick decide; None if the node must be ticked."""
         conditions, scope = self._conditions, self.scope
         if self.is_running:
             if conditions.while_true is None or is_true(conditions.while_true(scope)):
@@ -281,8 +281,8 @@ class Node(Behaviour):
         ):
             if condition is not None and is_true(condition(scope)):
                 return result
-        holds = conditions.while_true is None or is_true(conditions.while_true(scope))
-        return None if holds else Result.SKIPPED
+        is_allowed = conditions.while_true is None or is_true(conditions.while_true(scope))
+        return None if is_allowed else Result.SKIPPED
 
     def _run(self, script: tuple[Assignment, ...]) -> None:
         for statement in script:

@@ -16,7 +16,7 @@ GLOBAL_PREFIX = "@"
 """The prefix for entries of the outermost tree."""
 
 _EQUALITY_TOLERANCE = 2.0**-23
-"""Scripts treat two numbers as equal up to this difference."""
+"""Scripts treat two numbers as equal if their difference is not larger than this value."""
 
 PRIVATE_PREFIX = "_"
 """The prefix of entries that `_autoremap` never remaps."""
@@ -39,7 +39,7 @@ class Scope:
         """Begin without entries.
 
         Args:
-            outer_scope: the scope of the tree that has this one as a subtree.
+            outer_scope: the scope of the tree that contains this tree as a subtree.
             remapped: the names of entries in the outer scope. The keys are the names of these entries in this scope.
             remaps_all: whether every other entry, unless private, is the entry of the same name in the outer scope
                 (`_autoremap`).
@@ -175,7 +175,7 @@ def _family(value: object) -> str:
 
 
 def number_in(value: object) -> int | float | None:
-    """Return a value as a number; None if it is neither a number or boolean nor the text of one."""
+    """Return a value as a number; None if it is not a number, a boolean, or the text of one of them."""
     if isinstance(value, bool | int | float):
         return value
     if not isinstance(value, str):
@@ -189,7 +189,7 @@ def number_in(value: object) -> int | float | None:
 
 
 def plain_value(value: object) -> Any:
-    """Return a value as entries hold it: not as an `Operand`."""
+    """Return a value in the form in which entries hold it, which is not an `Operand`."""
     return value.value if isinstance(value, Operand) else value
 
 
@@ -213,14 +213,15 @@ def is_true(value: object) -> bool:
 
 
 class Operand:
-    """A value in the computations of scripts. All numbers have one type, and the text of a number compares as a number.
+    """A value in the computations of scripts.
 
-    Scripts use Python's operators on operands, which behave as in BehaviorTree.CPP: `'42' == 42` is true, and `1 / 0`
-    is infinite as in C++.
+    All numbers have one type. In a comparison of a number with the text of a number, the text becomes a number. Scripts
+    use Python's operators on operands, which behave as in BehaviorTree.CPP: `'42' == 42` is true, and `1 / 0` is
+    infinite as in C++.
     """
 
     __slots__ = ("value",)
-    __hash__ = None  # type: ignore[assignment]  # it equals values with other hashes
+    __hash__ = None  # type: ignore[assignment]  # operands can be equal to values with other hashes
 
     def __init__(self, value: object) -> None:
         self.value = value
@@ -253,21 +254,21 @@ class Operand:
         return _sum(other, self.value)
 
     def __sub__(self, other: object) -> Operand:
-        left, right = _numbers("-", self.value, other)
+        left, right = _require_numbers("-", self.value, other)
         return Operand(left - right)
 
     def __rsub__(self, other: object) -> Operand:
         return Operand(other) - self
 
     def __mul__(self, other: object) -> Operand:
-        left, right = _numbers("*", self.value, other)
+        left, right = _require_numbers("*", self.value, other)
         return Operand(left * right)
 
     def __rmul__(self, other: object) -> Operand:
         return Operand(other) * self
 
     def __truediv__(self, other: object) -> Operand:
-        left, right = _numbers("/", self.value, other)
+        left, right = _require_numbers("/", self.value, other)
         return Operand(left / right if right else _quotient_by_zero(left, right))
 
     def __rtruediv__(self, other: object) -> Operand:
@@ -292,7 +293,7 @@ class Operand:
         return compare(left, right)
 
 
-def _numbers(sign: str, left: object, right: object) -> tuple[int | float, int | float]:
+def _require_numbers(sign: str, left: object, right: object) -> tuple[int | float, int | float]:
     values = plain_value(left), plain_value(right)
     if _family(values[0]) != NUMBER or _family(values[1]) != NUMBER:
         raise TreeError(f"{values[0]!r} {sign} {values[1]!r}: this operator needs two numbers")
@@ -302,7 +303,7 @@ def _numbers(sign: str, left: object, right: object) -> tuple[int | float, int |
 def _sum(left: object, right: object) -> Operand:
     if isinstance(left, str) and isinstance(right, str):
         return Operand(left + right)
-    first, second = _numbers("+", left, right)
+    first, second = _require_numbers("+", left, right)
     return Operand(first + second)
 
 

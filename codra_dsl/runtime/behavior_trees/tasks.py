@@ -9,13 +9,13 @@ from codra_dsl.runtime.behavior_trees.result import Result
 from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Stage
 
 UNSEEN = "unseen"
-"""The reason that is written for a task that ended between two ticks and was then requested by another requester."""
+"""The reason that is written for a task that ended and was requested again between two ticks: its result is lost."""
 
 
 class Task(Action):
     """An action that requests a task of the graph and runs until the task has ended; halting it aborts the task.
 
-    If another agent has requested the task, the action waits until the task of that agent has ended. The action fails
+    If the task is already requested, the action waits until that request has ended. The action fails
     if its own task was aborted, by the requester or by a deadline. If the task has finished, the action succeeds or
     fails depending on the result. The result is written to the output port `result`, and the reason of an abortion to
     the output port `reason`.
@@ -30,7 +30,7 @@ class Task(Action):
         succeeds_with: Collection[str] | None = None,
         values: Collection[str] = (),
     ) -> None:
-        """Hand over a task.
+        """Prepare the handover of a task.
 
         Args:
             task: the name of the task in the graph.

@@ -14,11 +14,11 @@ VariableName_contra = TypeVar("VariableName_contra", bound=str, contravariant=Tr
 GraphT_co = TypeVar("GraphT_co", covariant=True)
 
 NO_KNOWLEDGE = "declares no knowledge graph: add `knowledge` to it, and compile it"
-"""The end of the message of the error that is raised if there is no graph."""
+"""The end of the error message for a spec without a knowledge graph."""
 
 
 class Agent(Generic[VariableName_contra, GraphT_co]):
-    """The handle of one agent. The source of every value that is written with the handle is this agent.
+    """The handle of one agent, which is the source of every value that is written with the handle.
 
     Attributes:
         name: the name of the agent.
@@ -67,8 +67,8 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         """Call back when a `wakes` pattern of the agent becomes true in the knowledge graph; see `AgentHandle.on_wake`.
 
         No other handle of the agent can be opened until the subscription or this handle is closed, even if this object
-        is no longer referenced. While the agent waits, the observed variables in its `wakes` patterns are declared; the
-        holder of these declarations is `agent NAME`.
+        is no longer referenced. While the subscription lasts, the observed variables in the `wakes` patterns of the
+        agent are declared; the holder of these declarations is `agent NAME`.
 
         Raises:
             LookupError: if the spec declares no knowledge graph.

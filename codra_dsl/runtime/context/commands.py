@@ -1,11 +1,11 @@
-"""The commands that programs give to the context manager; each one is a step, recorded before it is executed.
+"""The commands that programs give to the context manager; each command is a step, recorded before its execution.
 
 Every input from outside is a command. The actions of observers, jobs and timers follow from the commands, from the
 results of perception, and from time. So a journal of commands and results can be replayed: the same inputs at the same
 places give the same events.
 
-In simulated time a perception function runs within the step that begins its job, so a command of the function belongs
-to that step. Such a command is recorded with the number of the job, and a replay repeats the command at this place.
+In simulated time a perception function runs within the step that begins its job, so a command that the function gives
+belongs to that step. Such a command is recorded with the number of the job, and a replay repeats it within this job.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Commands:
         self._event_triggers = event_triggers
         self._skills = skills
         self._explain = explain
-        self.declarations = Declarations(self._enter, self._leave)
+        self.declarations = Declarations(self._begin_declaration, self._end_declaration)
         observers = forest.observers.items()
         self._urgencies = Urgencies(
             {name: observer.model.identifies for name, observer in observers},
@@ -88,7 +88,7 @@ class Commands:
 
     # Declarations of the main execution (P1, Equation 4)
 
-    def declare(self, name: str, party: str = MAIN) -> None:
+    def declare(self, name: str, caller: str = MAIN) -> None:
         """Add a variable to C_E(t).
 
         Raises:
@@ -96,34 +96,34 @@ class Commands:
         """
         with self._clock:
             self._check_open()
-            self._record_input("declare", party, variable=name)
-            self.declarations.add(party, name)
+            self._record_input("declare", caller, variable=name)
+            self.declarations.add(caller, name)
 
-    def withdraw(self, name: str, party: str = MAIN) -> None:
+    def withdraw(self, name: str, caller: str = MAIN) -> None:
         """Undo `declare`."""
         with self._clock:
-            self._record_input("withdraw", party, variable=name)
-            self.declarations.remove(party, name)
+            self._record_input("withdraw", caller, variable=name)
+            self.declarations.remove(caller, name)
 
-    def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
-        """Set the skills that a main execution expects next; all others are no longer expected."""
+    def expect(self, skills: Iterable[str], caller: str = MAIN) -> None:
+        """Set the skills that a main execution expects next; all other skills are no longer expected."""
         with self._clock:
             self._check_open()
             expected_skills = list(skills)
-            self._record_input("expect", party, skills=expected_skills)
-            self._hold_expected(expected_skills, party)
+            self._record_input("expect", caller, skills=expected_skills)
+            self._hold_expected(expected_skills, caller)
 
-    def begin(self, name: str, party: str = MAIN) -> int:
+    def begin(self, name: str, caller: str = MAIN) -> int:
         """Begin a skill; return its number, by which `act`, `acted` and `finish` identify the skill."""
         with self._clock:
             self._check_open()
-            self._record_input("begin", party, skill=name)
+            self._record_input("begin", caller, skill=name)
             self._skill_count += 1
             number, skill = self._skill_count, self._skills[name]
-            self._skills_under_way[number] = (party, skill)
+            self._skills_under_way[number] = (caller, skill)
             self._event_triggers.begin(skill.monitor)
             self.declarations.hold(skill_holder(skill.name, number), (*skill.preview, *skill.monitor))
-            self._hold_expected([other for other in self._expected_skills.get(party, ()) if other != name], party)
+            self._hold_expected([other for other in self._expected_skills.get(caller, ()) if other != name], caller)
             self._forest.look_again()
             return number
 
@@ -136,7 +136,7 @@ class Commands:
         with self._clock:
             if number not in self._skills_under_way:
                 raise RuntimeError("a skill that has ended cannot act: begin it again")
-            _party, skill = self._skills_under_way[number]
+            _caller, skill = self._skills_under_way[number]
             self._record_input("act", number=number)
             for variable in skill.changes:
                 self._store.invalidate(variable, skill.name, MAIN)
@@ -157,20 +157,20 @@ class Commands:
             self._record_input("finish", number=number)
             self._finish(number)
 
-    def leave(self, party: str) -> None:
-        """Withdraw all declarations of a main execution that has left or no longer responds."""
+    def leave(self, caller: str) -> None:
+        """Withdraw all declarations of a caller, such as a main execution that has left or no longer responds."""
         with self._clock:
-            self._record_input("leave", party)
+            self._record_input("leave", caller)
             for number in [
-                number for number, (skill_party, _) in self._skills_under_way.items() if skill_party == party
+                number for number, (skill_caller, _) in self._skills_under_way.items() if skill_caller == caller
             ]:
                 self._finish(number)
-            self._hold_expected([], party)
-            del self._expected_skills[party]
-            self.declarations.hold(party, ())
+            self._hold_expected([], caller)
+            del self._expected_skills[caller]
+            self.declarations.hold(caller, ())
 
     def close(self) -> None:
-        """Withdraw everything."""
+        """Withdraw all declarations."""
         with self._clock:
             self._record_input("close")
             self.is_closed = True
@@ -199,12 +199,12 @@ class Commands:
                 raise NotASourceError(f"{name!r} follows from poses and cannot be written")
             if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
-                    f"{name!r} is for {' or '.join(model.sources)} to write: "
-                    f"the main execution may write it only while it is declared{_agent_help(model)}"
+                    f"{name!r} may be written by {' or '.join(model.sources)}: "
+                    f"the main execution may write the variable only while it is declared{_agent_help(model)}"
                 )
             if writer != MAIN and writer not in model.sources:
                 self._event_writer.write(Kind.VARIABLE, name, "refused", value=content, source=writer)
-                raise NotASourceError(f"{name!r} is for {' or '.join(model.sources)} to write, not for {writer!r}")
+                raise NotASourceError(f"{name!r} may be written by {' or '.join(model.sources)}, not by {writer!r}")
             self._store_reading(model, content, writer, evidence_s)
 
     def adapt(self, agent: str, name: str, what: str, details: Mapping[str, object]) -> None:
@@ -225,17 +225,17 @@ class Commands:
     # Decisions
 
     def ask(self, request: DecisionRequest) -> Decision:
-        """Return a new decision; it is answered at once if context can answer it."""
+        """Return a new decision. If context has the answer, the decision is answered at once."""
         with self._clock:
             self._decision_count += 1
             self._record_input("decide", number=self._decision_count, **_request_fields(request))
             now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
             decision = Decision(number=self._decision_count, request=request, asked_s=now_s, reading=reading)
             self._look_up(decision)
-            if not decision.met and request.wait_up_to_s > 0:
+            if not decision.is_met and request.wait_up_to_s > 0:
                 self._urgencies.wait(decision.number, request.variable)
                 return decision
-            self._settle(decision)
+            self._answer_or_look(decision)
             return decision
 
     def resume(self, decision: Decision) -> None:
@@ -244,10 +244,10 @@ class Commands:
             self._record_input("waited", number=decision.number)
             self._urgencies.answer(decision.number)
             self._look_up(decision)
-            self._settle(decision)
+            self._answer_or_look(decision)
 
     def conclude(self, decision: Decision, content: Value | None, raised: str | None = None) -> None:
-        """Record the value that the main execution found itself, or the name of the error that its look raised.
+        """Record the value that the main execution got by its own look, or the name of the error that the look raised.
 
         The value is kept as evidence of the main execution if the main execution may write the variable, the decision
         is not in shadow mode, and no skill has made the variable unknown since the look began.
@@ -256,20 +256,20 @@ class Commands:
         with self._clock:
             self._record_input("found", number=decision.number, value=content, raised=raised)
             self._urgencies.answer(decision.number)  # the decision may have been abandoned while it waited
-            what = "shadowed" if decision.met else "fell_back"
-            marks = {"shadow": True} if shadow and not decision.met else {}
+            what = "shadowed" if decision.is_met else "fell_back"
+            shadow_details = {"shadow": True} if shadow and not decision.is_met else {}
             if raised is not None:
-                self._record_decision(what, decision, raised=raised, **marks)
+                self._record_decision(what, decision, raised=raised, **shadow_details)
                 return
-            is_void = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
-            keeps = not shadow and content is not None and not is_void and self._may_write(name)
-            about: dict[str, object] = {"found": content}
-            if not decision.met:
-                about |= {"kept": keeps, **marks}
+            is_invalidated = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
+            is_kept = not shadow and content is not None and not is_invalidated and self._may_write(name)
+            look_details: dict[str, object] = {"found": content}
+            if not decision.is_met:
+                look_details |= {"kept": is_kept, **shadow_details}
             elif content is not None:
-                about["agrees"] = content == decision.reading.content
-            self._record_decision(what, decision, **about)
-            if keeps:
+                look_details["agrees"] = content == decision.reading.content
+            self._record_decision(what, decision, **look_details)
+            if is_kept:
                 self._store_reading(self._store.variables[name], content, MAIN, None, decision.looked_s)
 
     # Slots
@@ -295,33 +295,33 @@ class Commands:
     # Internal
 
     def _check_open(self) -> None:
-        """Raise an error if the context manager is closed, so that no observer starts after the end.
+        """Raise an error if the context manager is closed, so that no observer starts after the closing.
 
         Callers are within a step, so no other thread closes the context manager meanwhile.
         """
         if self.is_closed:
             raise RuntimeError("the context manager is closed: start() creates a new one")
 
-    def _record_input(self, what: str, party: str = MAIN, /, **details: object) -> None:
-        self._event_writer.write_input(party, what, **details)
+    def _record_input(self, what: str, caller: str = MAIN, /, **details: object) -> None:
+        self._event_writer.write_input(caller, what, **details)
 
     def _finish(self, number: int) -> None:
-        _party, skill = self._skills_under_way.pop(number)
+        _caller, skill = self._skills_under_way.pop(number)
         self._expectations.finish(number)
         self._event_triggers.finish(number, skill.monitor)
         self.declarations.hold(skill_holder(skill.name, number), ())
         self._forest.look_again()  # the skill may have acted until its end
 
-    def _hold_expected(self, skills: list[str], party: str) -> None:
-        self._expected_skills[party] = skills
+    def _hold_expected(self, skills: list[str], caller: str) -> None:
+        self._expected_skills[caller] = skills
         previews = (name for skill in skills for name in self._skills[skill].preview)
-        self.declarations.hold(expectation_holder(party), previews)
+        self.declarations.hold(expectation_holder(caller), previews)
 
-    def _enter(self, name: str, holder: str) -> None:
+    def _begin_declaration(self, name: str, holder: str) -> None:
         self._event_writer.write(Kind.DECLARATION, name, "declared", holder=holder)
         self._forest.declare(name)
 
-    def _leave(self, name: str, holder: str) -> None:
+    def _end_declaration(self, name: str, holder: str) -> None:
         self._event_writer.write(Kind.DECLARATION, name, "withdrawn", holder=holder)
         self._forest.withdraw(name)
 
@@ -359,9 +359,9 @@ class Commands:
 
     def _look_up(self, decision: Decision) -> None:
         decision.reading = self._store.reading(decision.request.variable)
-        decision.met = decision.request.is_met(decision.reading, self._clock.now_s())
+        decision.is_met = decision.request.is_met(decision.reading, self._clock.now_s())
 
-    def _settle(self, decision: Decision) -> None:
+    def _answer_or_look(self, decision: Decision) -> None:
         """Answer a decision from context, or note that the main execution begins to look."""
         if decision.is_answered:
             self._record_decision("answered", decision)

@@ -33,7 +33,7 @@ class Components:
 
     Attributes:
         lock: held during each change.
-        time: the clock of real or simulated time, which holds no lock while events run.
+        unlocked_clock: the clock of real or simulated time; it holds no lock while its events run.
         clock: a clock with the same time, whose events are steps under the lock.
         skills: the skills by name.
     """
@@ -50,7 +50,7 @@ class Components:
     ) -> None:
         """Create and connect all parts. The arguments and the errors are those of `ContextManager`."""
         self.lock = threading.RLock()
-        self.time = clock
+        self.unlocked_clock = clock
         self.clock = LockedClock(clock, self.lock)
         self.skills = {skill.name: skill for skill in model.skills}
         self.event_writer = EventWriter(record, self.clock, self.clock.position)
@@ -95,15 +95,15 @@ class Components:
             is_asked_for=lambda variable: self.forest.is_asked_for(variable, self.commands.declarations),
         )
 
-    def with_knowledge(self, model: KnowledgeModel) -> Knowledge:
-        """Return the knowledge graph that shares these variables, steps and journal."""
+    def create_knowledge(self, model: KnowledgeModel) -> Knowledge:
+        """Return a new knowledge graph that shares the variables, the steps and the journal of the context manager."""
         context_link = ContextLink(
             variables=tuple(variable for variable in self.store.variables.values() if variable.pose_condition is None),
             clock=self.clock,
             event_writer=self.event_writer,
             write=self.store.write,
         )
-        knowledge = Knowledge(model, clock=self.time, context_link=context_link)
+        knowledge = Knowledge(model, clock=self.unlocked_clock, context_link=context_link)
         self.store.mirror = knowledge.mirror
         PoseConditions(self.store.variables.values(), knowledge, self.clock, self.store)
         return knowledge
@@ -113,12 +113,12 @@ class Components:
         obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
         if variable.pose_condition is not None:
             return "it follows from poses"
-        return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
+        return f"only {' or '.join(variable.sources)} may write it" if obstacle is None else obstacle
 
     def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:
-        """Return a reading; if its variable was never observed or is stale, with a detail.
+        """Return a reading with a detail that says why the variable cannot be observed now.
 
-        The detail says why the variable cannot be observed now. If the reading already has a detail, it is kept.
+        The detail is added only if the variable was never observed or is stale, and the reading has no detail yet.
         """
         if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
             return reading
@@ -129,7 +129,7 @@ class Components:
         self.forest.changed(name, is_renewed)
         self.expectations.changed(name)
         self.subscriptions.notify_change(name, self.store.reading)
-        self.time.notify()
+        self.unlocked_clock.notify()
 
     def forget_variables_of(self, observer: Observer) -> None:
         """Forget the variables of a stopped observer that are declared with `forget`."""

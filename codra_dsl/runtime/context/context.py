@@ -23,7 +23,7 @@ from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.context.package_files import manifest_of, package_folder
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
 from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
-from codra_dsl.runtime.context.shared_acquisition import declaring
+from codra_dsl.runtime.context.shared_acquisition import shared_declaration
 from codra_dsl.runtime.context.skills import Skill
 from codra_dsl.runtime.context.slots import MainExecutionSlots
 from codra_dsl.runtime.context.summarise import summarise_spec
@@ -80,7 +80,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             record: the event log for every change; by default a new one.
             find: returns the perception function of an algorithm; by default, the function that `call` of the algorithm
                 names.
-            knowledge: the knowledge graph and its agents in the spec; None if it declares no graph.
+            knowledge: the knowledge graph and its agents in the spec; None if the spec declares no graph.
 
         Raises:
             CallError: if a perception function cannot be imported, or a handle is missing or not usable.
@@ -96,11 +96,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._subscriptions, self.commands = components.subscriptions, components.commands
         self._skills = components.skills
         self._main_execution_slots = MainExecutionSlots(components.slots, self.commands, self._clock)
-        self._party_numbers = itertools.count(2)
+        self._main_execution_numbers = itertools.count(2)
         self._nodes = {} if knowledge is None else nodes_of_variables(knowledge, model.variables)
         with self._clock:  # so that the graph begins at the same instant as the journal
             self.record.begin(lambda: self._run_header(seed))
-            self._knowledge = None if knowledge is None else components.with_knowledge(knowledge)
+            self._knowledge = None if knowledge is None else components.create_knowledge(knowledge)
 
     def __enter__(self) -> Self:
         return self
@@ -109,10 +109,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.close()
 
     def close(self) -> None:
-        """Withdraw everything, stop all observers and cancel their jobs; after that nothing can be declared.
+        """Withdraw all declarations, stop all observers and cancel their jobs; after that nothing can be declared.
 
         A decision that waits for an observer in another thread stops waiting. While the interpreter shuts down, this
-        does nothing: threads that held the lock are gone, and processes of isolated algorithms end by themselves.
+        method does nothing: threads that held the lock no longer run, and processes of isolated algorithms end by
+        themselves.
         """
         if sys.is_finalizing():
             return
@@ -150,14 +151,14 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.commands.withdraw(name)
 
     def expect(self, *skills: SkillName) -> None:
-        """Set the skills that come next: their previews are declared until they begin or others are expected."""
+        """Set the skills that come next: their previews are declared until the skills begin or others are expected."""
         for name in skills:
             self._skill(name)
         self.commands.expect(skills)
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
-        """Run a skill. Its previews and monitored variables are declared until it ends; it is no longer expected."""
+        """Run a skill. Its previews and monitored variables are declared until its end; it is no longer expected."""
         model = self._skill(name)
         number = self.commands.begin(name)
         try:
@@ -187,11 +188,13 @@ class ContextManager(Generic[VariableName, SkillName]):
     def in_force(self) -> frozenset[str]:
         """Return C_M(t), the variables that are declared or needed by a running observer (P1, Equation 8)."""
         with self._lock:
-            needed = {need for name in self._forest.running() for need in self._forest.observers[name].needs()}
-            return self.commands.declarations.names() | needed
+            needed_variables = {
+                need for name in self._forest.running() for need in self._forest.observers[name].needs()
+            }
+            return self.commands.declarations.names() | needed_variables
 
     def spent(self) -> Mapping[str, Cost]:
-        """Return the cost and the results of each observer so far, by its name."""
+        """Return a mapping from the name of each observer to its costs and results so far."""
         with self._lock:
             observers = self._forest.observers.items()
             return {
@@ -222,8 +225,8 @@ class ContextManager(Generic[VariableName, SkillName]):
     def obstacle(self, name: VariableName) -> str:
         """Return why a variable, known or unknown, cannot be observed now; empty if an algorithm can look.
 
-        The text has, for each algorithm, the first condition that does not hold. If the observer of the variable does
-        not run, the text says so. If no observer identifies the variable, the text has the sources of the variable.
+        The text states for each algorithm the first condition that does not hold. If the observer of the variable does
+        not run, the text says so. If no observer identifies the variable, the text names the sources of the variable.
         """
         self._model(name)
         return self._components.obstacle(name)
@@ -236,7 +239,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             at_s: a past instant that the event log still covers; now, if None.
 
         Raises:
-            UnknownNameError: if the spec does not declare the name, and no event up to the instant has it.
+            UnknownNameError: if the spec does not declare the name, and no event up to the instant has this name.
             ValueError: if the instant lies in the future, or before the start of the event log.
         """
         with self._lock:
@@ -255,7 +258,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 variable keeps this value.
 
         Raises:
-            NotDeclaredError: if the variable is not declared, and the main execution is not a source of it.
+            NotDeclaredError: if the variable is not declared, and the main execution is not a source of the variable.
             NotOfTypeError: if the value does not have the declared type.
             ValueError: if the evidence lies in the future.
         """
@@ -266,7 +269,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.commands.write(name, content, MAIN, evidence_s)
 
     def agent(self, name: str) -> Agent[VariableName, AgentHandle]:
-        """Return the handle with which an agent writes the variables that list it under `source`.
+        """Return the handle with which an agent writes the variables that list this agent under `source`.
 
         With a knowledge graph, the agents are those of the graph, and only one handle per agent can be open. The main
         execution is one of these agents if it is a source or requests tasks.
@@ -276,7 +279,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             AgentTakenError: if there is a knowledge graph and a handle of the agent is open.
         """
         if self._knowledge is not None:
-            acquisition = declaring(
+            acquisition = shared_declaration(
                 self.commands, f"agent {name}", self._variables_of_wakes(name, self._knowledge.model)
             )
             return Agent(name, self._write_as, self._knowledge, acquisition)
@@ -424,7 +427,7 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     @contextmanager
     def slot(self, *resources: str) -> Iterator[None]:
-        """Use slots of shared resources as the main execution, which goes before every observer.
+        """Use slots of shared resources as the main execution, which gets slots before every observer.
 
         The call waits for the jobs that hold the slots, at most for the longest timeout of these jobs. Inside the
         `with` block the same thread may request the same slots again, without effect.
@@ -437,9 +440,9 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._main_execution_slots.hold(resources):
             yield
 
-    def next_party_name(self) -> str:
+    def next_main_execution_name(self) -> str:
         """Return the name of a further main execution, for its declarations; each call returns a new name."""
-        return f"{MAIN} {next(self._party_numbers)}"
+        return f"{MAIN} {next(self._main_execution_numbers)}"
 
     # Internal
 

@@ -34,13 +34,13 @@ class DecisionRequest:
 
 @dataclass(slots=True, kw_only=True)
 class Decision:
-    """A decision that is not made yet.
+    """The state of one decision.
 
     Attributes:
-        number: counted from 1 in a run.
+        number: the number of the decision in the run, from 1.
         asked_s: when the decision was requested.
         reading: the last reading of the variable that was looked up for this decision.
-        met: whether this reading answers the request.
+        is_met: whether this reading answers the request.
         looked_s: when the main execution itself began to look.
     """
 
@@ -48,10 +48,10 @@ class Decision:
     request: DecisionRequest
     asked_s: float
     reading: Reading[Value]
-    met: bool = False
+    is_met: bool = False
     looked_s: float = math.nan
 
     @property
     def is_answered(self) -> bool:
-        """Return whether the main execution need not look."""
-        return self.met and not self.request.shadow
+        """Return whether context has answered, so that the main execution need not look."""
+        return self.is_met and not self.request.shadow

@@ -1,4 +1,4 @@
-"""Decisions that a program advances in steps, because it must not block in one call; an example is a behaviour tree."""
+"""Decisions that a program, such as a behaviour tree, advances in steps, because the program must not block."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ class PendingDecision:
         self._clock = clock
         self._read = read
         self._convert = convert
-        is_waiting = not decision.met and decision.request.wait_up_to_s > 0
-        self.state = DecisionState.WAITING if is_waiting else self._settled_state()
+        is_waiting = not decision.is_met and decision.request.wait_up_to_s > 0
+        self.state = DecisionState.WAITING if is_waiting else self._state_after_wait()
 
     @property
     def number(self) -> int:
@@ -89,7 +89,7 @@ class PendingDecision:
         """Continue if context can answer now or the wait is over; return the state."""
         if self.state is DecisionState.WAITING and (self._is_wait_over() or self._remaining_s() <= 0):
             self._commands.resume(self._decision)
-            self.state = self._settled_state()
+            self.state = self._state_after_wait()
         return self.state
 
     def wait(self, longest_s: float) -> DecisionState:
@@ -99,7 +99,7 @@ class PendingDecision:
         return self.poll()
 
     def record_result(self, value: object) -> None:
-        """Report the value that the main execution acquired itself; None if it did not get one.
+        """Report the value that the main execution acquired by its own look; None if the look gave no value.
 
         Raises:
             NotOfTypeError: if the value is not of the type of the variable.
@@ -123,7 +123,7 @@ class PendingDecision:
             self.state = DecisionState.DONE
             self._commands.conclude(self._decision, None, raised=why)
 
-    def _settled_state(self) -> DecisionState:
+    def _state_after_wait(self) -> DecisionState:
         return DecisionState.ANSWERED if self._decision.is_answered else DecisionState.LOOKING
 
     def _is_wait_over(self) -> bool:

@@ -1,7 +1,7 @@
 """Conditions on poses as context-variables: the value of `distance(a, b) < 0.9 m` follows from the knowledge graph.
 
 Poses change all the time, but the value of a condition on them changes rarely. So the variable gets a reading only
-when its value changes, and only these changes reach trees, the journal and `why`.
+when its value changes, and only these readings reach trees, the journal and `why`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from codra_dsl.runtime.values.model import VariableModel
 
 
 class PoseConditions:
-    """Computes the variables that follow from poses. Its methods are called only within a step of `LockedClock`."""
+    """Computes the variables that follow from poses. Every computation runs within a step of `LockedClock`."""
 
     def __init__(self, variables: Iterable[VariableModel], knowledge: Knowledge, clock: Clock, store: Store) -> None:
         """Compute the variables now, and again whenever a change of the graph or the passing of time may change them.
@@ -58,7 +58,7 @@ class _InputsStatus(NamedTuple):
     """The inputs of a condition, and the reason if the condition is unknown.
 
     Attributes:
-        frames: the frames whose poses can change the condition; None if any frame can.
+        frames: the frames whose poses can change the condition; None if any frame can change it.
         next_update_s: when the condition must be computed again even if the graph does not change.
         reason: why the condition is unknown, if it is unknown.
     """
@@ -113,26 +113,26 @@ class _PoseCondition:
                     source=POSES,
                 )
             self._store.write(reading)
-        self._wake_at(status.next_update_s)
+        self._schedule_evaluation(status.next_update_s)
 
     def _evidence_s(self, snapshot: Snapshot, moved_frames: frozenset[str]) -> float:
         """Return when the newest pose of the condition's moved frames was measured; now, if none of them moved."""
         moved_input_frames = moved_frames & self._frames if self._frames is not None else frozenset[str]()
         return max((snapshot.measured_s(name) for name in moved_input_frames), default=snapshot.instant_s)
 
-    def _wake_at(self, instant_s: float) -> None:
+    def _schedule_evaluation(self, instant_s: float) -> None:
         """Compute the condition again at an instant.
 
-        A timer for this or an earlier instant is kept: at its instant, the condition is computed, and the next timer is
-        set.
+        If there is a timer for this or an earlier instant, the timer is kept: at its instant, the condition is
+        computed, and the next timer is set.
         """
         if instant_s == FOREVER_S or (self._timer is not None and self._timer.instant_s <= instant_s):
             return
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self._clock.call_at(instant_s, self._wake)
+        self._timer = self._clock.call_at(instant_s, self._evaluate_now)
 
-    def _wake(self) -> None:
+    def _evaluate_now(self) -> None:
         self._timer = None
         self.evaluate(self._take_snapshot())
 
@@ -162,5 +162,5 @@ def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:
 
 def _reason(before: Reading[Any], status: _InputsStatus) -> Reason:
     """Return why a condition is unknown. If it was never known, `FORGOTTEN` is replaced by `NEVER_OBSERVED`."""
-    was_never = before.reason is Reason.NEVER_OBSERVED and status.reason is Reason.FORGOTTEN
-    return Reason.NEVER_OBSERVED if was_never else status.reason
+    was_never_known = before.reason is Reason.NEVER_OBSERVED and status.reason is Reason.FORGOTTEN
+    return Reason.NEVER_OBSERVED if was_never_known else status.reason

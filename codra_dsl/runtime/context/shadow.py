@@ -69,14 +69,14 @@ class ShadowRow:
 
     @property
     def largest_difference(self) -> float | None:
-        """Return the largest difference between numbers; None if there are no numbers that differ."""
-        numbers = (
+        """Return the largest difference between numbers in disagreements; None if there are no such numbers."""
+        differences = (
             abs(disagreement.held - disagreement.seen)
             for disagreement in self.disagreements
             if isinstance(disagreement.held, (int, float)) and isinstance(disagreement.seen, (int, float))
             if not isinstance(disagreement.held, bool)
         )
-        return max(numbers, default=None)
+        return max(differences, default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,10 +99,10 @@ def shadow_report(events: Iterable[Event]) -> ShadowReport:
     for event in events:
         if event.kind is Kind.DECISION and (event.what == "shadowed" or event.details.get("shadow")):
             groups.setdefault((event.name, event.details.get("skill") or ""), []).append(event)
-    return ShadowReport(rows=tuple(_row(variable, skill, group) for (variable, skill), group in groups.items()))
+    return ShadowReport(rows=tuple(_make_row(variable, skill, group) for (variable, skill), group in groups.items()))
 
 
-def _row(variable: str, skill: str, events: Iterable[Event]) -> ShadowRow:
+def _make_row(variable: str, skill: str, events: Iterable[Event]) -> ShadowRow:
     unknown: Counter[str] = Counter()
     agreed = unseen = 0
     disagreements: list[Disagreement] = []

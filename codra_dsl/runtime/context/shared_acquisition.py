@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-Act = Callable[[], None]
+Callback = Callable[[], None]
 
 
 class SharedAcquisition:
@@ -15,48 +15,48 @@ class SharedAcquisition:
     The calls are counted, so that an `end` before its `begin` leaves nothing acquired.
     """
 
-    def __init__(self, take: Act, give_back: Act) -> None:
+    def __init__(self, take: Callback, give_back: Callback) -> None:
         self._take = take
         self._give_back = give_back
         self._lock = threading.RLock()
-        self._count = 0
+        self._user_count = 0
 
     def begin(self) -> None:
         """Add a user."""
         with self._lock:
-            self._count += 1
-            if self._count == 1:
+            self._user_count += 1
+            if self._user_count == 1:
                 self._take()
 
     def end(self) -> None:
         """Remove a user."""
         with self._lock:
-            self._count -= 1
-            if self._count == 0:
+            self._user_count -= 1
+            if self._user_count == 0:
                 self._give_back()
 
 
-class Declaring(Protocol):
+class DeclaringCommands(Protocol):
     """The commands that declare variables for observation."""
 
-    def declare(self, name: str, party: str) -> None:
+    def declare(self, name: str, caller: str) -> None:
         """Add a variable to C_E(t)."""
         ...
 
-    def leave(self, party: str) -> None:
-        """Withdraw all declarations of a party."""
+    def leave(self, caller: str) -> None:
+        """Withdraw all declarations of a caller."""
         ...
 
 
-def declaring(commands: Declaring, party: str, names: Sequence[str]) -> SharedAcquisition:
-    """Return the shared acquisition that declares some variables for a party while it has users (P1, Equation 4)."""
+def shared_declaration(commands: DeclaringCommands, caller: str, names: Sequence[str]) -> SharedAcquisition:
+    """Return the shared acquisition that declares variables for a caller while there are users (P1, Equation 4)."""
 
     def take() -> None:
         for name in names:
-            commands.declare(name, party)
+            commands.declare(name, caller)
 
     def give_back() -> None:
         if names:
-            commands.leave(party)
+            commands.leave(caller)
 
     return SharedAcquisition(take, give_back)

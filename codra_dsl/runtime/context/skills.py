@@ -19,7 +19,7 @@ class Skill:
     """A running skill: the variables that it previews and monitors are declared until it ends.
 
     Attributes:
-        model: its declaration in the spec.
+        model: the declaration of the skill in the spec.
     """
 
     def __init__(
@@ -36,13 +36,13 @@ class Skill:
         """Create the handle of a skill that has begun.
 
         Args:
-            model: its declaration in the spec.
-            number: its number among the skills that have begun.
-            commands: executes its commands.
-            expectations: judges its expectations.
-            clock: the clock on which it waits.
+            model: the declaration of the skill in the spec.
+            number: the number of the skill among the skills that have begun.
+            commands: executes the commands of the skill.
+            expectations: judges the expectations of the skill.
+            clock: the clock for waiting.
             decide: answers a decision about a variable from context, or by a look.
-            subscribe: calls back with the outcomes of its expectations.
+            subscribe: calls back with the outcomes of the expectations.
         """
         self.model = model
         self._number = number
@@ -56,7 +56,7 @@ class Skill:
     def acting(self) -> Iterator[None]:
         """Act: the variables that the skill changes become unknown, and its expectations start.
 
-        For these variables, only evidence from now on counts.
+        For these variables, only evidence that is taken from now on is used.
 
         Raises:
             RuntimeError: if the skill has ended.

@@ -1,4 +1,4 @@
-"""Slots for the main execution, which goes before every observer, but waits for the jobs that hold the slots."""
+"""Slots for the main execution, which gets them before every observer, but waits for the jobs that hold them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class MainExecutionSlots:
         Args:
             slots: the slots of shared resources.
             commands: executes requests.
-            clock: the clock on which a thread waits.
+            clock: the clock for waiting.
         """
         self._slots = slots
         self._commands = commands
@@ -39,26 +39,26 @@ class MainExecutionSlots:
                 forever; or if the clock was closed before the slots were free.
         """
         for resource in resources:
-            self._check(resource)
+            self._check_resource(resource)
         held_resources = self._held_resources()
         new_resources = tuple(name for name in dict.fromkeys(resources) if name not in held_resources)
         if not new_resources:
             yield
             return
         if held_resources:
-            together = ", ".join(repr(name) for name in (*sorted(held_resources), *new_resources))
+            slots_text = ", ".join(repr(name) for name in (*sorted(held_resources), *new_resources))
             raise RuntimeError(
-                f"request all slots in one call, so that threads never wait for each other: slot({together})"
+                f"request all slots in one call, so that threads never wait for each other: slot({slots_text})"
             )
-        granted = threading.Event()
+        grant_event = threading.Event()
 
         def grant() -> None:
-            granted.set()
+            grant_event.set()
             self._clock.notify()
 
         number = self._commands.request_slots(new_resources, grant)
         try:
-            if not self._clock.wait_until(granted.is_set, math.inf):
+            if not self._clock.wait_until(grant_event.is_set, math.inf):
                 raise RuntimeError("the clock was closed before the slots were free")
             held_resources.update(dict.fromkeys(new_resources))
             yield
@@ -74,7 +74,7 @@ class MainExecutionSlots:
         held_resources: dict[str, None] = self._thread_state.held_resources
         return held_resources
 
-    def _check(self, resource: str) -> None:
+    def _check_resource(self, resource: str) -> None:
         if resource not in self._slots.free_slot_counts:
             raise unknown("resource", resource, self._slots.free_slot_counts)
         if self._slots.free_slot_counts[resource] == math.inf:

@@ -26,7 +26,7 @@ def summarise_spec(
 
     Args:
         name: the name of the spec.
-        variables: C_M.
+        variables: the variables C_M.
         observers: the observers with their trees.
         skills: the skills of the main execution.
         folder: the folder of the generated package, with the places of all elements in the spec.
@@ -92,7 +92,7 @@ def _condition_rules(branch: Branch, key: str, places: Mapping[str, Place]) -> t
 def _rules_with_places(
     conditions: Sequence[tuple[str, Term]], key: str, places: Mapping[str, Place]
 ) -> tuple[Rule, ...]:
-    """Return conditions with their places. If there are places for more conditions, all places are left out."""
+    """Return conditions with their places. If there are more places than conditions, all places are left out."""
     condition_places = [places.get(f"{key}/{number}") for number in range(len(conditions))]
     if f"{key}/{len(conditions)}" in places:
         condition_places = [None] * len(conditions)

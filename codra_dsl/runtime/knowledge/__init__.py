@@ -1,4 +1,4 @@
-"""Knowledge: P2's Deep State Representation, typed, owned and geometric (P2, sections 3.1 to 3.3)."""
+"""The knowledge graph: P2's Deep State Representation, with types, writers and poses (P2, sections 3.1 to 3.3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write the graph as one agent, operation by operation or in transactions."""
+"""Handles with which agents write the graph, by single operations or in transactions."""
 
 from __future__ import annotations
 
@@ -25,9 +25,13 @@ class Writer:
     """The operations by which an agent writes the graph.
 
     A write without permission is refused: the error names the permitted agents, and the audit records the refusal.
-    Every operation raises `NotASourceError` if only other agents may write the subject, `OutrankedError` if an agent of
-    higher priority wrote it, `UnknownNameError` for types, attributes and tasks that are not declared, `AbsentError`
-    for nodes and edges that do not exist, and `NotOfTypeError` for values that do not have the declared type.
+
+    Every operation raises:
+        NotASourceError: if only other agents may write the element (a node, an edge, an attribute or a task).
+        OutrankedError: if an agent of higher priority wrote the element, and what this agent wrote is still valid.
+        UnknownNameError: if a type, an attribute or a task is not declared.
+        AbsentError: if a node or an edge does not exist.
+        NotOfTypeError: if a value does not have the declared type.
     """
 
     __slots__ = ("_apply",)
@@ -71,7 +75,7 @@ class Writer:
         self._apply(INSERT_EDGE, (origin, type, target, values))
 
     def delete_edge(self, origin: str, type: str, target: str) -> None:
-        """Delete an edge. If it held the pose of its target, the target has no pose from now on."""
+        """Delete an edge. If the edge held the pose of its target, the target has no pose from now on."""
         self._apply(Verb.DELETE_EDGE, (origin, type, target))
 
     def set_of_edge(
@@ -81,20 +85,20 @@ class Writer:
         self._apply(Verb.SET_OF_EDGE, (origin, type, target, attribute, value, evidence_s))
 
     def place(self, origin: str, type: str, target: str, pose: Pose, *, stamp_s: float | None = None) -> None:
-        """Set the pose of a node in another node, from an instant on.
+        """Set the pose of a node relative to another node. The pose holds from the instant `stamp_s`.
 
-        This inserts the edge between the two nodes, and removes the edge that held the earlier pose of the target in
-        another node.
+        This inserts the edge between the two nodes, and removes the edge that held the earlier pose of the target
+        relative to another node.
 
         Args:
             origin: the parent node.
             type: the type of the edge; it must declare a motion.
             target: the child node.
-            pose: the pose of the target in the origin.
-            stamp_s: when the pose was measured; None means now. Stamps may come in any order.
+            pose: the pose of the target relative to the origin.
+            stamp_s: when the pose was measured; None means now. Poses may be set in any order of their stamps.
 
         Raises:
-            FrameError: if the target is an ancestor of the origin at that instant.
+            FrameError: if the target is an ancestor of the origin at the instant `stamp_s`.
             ValueError: if the stamp lies in the future, the pose is not a rigid motion, or edges of this type have no
                 pose.
         """
@@ -103,7 +107,9 @@ class Writer:
     # Tasks (P2, section 3.2)
 
     def request(self, task: str, /, **values: object) -> Request:
-        """Request a task, with values of attributes such as its goal; the executor then acknowledges the request.
+        """Request a task, with values of the task's attributes, such as the goal.
+
+        The executor then acknowledges the request.
 
         Raises:
             ConflictError: if the task was requested before and has not ended.
@@ -141,22 +147,23 @@ class Transaction(Writer):
 
     Each write is checked immediately, against the graph at the beginning of the transaction plus the transaction's
     earlier writes. If the graph has changed by the end of the transaction, all operations are applied again to the
-    graph as it is then.
+    changed graph.
     """
 
-    __slots__ = ("_attempt", "_error", "_is_over", "_operations_and_results", "_turn")
+    __slots__ = ("_attempt", "_error", "_is_over", "_operations_and_results", "_write_lock")
 
-    def __init__(self, attempt: Callable[[Operation], Any], turn: AbstractContextManager[object]) -> None:
+    def __init__(self, attempt: Callable[[Operation], Any], write_lock: AbstractContextManager[object]) -> None:
         """Begin without changes.
 
         Args:
-            attempt: applies an operation to a private change set; the caller holds the turn.
-            turn: the graph's lock for writes. Each operation of the transaction, and its end, hold this lock, so none
-                of them comes in the middle of another write.
+            attempt: applies an operation to a private change set. The transaction holds `write_lock` when it calls this
+                function.
+            write_lock: the graph's lock for writes. Each operation of the transaction and its end hold this lock, so
+                none of them happens in the middle of another write.
         """
         super().__init__(self._execute)
         self._attempt = attempt
-        self._turn = turn
+        self._write_lock = write_lock
         self._is_over = False
         self._operations_and_results: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
@@ -168,7 +175,7 @@ class Transaction(Writer):
 
     def _execute(self, verb: Verb, arguments: tuple[Any, ...]) -> Any:
         operation = Operation(verb, arguments)
-        with self._turn:
+        with self._write_lock:
             if self._is_over:
                 raise PermissionError("this transaction is over: begin another")
             try:
@@ -181,11 +188,11 @@ class Transaction(Writer):
 
     def end(self) -> None:
         """Accept no more changes."""
-        with self._turn:
+        with self._write_lock:
             self._is_over = True
 
     def check(self) -> None:
-        """Raise the error of a failed change, even if the program has caught it: then no change becomes visible."""
+        """Raise the error of a failed operation, even if the program has caught it; no change becomes visible then."""
         if self._error is not None:
             raise self._error
 
@@ -193,7 +200,7 @@ class Transaction(Writer):
         """Apply all operations to another change set.
 
         Raises:
-            ConflictError: if the result of an operation differs from the one that the program got from it before.
+            ConflictError: if an operation now has another result than the one that the program received before.
         """
         for operation, result in self._operations_and_results:
             if operation.apply(change_set) != result:
@@ -220,10 +227,11 @@ class AgentPort:
     """The functions of the graph that one agent's handle calls.
 
     Attributes:
-        apply: applies an operation as this agent. A closed handle does not call it any more.
+        apply: applies an operation as this agent. A closed handle no longer calls this function.
         begin_transaction: begins a transaction of this agent.
-        subscribe_to_wakes: subscribes a callback to the agent's wakes; the subscription keeps the handle alive.
-        prepare_rule: returns the execution of a rule, by the rule's name.
+        subscribe_to_wakes: subscribes a callback, which is called when a pattern in the agent's `wakes` begins to hold.
+            The subscription keeps the handle alive.
+        prepare_rule: returns an execution of the rule with a given name.
         close: closes the handle.
         check_open: raises `PermissionError` after `close`.
     """
@@ -237,7 +245,7 @@ class AgentPort:
 
 
 class AgentHandle(Writer):
-    """The only open handle of one agent; its writes carry the agent's name."""
+    """The handle with which one agent writes; an agent has at most one open handle. Writes carry the agent's name."""
 
     __slots__ = ("__weakref__", "_name", "_port")
 
@@ -264,7 +272,10 @@ class AgentHandle(Writer):
         self.close()
 
     def close(self) -> None:
-        """Close the handle: it can no longer write, and its wakes end. `as_agent` can then return a new handle."""
+        """Close the handle: it can no longer write, and the subscriptions of `on_wake` end.
+
+        `as_agent` can then return a new handle.
+        """
         self._port.close()
         self._apply = partial(_refuse_operation, self._name)
 
@@ -279,19 +290,19 @@ class AgentHandle(Writer):
     def transaction(self) -> AbstractContextManager[Transaction]:
         """Begin changes that become visible together at the end of the `with` statement.
 
-        If one of them fails, none becomes visible.
+        If one change fails, no change becomes visible.
         """
         return self._port.begin_transaction()
 
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
-        """Call back whenever a pattern in the agent's `wakes` begins to hold, first for the patterns that hold now.
+        """Call back whenever a pattern in the agent's `wakes` begins to hold, and at once if patterns hold already.
 
-        An agent without `wakes` is called once, immediately.
+        If the agent has no `wakes`, the callback is called once, immediately.
 
         The callback runs without any lock, one call at a time. In real time it runs in a thread of its own. In
         simulated time it runs as an event at the instant of the change and must not wait. Its exceptions are logged.
         If the graph changes while the callback runs, the patterns are evaluated once more afterwards. The callback is
-        called again only if a pattern has begun to hold.
+        then called again only if a pattern has begun to hold.
 
         The subscription keeps the handle alive until it is unsubscribed or the handle is closed. No other handle of
         the agent can be opened meanwhile.
@@ -303,6 +314,6 @@ class AgentHandle(Writer):
 
         Raises:
             UnknownNameError: if the agent has no such rule.
-            RuleError: at the beginning of the statement, if a `before` pattern does not hold.
+            RuleError: at the beginning of the `with` statement, if a `before` pattern does not hold.
         """
         return self._port.prepare_rule(rule)

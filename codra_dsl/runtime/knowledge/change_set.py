@@ -1,8 +1,8 @@
 """Changes of a graph, collected in a change set that is invisible until it is complete.
 
-A change set keeps its changes beside the graph until `state` is called. A change that is refused or given up before
-that touches no map and no history of the graph; after that, `undo` removes its readings. The index may keep names and
-keys that were never committed. Each change is checked against the declarations.
+Until `state` is called, a change set keeps its changes outside the graph. If the changes are refused or abandoned
+before this call, no map and no history of the graph has changed. After this call, `undo` removes their readings. The
+index may keep names and keys that were never committed. Each change is checked against the declarations.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _DELETED_NODE_HISTORY_S = 10.0
 """How long the poses of a deleted node are kept if the history of its edge has no limit."""
 
 ChangeSubject = tuple[str, str]
-"""The subject of a change: `node` or `edge` with a type, `frame` with a node, or a node with an attribute."""
+"""The subject of a change, as a pair: `node` or `edge` and a type; `frame` and a node; or a node and an attribute."""
 
 
 class ChangeRecord(NamedTuple):
@@ -52,7 +52,7 @@ class ChangeRecord(NamedTuple):
 KeyT = TypeVar("KeyT")
 
 _NewReadings = list[tuple[History, Reading[Value]]]
-"""The new readings of a node or edge, each with the history before the change, which may be empty."""
+"""The new readings of a node or edge, each with its attribute's earlier history, which can be empty."""
 
 
 class AbsentError(LookupError):
@@ -71,9 +71,9 @@ class ChangeSet:
         agent: the agent that makes the changes.
         now_s: the instant.
         changed_subjects: the subjects of the changes.
-        deadlines: the new deadlines of tasks, each with the handover that it would abort.
+        deadlines: the new deadlines of tasks, each with the handover that is aborted at the deadline.
         context_readings: readings of attributes that are context-variables, in the order in which they were written.
-        records: the changes as events for the event log; None if they are not recorded.
+        records: the changes as events for the event log; None if no events are recorded.
         operation: the latest operation.
     """
 
@@ -144,7 +144,7 @@ class ChangeSet:
                 changed_elements[key] = element = element.with_history(updated_history)
 
     def undo(self) -> None:
-        """Remove the readings that `state` has added to histories, because that state will never be the present one."""
+        """Remove the readings that `state` has added to histories; call this if the new state is not used."""
         for histories_and_readings in self._new_readings.values():
             for history, reading in histories_and_readings:
                 history.remove(reading)
@@ -186,13 +186,13 @@ class ChangeSet:
     def delete_node(self, name: str) -> None:
         """Delete a node and all edges to and from it.
 
-        The past poses of the node stay available for the length of their history, or for 10 s if it has no limit.
+        The past poses of the node stay available for the length of their history, or for 10 s if there is no limit.
         """
         node = self.node(name)
         permissions = self.schema.node_type(node.type).permissions
         permissions.check(self.agent, f"nodes of type {node.type}")
         if name in self.schema.nodes_of_context:
-            raise NotASourceError(f"the node {name!r} cannot be deleted: context-variables are its attributes")
+            raise NotASourceError(f"the node {name!r} cannot be deleted: some of its attributes are context-variables")
         if permissions.is_ranked:
             permissions.check_rank(self.agent, node.writer, name)
         for key in sorted({*self._state.index.outgoing_keys(name), *self._state.index.incoming_keys(name)}):
@@ -237,7 +237,7 @@ class ChangeSet:
             self._record_reading(history.attribute, reading)
 
     def history(self, name: str, attribute: str) -> History:
-        """Return the history of an attribute of a node; it is empty if it was not written before this change set."""
+        """Return the history that an attribute of a node had before this change set; empty if it was never written."""
         node = self.node(name)
         return node.histories.get(attribute) or History(self.schema.attribute(node, attribute), f"{name}.{attribute}")
 
@@ -254,7 +254,9 @@ class ChangeSet:
         if self.agent not in edge_type.permissions.writers:
             edge_type.permissions.refuse(self.agent, f"edges of type {type_name}")
         if edge_type.model.motion is not None:
-            raise ValueError(f"edges of type {type_name!r} have a pose: use place() to place {target!r} in {origin!r}")
+            raise ValueError(
+                f"edges of type {type_name!r} have a pose: use place() for {target!r} relative to {origin!r}"
+            )
         self.upsert_edge(edge_type, origin, target)
         for attribute, value in values.items():
             self.set_of_edge(origin, type_name, target, attribute, value, None)
@@ -293,7 +295,7 @@ class ChangeSet:
             self._record_edge(edge, "edge_inserted")
 
     def delete_edge(self, origin: str, type_name: str, target: str) -> None:
-        """Delete an edge. If it held the pose of its target, the target has no pose from now on."""
+        """Delete an edge. If the edge held the pose of its target, the target has no pose from now on."""
         edge_type = self.schema.edge_type(type_name)
         edge_type.permissions.check(self.agent, f"edges of type {type_name}")
         edge = self.edge(origin, type_name, target)
@@ -308,7 +310,7 @@ class ChangeSet:
             raise AbsentError(f"the edge {origin} -{type_name}-> {target} does not exist")
         return edge
 
-    def set_of_edge(  # noqa: PLR0917 - three names identify an edge, and the rest is as in `set`
+    def set_of_edge(  # noqa: PLR0917 - three names identify an edge; the other arguments are those of `set`
         self, origin: str, type_name: str, target: str, attribute: str, value: object, evidence_s: float | None
     ) -> None:
         """Write an attribute of an edge."""
@@ -353,7 +355,7 @@ class ChangeSet:
     # Geometry
 
     def place(self, origin: str, type_name: str, target: str, pose: Pose, stamp_s: float | None) -> None:
-        """Set the pose of a node in another node, from an instant on."""
+        """Set the pose of a node relative to another node. The pose holds from the instant `stamp_s`."""
         edge_type = self.schema.edge_type(type_name)
         edge_type.permissions.check(self.agent, f"edges of type {type_name}")
         motion = edge_type.model.motion
@@ -382,9 +384,9 @@ class ChangeSet:
     def _place_on_another_edge(  # noqa: PLR0917 - the arguments of `place`
         self, edge_type: EdgeType, origin: str, target: str, pose: Pose, stamp_s: float, present_edge: Edge | None
     ) -> None:
-        """Set the pose of a node on another edge than its present one, or on an edge that another agent wrote.
+        """Set the pose of a node on another edge than its present edge, or on an edge that another agent wrote.
 
-        If the node has newer poses, its present edge stays.
+        If the node already has a pose with a newer stamp, the present edge stays.
         """
         motion = edge_type.model.motion
         if motion is None or not edge_type.fits(self.node(origin), self.node(target)):
@@ -403,14 +405,14 @@ class ChangeSet:
             edge_type.permissions.check_rank(self.agent, present_edge.writer, str(present_edge))
 
     def _parent_edge(self, target: str) -> Edge | None:
-        """Return the edge that holds the present pose of a node."""
+        """Return the edge that holds the present pose of a node; None if no edge holds one."""
         if target not in self._state.frames:
             return None
         parent = self._state.frames.track(target).parent
         return None if parent is None else self._edge_at((parent, RT, target))
 
     def _end_frame(self, name: str) -> None:
-        """End the poses of a deleted node."""
+        """End the present pose of a deleted node, but keep its past poses for some time."""
         track = self._state.frames.track(name)
         if not len(track):
             self._state.frames = self._state.frames.without(name)
@@ -419,7 +421,7 @@ class ChangeSet:
         self._state.deletion_times_s = {**self._prune_deleted_frames(), name: self.now_s}
 
     def _prune_deleted_frames(self) -> Mapping[str, float]:
-        """Remove the poses of nodes that were deleted too long ago; return the deletion times of the other nodes."""
+        """Remove the poses of nodes that were deleted too long ago; return when the others were deleted."""
         kept_deletion_times_s: dict[str, float] = {}
         for name, deletion_time_s in self._state.deletion_times_s.items():
             if self.has_node(name):

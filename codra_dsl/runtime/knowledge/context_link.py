@@ -33,17 +33,17 @@ class RefusedWrite(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContextLink:
-    """The interface of a context manager that its graph uses.
+    """The interface of a context manager for its graph.
 
-    Each context-variable is an attribute of a node; graph and context hold the same reading objects. One step changes
-    first the graph's map, then the variable's cell. Whoever writes the graph or the context holds the single lock of
-    the steps, so there are never two locks that must be taken in a certain order.
+    Each context-variable is an attribute of a node; graph and context hold the same reading objects. In one step, first
+    the graph's map changes and then the variable's cell. Each write to the graph or to the context holds the single
+    lock of the steps. So no thread ever needs two locks, and no order of locks has to be observed.
 
     Attributes:
         variables: the variables of the context.
-        clock: makes each write a step, and each deadline an event.
+        clock: turns each write into a step, and each deadline into an event.
         event_writer: writes the journal.
-        write: writes a reading of a variable to the context, which passes it to the graph's `mirror`.
+        write: writes a reading of a variable to the context, which passes the reading on to `mirror`.
     """
 
     variables: Sequence[VariableModel]
@@ -64,9 +64,9 @@ class ContextLink:
             self.event_writer.write(Kind.KNOWLEDGE, name, what, version=version, **details)
 
     def record_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
-        """Record a refused write; for a context-variable, also among the events of that variable.
+        """Record a refused write. If its subject is a context-variable, record it as an event of this variable as well.
 
-        The refusal is an input: a replay takes it from the journal and does not derive it again.
+        The refusal is an input: a replay reads the refusal from the journal and does not derive it again.
         """
         subject, message, variable, value = refused_write
         if self.event_writer.takes_inputs:

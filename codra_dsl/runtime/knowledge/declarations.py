@@ -1,8 +1,8 @@
 """The declarations of knowledge and agents in generated code, as frozen values (P2, sections 3.1 to 3.3).
 
-They describe a graph: the types of its nodes and edges, the permitted writers, the initial nodes and edges, the tasks
-that are handed over on edges, and the agents with their rules. Terms in rules read attributes as `node.attribute`, and
-poses through `distance` and `in_view`.
+The values describe a graph: the types of its nodes and edges, the permitted writers, the initial nodes and edges, the
+tasks that are handed over on edges, and the agents with their rules. Terms in rules read attributes as
+`node.attribute`, and poses through `distance` and `in_view`.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class AttributeModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewModel:
-    """The field of view of a camera: a pyramid about its optical axis z, with x to the right and y down.
+    """The field of view of a camera: a pyramid around its optical axis z, with x to the right and y down.
 
     Attributes:
         horizontal_rad: the angle of view from left to right, below pi.
@@ -153,7 +153,7 @@ class EdgeModel:
         type: the name of the type of the edge.
         target: the name of a node.
         values: initial values of attributes.
-        pose: the pose of the target in the origin, if the edge holds a rigid motion.
+        pose: the pose of the target relative to the origin, if the edge holds a rigid motion.
     """
 
     origin: str
@@ -172,8 +172,8 @@ class TaskModel:
     turn `wants` or `is` into `aborted`.
 
     Attributes:
-        name: the name of the task, and of its node, whose type is `task`.
-        origin: the node that does the task, from which the edge goes.
+        name: the name of the task and of its node; the type of this node is `task`.
+        origin: the node that does the task; the edge goes from this node.
         by: the agent that executes the task.
         requesters: the agents that may request the task. A new request must wait until the task has ended.
         results: the possible results of a finished task.
@@ -195,7 +195,7 @@ class TaskModel:
 
 
 class Direction(StrEnum):
-    """The direction of a link: along its edge, or against it."""
+    """The direction of a link: along its edge, or against its edge."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
@@ -288,8 +288,8 @@ def path(first: str | Place, *rest: str | Place | Link) -> Path:
     """
     if len(rest) % 2:
         raise ValueError("a path must end with a node")
-    links = tuple(_link(edge) for edge in rest[::2])
-    return Path(places=(_place(first), *(_place(place) for place in rest[1::2])), links=links)
+    links = tuple(_as_link(edge) for edge in rest[::2])
+    return Path(places=(_as_place(first), *(_as_place(place) for place in rest[1::2])), links=links)
 
 
 def absent(first: str | Place, *rest: str | Place | Link) -> Absence:
@@ -341,7 +341,7 @@ class AgentModel:
         wakes: the patterns that wake the agent, independently of each other. If empty, the agent is always active.
         owns: the subjects that the agent may write: `type`, `type.attribute`, `node.attribute`, or the name of a type
             of edges.
-        reads: the subjects that the agent's rules and wakes read, in the same notation.
+        reads: the subjects that the agent's rules and `wakes` patterns read, in the same notation.
     """
 
     name: str
@@ -366,13 +366,13 @@ class KnowledgeModel:
     agents: tuple[AgentModel, ...] = ()
 
 
-def _place(place: str | Place | Link) -> Place:
+def _as_place(place: str | Place | Link) -> Place:
     if isinstance(place, Link):
         raise ValueError(f"expected a node in a path, not the edge {place.edge!r}")
     return Place(name=place) if isinstance(place, str) else place
 
 
-def _link(edge: str | Place | Link) -> Link:
+def _as_link(edge: str | Place | Link) -> Link:
     if isinstance(edge, Place):
         raise ValueError(f"expected an edge in a path, not the node {_place_text(edge)!r}")
     return Link(edge=edge) if isinstance(edge, str) else edge

@@ -1,6 +1,6 @@
 """The nodes and edges of a graph, with histories of readings for their attributes.
 
-Histories grow, but every version of the graph keeps its own readings and never changes.
+Histories grow, but a version of the graph never changes: its readers see only the readings that belong to it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Attribute:
 
     Attributes:
         convert: converts a value, as `ValueType.convert` does.
-        variable: the name of the context-variable that the attribute is; empty for other attributes.
+        variable: the name of the context-variable, if the attribute is one; otherwise empty.
     """
 
     model: AttributeModel
@@ -41,12 +41,12 @@ class Attribute:
 
 
 class History:
-    """An attribute's readings, ordered by evidence, each with the first version of the graph that contains it.
+    """An attribute's readings, ordered by evidence, each with the first version of the graph that has the reading.
 
-    Versions of the graph share a history. A reading with newer evidence is appended, and readers of an earlier version
-    skip it, so writing an attribute copies no node. If the evidence is older, or the history has too many readings, the
-    new version and the versions after it get a new history. A thread may append only while it holds the graph's turn,
-    the lock for writes; reading needs no lock.
+    Versions of the graph share a history. A reading with newer evidence is appended, and access to an earlier version
+    skips this reading, so writing an attribute copies no node. If the evidence is older than that of the last reading,
+    or the history has too many readings, the new version and the versions after it get a new history. A thread may
+    append only while it holds the graph's lock for writes; reading needs no lock.
 
     Attributes:
         attribute: the declaration of the attribute.
@@ -84,7 +84,7 @@ class History:
     ) -> Reading[Value]:
         """Return the reading for a value that an agent writes; None and NaN give an unknown reading.
 
-        If another agent wrote the newest reading in `version`, and its value is still valid, the rank is checked.
+        If another agent wrote the newest reading in `version`, and this reading is still valid, the rank is checked.
         """
         attribute = self.attribute
         try:
@@ -156,7 +156,7 @@ class Node(NamedTuple):
     version: int = 0
 
     def with_history(self, history: History) -> Self:
-        """Return it with another history of one of its attributes."""
+        """Return the node with another history of one of its attributes."""
         return self._replace(histories={**self.histories, history.attribute.model.name: history})
 
     @property
@@ -169,9 +169,9 @@ class Edge(NamedTuple):
     """An edge in one version of the graph.
 
     Attributes:
-        origin: the name of a node.
+        origin: the name of the node from which the edge goes.
         label: the label of the edge; two nodes have at most one edge per label and direction.
-        target: the name of a node.
+        target: the name of the node to which the edge goes.
         type: the name of the edge's type.
         number: the number of the edge; nodes and edges are numbered in the order of their insertion.
         histories: the histories of the edge's attributes, by name; attributes that were never written have none.
@@ -196,7 +196,7 @@ class Edge(NamedTuple):
         return (self.origin, self.label, self.target)
 
     def with_history(self, history: History) -> Self:
-        """Return it with another history of one of its attributes."""
+        """Return the edge with another history of one of its attributes."""
         return self._replace(histories={**self.histories, history.attribute.model.name: history})
 
     @property
@@ -218,7 +218,7 @@ NO_HISTORIES: Mapping[str, History] = MappingProxyType({})
 
 
 def element_at_version(element: ElementT, version: int) -> ElementT:
-    """Return a node or edge for a version of the graph that contains it."""
+    """Return a node or edge as it is in a version of the graph; this version must contain the node or edge."""
     return make_tuple(type(element), (*element[:-1], version)) if element.histories else element
 
 
@@ -240,6 +240,6 @@ def _readings(histories: Mapping[str, History], version: int) -> Mapping[str, Re
 
 
 make_tuple = tuple.__new__
-"""Creates a named tuple from all its fields, in half the time of a call of its class."""
+"""Creates a named tuple from all its fields, in half the time that a call of the class takes."""
 
 _get_first_version = itemgetter(0)

@@ -13,12 +13,12 @@ _MIN_ADDITIONS = 1_000
 
 
 class GraphIndex:
-    """The names of all nodes and the keys of all edges of one state, and possibly those of other states.
+    """The names of all nodes and the keys of all edges of one state, and possibly names and keys of other states.
 
     States share one index. A reader skips the entries that its state does not contain: entries of later states, and of
-    nodes and edges that were deleted or never committed. An insertion therefore adds an entry, and a deletion does
-    nothing. Once most entries are obsolete, the next state gets an index of its own. A thread may add entries only
-    while it holds the graph's turn, the lock for writes; reading needs no lock.
+    nodes and edges that were deleted or never committed. An insertion therefore adds an entry, and a deletion leaves
+    the index unchanged. Once most entries are obsolete, the next state gets a new index. A thread may add entries only
+    while it holds the graph's lock for writes; reading needs no lock.
 
     Attributes:
         addition_count: the number of added entries.
@@ -59,7 +59,10 @@ class GraphIndex:
         return tuple(self._incoming_keys.get(name, ()))
 
     def compacted_index(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> GraphIndex:
-        """Return an index for a state with these nodes and edges: this one, unless most of its entries are obsolete."""
+        """Return an index for a state with these nodes and edges.
+
+        If most entries of this index are obsolete, the result is a new index; otherwise it is this index.
+        """
         if self.addition_count <= 2 * (len(nodes) + len(edges)):
             self.compaction_threshold = 2 * self.addition_count
             return self

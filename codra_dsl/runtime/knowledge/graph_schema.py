@@ -27,7 +27,7 @@ from codra_dsl.runtime.values.model import VariableModel, integer, member, text
 
 
 class Stage(StrEnum):
-    """The stage of a task: the label of the edge that leads to it (P2, section 3.2)."""
+    """The stage of a task: the label of the edge that leads to the task (P2, section 3.2)."""
 
     WANTS = "wants"
     IS = "is"
@@ -68,8 +68,8 @@ class GraphSchema:
     Attributes:
         model: the declarations, with the node `context` if a context-variable needs it.
         tasks: the tasks, by name.
-        agents: the names of all agents that are declared or may write something; the main execution is
-            one of them if it may write.
+        agents: the names of all agents that are declared or may write something. The main execution is one of them if
+            it may write something.
         nodes_by_variable: for each context-variable, the name of the node that has it as an attribute.
         nodes_of_context: the names of all nodes that have a context-variable as an attribute.
     """
@@ -98,8 +98,8 @@ class GraphSchema:
             edge_types += [EdgeTypeModel(name=stage, origins=origins, targets=(TASK,)) for stage in Stage]
         _check_unique("type of nodes", [node_type.name for node_type in node_types])
         _check_unique("type of edges", [edge_type.name for edge_type in edge_types])
-        self._node_types = {node_type.name: _node_type(node_type) for node_type in node_types}
-        self._edge_types = {edge_type.name: _edge_type(edge_type) for edge_type in edge_types}
+        self._node_types = {node_type.name: _make_node_type(node_type) for node_type in node_types}
+        self._edge_types = {edge_type.name: _make_edge_type(edge_type) for edge_type in edge_types}
         variable_attributes = _variable_attributes(self.nodes_by_variable, variables)
         task_types_and_attributes = {
             task.name: (TASK, {**_task_attributes(task), **variable_attributes.get(task.name, {})})
@@ -113,7 +113,7 @@ class GraphSchema:
             **task_types_and_attributes,
         }
         writers = (source for variable in variables for source in variable.sources)
-        self.agents = frozenset((*_agents(model), *writers)) - {OBSERVER}
+        self.agents = frozenset((*_agent_names(model), *writers)) - {OBSERVER}
 
     def node_type(self, name: str) -> NodeType:
         """Return a type of nodes; raise `UnknownNameError` if it is not declared."""
@@ -130,9 +130,9 @@ class GraphSchema:
             raise unknown("type of edges", name, self._edge_types) from None
 
     def types_of_edges(self, name: str) -> frozenset[str]:
-        """Return the types of edges that a name in a path means.
+        """Return the names of the types of edges that a name in a path stands for.
 
-        These are the type of this name or, if there is none, all types with this label.
+        If a type has this name, the result is only this type; otherwise the result is all types with this label.
 
         Raises:
             UnknownNameError: if no type of edges has this name or label.
@@ -172,11 +172,11 @@ class GraphSchema:
     def _node_attributes(
         self, node: NodeModel, variable_attributes: Mapping[str, Attribute]
     ) -> Mapping[str, Attribute]:
-        return {**self.node_type(node.type).attributes, **_attributes(node.attributes), **variable_attributes}
+        return {**self.node_type(node.type).attributes, **_make_attributes(node.attributes), **variable_attributes}
 
 
 def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> KnowledgeModel:
-    """Return a model with the node `context`, if a context-variable belongs to it."""
+    """Return the model, with the node `context` added if a context-variable belongs to this node."""
     if CONTEXT not in variables.values() or any(node.name == CONTEXT for node in model.nodes):
         return model
     types = model.node_types
@@ -186,7 +186,7 @@ def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> K
 
 
 def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]) -> Mapping[str, str]:
-    """Return, for each context-variable, the name of the node that declares it as an attribute, or else `context`.
+    """Return for each context-variable the name of the node that declares it as an attribute, or else `context`.
 
     Variables that are computed from poses are left out: they are not attributes of a node.
     """
@@ -202,7 +202,7 @@ def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]
 def _variable_attributes(
     nodes: Mapping[str, str], variables: Sequence[VariableModel]
 ) -> Mapping[str, Mapping[str, Attribute]]:
-    """Return, for each node, the attributes that are context-variables, by their names."""
+    """Return for each node those of its attributes that are context-variables, with their names as keys."""
     attributes: dict[str, dict[str, Attribute]] = {}
     for variable in variables:
         model = AttributeModel(
@@ -212,15 +212,17 @@ def _variable_attributes(
             valid_for_s=variable.valid_for_s,
             history=variable.history,
         )
-        attributes.setdefault(nodes[variable.name], {})[variable.name] = _attribute(model, model.sources, variable.name)
+        attributes.setdefault(nodes[variable.name], {})[variable.name] = _make_attribute(
+            model, model.sources, variable.name
+        )
     return attributes
 
 
-def _node_type(model: NodeTypeModel) -> NodeType:
-    return NodeType(model, Permissions(model.sources), _attributes(model.attributes))
+def _make_node_type(model: NodeTypeModel) -> NodeType:
+    return NodeType(model, Permissions(model.sources), _make_attributes(model.attributes))
 
 
-def _edge_type(model: EdgeTypeModel) -> EdgeType:
+def _make_edge_type(model: EdgeTypeModel) -> EdgeType:
     label = model.label or (RT if model.motion is not None else str(model.name))
     if (label == RT) != (model.motion is not None):
         raise ValueError(f"edges of type {model.name!r} must either have a motion and the label {RT}, or neither")
@@ -228,18 +230,21 @@ def _edge_type(model: EdgeTypeModel) -> EdgeType:
         model,
         label,
         Permissions(model.sources),
-        {attribute.name: _attribute(attribute, attribute.sources or model.sources) for attribute in model.attributes},
+        {
+            attribute.name: _make_attribute(attribute, attribute.sources or model.sources)
+            for attribute in model.attributes
+        },
         frozenset(model.origins),
         frozenset(model.targets),
     )
 
 
-def _attribute(model: AttributeModel, sources: Sequence[Writer], variable: str = "") -> Attribute:
+def _make_attribute(model: AttributeModel, sources: Sequence[Writer], variable: str = "") -> Attribute:
     return Attribute(model, Permissions(sources), model.type.converter(), variable)
 
 
-def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
-    return {model.name: _attribute(model, model.sources) for model in models}
+def _make_attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
+    return {model.name: _make_attribute(model, model.sources) for model in models}
 
 
 def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
@@ -255,13 +260,13 @@ def _task_attributes(task: TaskModel) -> Mapping[str, Attribute]:
         AttributeModel(name="reason", type=text()),
     )
     declared_attributes = {
-        attribute.name: _attribute(attribute, attribute.sources or by(*task.requesters))
+        attribute.name: _make_attribute(attribute, attribute.sources or by(*task.requesters))
         for attribute in task.attributes
     }
-    return {**declared_attributes, **_attributes(handshake_attribute_models)}
+    return {**declared_attributes, **_make_attributes(handshake_attribute_models)}
 
 
-def _agents(model: KnowledgeModel) -> Iterable[str]:
+def _agent_names(model: KnowledgeModel) -> Iterable[str]:
     yield from (agent.name for agent in model.agents)
     for task in model.tasks:
         yield from (task.by, *task.requesters)

@@ -7,8 +7,9 @@ The requester inserts the edge `wants` (P2's `starts`) and may abort the task. T
 (P2's ACK) by turning this edge into `is`, and finishes the task with a result. Each step names its request, so that no
 agent answers another request by mistake.
 
-A deadline ends a stage by the clock, even if the agents are gone. It is counted from the instant of the step that began
-the stage. At the instant of the deadline the stage has ended, whichever event of this instant is executed first.
+A deadline ends a stage even if the agents no longer exist. The time until the deadline runs from the step that began
+the stage. At the instant of the deadline the stage has ended, regardless of the order in which the events of this
+instant are executed.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ class ConflictError(RuntimeError):
 
 
 def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> Request:
-    """Request a task, with values of attributes that its requesters write; the executor must acknowledge it."""
-    model = _model(change_set.schema, task)
+    """Request a task, with values of attributes that requesters write; the executor must acknowledge the request."""
+    model = _task_model(change_set.schema, task)
     Permissions(by(*model.requesters)).check(change_set.agent, f"a request of {task}")
     before = _present_handover(change_set, model)
     if before.is_open:
@@ -84,10 +85,10 @@ def abort(change_set: ChangeSet, request: Request) -> None:
 
 def expire(change_set: ChangeSet, task: str) -> None:
     """Abort a task if its deadline has passed; otherwise do nothing."""
-    _present_handover(change_set, _model(change_set.schema, task))
+    _present_handover(change_set, _task_model(change_set.schema, task))
 
 
-def _model(schema: GraphSchema, task: str) -> TaskModel:
+def _task_model(schema: GraphSchema, task: str) -> TaskModel:
     if task not in schema.tasks:
         raise unknown("task", task, schema.tasks)
     return schema.tasks[task]
@@ -96,7 +97,7 @@ def _model(schema: GraphSchema, task: str) -> TaskModel:
 def _model_of_request(schema: GraphSchema, request: Request) -> TaskModel:
     if not isinstance(request, Request):
         raise TypeError(f"expected the return value of request(), or the request of a handover, not {request!r}")
-    return _model(schema, request.task)
+    return _task_model(schema, request.task)
 
 
 def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
@@ -118,13 +119,13 @@ def _present_handover(change_set: ChangeSet, model: TaskModel) -> Handover:
 
 
 def _require_handover(change_set: ChangeSet, request: Request, *stages: Stage) -> Handover:
-    """Return the handover of a request, if it is the latest one and at one of the given stages."""
-    handover = _present_handover(change_set, _model(change_set.schema, request.task))
+    """Return the handover of the latest request; raise an error for an older request or another stage."""
+    handover = _present_handover(change_set, _task_model(change_set.schema, request.task))
     if handover.request == request and handover.stage in stages:
         return handover
     if handover.request != request:
         raise ConflictError(
-            f"request {request.number} of {request.task!r} is not the latest one, which is {handover.number}"
+            f"request {request.number} of {request.task!r} is not the latest request: that is request {handover.number}"
         )
     reason_text = f" ({handover.reason})" if handover.reason else ""
     raise ConflictError(f"request {request.number} of {request.task!r} is at the stage {handover.stage}{reason_text}")

@@ -3,10 +3,11 @@
 The graph is an immutable value; each write creates a new version. A snapshot is therefore a reference, reading takes no
 lock, and no reader sees a part of a transaction.
 
-Versions share their unchanged parts. The newest version of a map holds its dictionary; each older one holds the
-differences and a link to its successor. Histories are shared as well, and store the version of each reading; readers of
-an older version skip newer readings. So writing an attribute copies no node, a write costs the same for every size of
-graph, and the newest version is read directly. Only a reader of many elements of an old snapshot copies its map.
+Versions share their unchanged parts. The newest version of a map holds a dictionary; each older version holds a link
+to the next version and the differences from it. Histories are shared as well, and store the version of each reading;
+access to an older version skips newer readings. So writing an attribute copies no node, a write costs the same for
+every size of graph, and the newest version is read directly. Only reading many elements of an old snapshot copies its
+map.
 """
 
 from __future__ import annotations
@@ -56,18 +57,18 @@ MAX_PAST_INSTANTS = 4_096
 
 
 class _OvertakenError(Exception):
-    """The thread wrote something else during a write, for example in a signal handler.
+    """During a write, the same thread has made another write, for example in a signal handler.
 
-    The inner write is completed, and the interrupted write is repeated on the result of the inner write.
+    This inner write is complete. The interrupted write is repeated on the result of the inner write.
     """
 
 
 class Knowledge:
-    """The graph. Threads may share it.
+    """The knowledge graph. Threads may share it.
 
     Attributes:
         model: the declarations.
-        on_change: a callback with the subjects of each change, called in the same step; for the context manager.
+        on_change: a callback of the context manager, called in the step of each change with the subjects of the change.
     """
 
     def __init__(self, model: KnowledgeModel, *, clock: Clock, context_link: ContextLink | None = None) -> None:
@@ -80,17 +81,19 @@ class Knowledge:
 
         Raises:
             ValueError: if the declarations contradict each other.
-            LookupError: if they use names that are not declared.
+            LookupError: if the declarations use names that are not declared.
         """
         self._schema = GraphSchema(model, () if context_link is None else context_link.variables)
         self.model = self._schema.model
         self._clock = clock
         self._now_s = clock.now_s
         self._context_link = context_link
-        # Every write holds the turn. With a context manager the turn is a step, which holds the lock of both sides.
+        # Every write holds this lock. With a context manager, this is the lock of the steps, also for the context.
         self._step_clock: Clock = clock if context_link is None else context_link.clock
         self._step_now_s = self._step_clock.now_s
-        self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.clock
+        self._write_lock: AbstractContextManager[object] = (
+            threading.RLock() if context_link is None else context_link.clock
+        )
         self._state = State.empty(self._step_now_s())
         self._past_states: deque[State] = deque(maxlen=MAX_PAST_INSTANTS - 1)
         self._readings_in_commit: Sequence[Reading[Value]] = ()
@@ -105,7 +108,7 @@ class Knowledge:
     # Writing
 
     def as_agent(self, name: str) -> AgentHandle:
-        """Return the handle with which an agent writes. While it is open, no other handle can write under this name.
+        """Return the handle with which an agent writes. While this handle is open, the agent can have no other handle.
 
         The handle is closed by `close`, at the end of its `with` statement, or when it is garbage-collected.
 
@@ -117,11 +120,11 @@ class Knowledge:
             raise unknown("agent", name, self._schema.agents)
         with self._handles_lock:
             if name not in self._handles:
-                handle = self._handle(name)
+                handle = self._create_handle(name)
                 self._handles[name] = handle
                 return handle
         message = f"the agent {name!r} already has an open handle: close it before you open another"
-        with self._turn:
+        with self._write_lock:
             self._record_refusal(name, RefusedWrite(name, message))
         raise AgentTakenError(message)
 
@@ -143,31 +146,31 @@ class Knowledge:
         """
         if not instant_s <= self._now_s():
             raise ValueError(f"the instant {instant_s} lies in the future: the present instant is {self._now_s()}")
-        with self._turn:
+        with self._write_lock:
             states = chain((self._state,), reversed(self._past_states))
             state = next((candidate for candidate in states if candidate.since_s <= instant_s), None)
             begin_s = self._past_states[0].since_s if self._past_states else self._state.since_s
         if state is None:
-            raise ValueError(f"the graph is kept from {begin_s} s on, not from {instant_s}: read it from a journal")
+            raise ValueError(f"the graph is kept only from {begin_s} s on: for {instant_s}, read it from a journal")
         return Snapshot(self._schema, state, instant_s)
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
-        """Return the present reading of an attribute of a node; it raises the errors of `Snapshot.get`."""
+        """Return the present reading of an attribute of a node; this raises the errors of `Snapshot.get`."""
         return Snapshot(self._schema, self._state, self._now_s()).get(name, attribute)
 
     def transform(self, target: str, source: str, instant_s: float | None = None) -> Transform:
-        """Return the pose of a node in another, now or at an instant; it raises the errors of `Snapshot.transform`."""
+        """Return the pose of `source` relative to `target`, now or at an instant; see `Snapshot.transform`."""
         return self._state.frames.transform(target, source, self._now_s() if instant_s is None else instant_s)
 
     # Waiting and subscriptions
 
     def subscribe(self, callback: Callable[[Change], object], *patterns: Pattern) -> Subscription:
-        """Call back whenever the matches of the patterns change, and first now if the patterns hold now.
+        """Call back whenever the matches of the patterns change, and once at the beginning if the patterns hold.
 
         The callback runs without any lock, one call at a time. In real time it runs in a thread of its own. In
         simulated time it runs as an event at the instant of the change and must not wait. Its exceptions are logged.
-        The callback gets the graph at the time of the call, and not each change before the call, so calls cannot pile
-        up. An agent that needs every single change should hand over a task instead.
+        A call gets the graph as it is at the time of the call, and not each change before the call, so calls cannot
+        pile up. An agent that needs every single change should hand over a task instead.
 
         Raises:
             UnknownNameError: if a pattern uses a type that is not declared.
@@ -178,7 +181,7 @@ class Knowledge:
         )
 
     def follow(self, name: str, attribute: str, callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call back, as `subscribe` does, with the reading of an attribute of a node, now and whenever it changes.
+        """Call back with the reading of an attribute of a node, now and whenever the reading changes; see `subscribe`.
 
         Raises:
             AbsentError: if the node does not exist.
@@ -199,7 +202,7 @@ class Knowledge:
     # For the context manager and for replays
 
     def mirror(self, reading: Reading[Value]) -> None:
-        """Add a reading of a context-variable to the graph, whoever wrote it; the caller must be in a step."""
+        """Add a reading of a context-variable to the graph, regardless of its writer; the caller must be in a step."""
         if self._readings_in_commit and any(other_reading is reading for other_reading in self._readings_in_commit):
             return  # the graph itself wrote this reading, together with other changes
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
@@ -213,8 +216,8 @@ class Knowledge:
         return Snapshot(self._schema, self._state, self._step_clock.now_s())
 
     def audit_refusal(self, agent: str, message: str) -> None:
-        """Add a refused write of a context-variable to the audit; the context has recorded it already."""
-        self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=message))
+        """Add a refused write of a context-variable to the audit; the context has already recorded this refusal."""
+        self._audit.add(Refusal(instant_s=self._now_s(), agent=agent, why=message))
 
     def replay_operations(self, agent: str, plain_operations: Iterable[list[Any]]) -> None:
         """Repeat an agent's operations from a journal, as one change.
@@ -232,14 +235,14 @@ class Knowledge:
 
     def replay_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Repeat a refusal from a journal."""
-        with self._turn:
+        with self._write_lock:
             self._record_refusal(agent, refused_write)
 
     # Implementation
 
-    def _handle(self, name: str) -> AgentHandle:
+    def _create_handle(self, name: str) -> AgentHandle:
         is_closed = False
-        wakes: list[Subscription] = []
+        wake_subscriptions: list[Subscription] = []
 
         def check_open() -> None:
             if is_closed:
@@ -247,8 +250,8 @@ class Knowledge:
 
         def subscribe_to_wakes(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
             check_open()
-            wakes.append(self._on_wake(handle, callback))
-            return wakes[-1]
+            wake_subscriptions.append(self._on_wake(handle, callback))
+            return wake_subscriptions[-1]
 
         def close() -> None:
             nonlocal is_closed
@@ -256,7 +259,7 @@ class Knowledge:
                 if not is_closed:
                     is_closed = True
                     self._handles.pop(name, None)
-            for subscription in wakes:
+            for subscription in wake_subscriptions:
                 subscription.unsubscribe()
 
         port = AgentPort(
@@ -286,13 +289,13 @@ class Knowledge:
             check_rule=partial(self._check_rule, agent, name),
             begin_transaction=partial(self._transaction, agent, check_open),
             take_snapshot=self.snapshot,
-            record=partial(self.record_rule_state, agent, name),
+            record_state=partial(self.record_rule_state, agent, name),
             subscribe=self.subscribe,
         )
 
     def _check_rule(self, agent: str, name: str, explain_missing: Callable[[Snapshot], str]) -> None:
         """Raise `RuleError` if a rule does not allow its action in the present graph."""
-        with self._turn:
+        with self._write_lock:
             missing_text = explain_missing(self.step_snapshot())
             if missing_text:
                 message = f"the rule {name!r} of {agent!r} cannot begin: {missing_text}"
@@ -302,7 +305,7 @@ class Knowledge:
     def record_rule_state(self, agent: str, name: str, state: str, message: str) -> None:
         """Record the new state of an agent's rule in the journal."""
         if self._context_link is not None:
-            with self._turn:
+            with self._write_lock:
                 self._context_link.record_rule_state(agent, name, state, message)
 
     @contextmanager
@@ -321,7 +324,7 @@ class Knowledge:
                 self._record_refusal(name, self._make_refused_write(operation, str(error)))
                 raise
 
-        transaction = Transaction(attempt, self._turn)
+        transaction = Transaction(attempt, self._write_lock)
         try:
             yield transaction
         finally:
@@ -329,7 +332,7 @@ class Knowledge:
         transaction.check()
         if change_set.changed_subjects:
             check_open()
-            with self._turn:  # nothing can change between `check_allowed` and the write
+            with self._write_lock:  # nothing can change between `check_allowed` and the write
                 check_allowed()
                 self._write(
                     name, partial(self._adopt_transaction, base_state, change_set, transaction), transaction.operations
@@ -338,7 +341,7 @@ class Knowledge:
     def _adopt_transaction(
         self, base_state: State, change_set: ChangeSet, transaction: Transaction, present_change_set: ChangeSet
     ) -> None:
-        """Take over the changes of a transaction; apply them again if the graph has changed since it began.
+        """Take over the changes of a transaction; apply them again if the graph has changed meanwhile.
 
         With a context manager the changes are always applied again, so that all of them have the instant of the step.
         """
@@ -348,15 +351,15 @@ class Knowledge:
             transaction.reapply(present_change_set)
 
     def _write(
-        self, agent: str, change: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
+        self, agent: str, apply_changes: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
     ) -> ResultT:
-        """Apply a change and notify the watches."""
-        with self._turn:
+        """Apply changes and notify the watches."""
+        with self._write_lock:
             change_set = ChangeSet(
                 self._schema, self._state, self._step_now_s(), agent, None if self._context_link is None else []
             )
             try:
-                result = change(change_set)
+                result = apply_changes(change_set)
             except PermissionError as error:
                 self._record_refusal(agent, self._make_refused_write(change_set.operation, str(error)))
                 raise
@@ -364,17 +367,17 @@ class Knowledge:
                 if change_set.changed_subjects:
                     self._commit(change_set, operations)
             except _OvertakenError:
-                return self._write(agent, change, operations)
+                return self._write(agent, apply_changes, operations)
         return result
 
     def _apply_verb(self, agent: str, verb: Verb, arguments: tuple[Any, ...]) -> Any:
         """Apply one operation as an agent and notify the watches; return the result of the operation.
 
-        This is a fast form of `_write`: it creates an `Operation` only if a journal or an error needs it.
+        This is a fast form of `_write`: it creates an `Operation` only if a journal or an error needs one.
         """
-        with self._turn:
+        with self._write_lock:
             try:
-                if verb is SET and self._context_link is None and self._append(agent, arguments):
+                if verb is SET and self._context_link is None and self._append_value(agent, arguments):
                     return None
                 records: list[ChangeRecord] | None = None if self._context_link is None else []
                 change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, records)
@@ -389,7 +392,7 @@ class Knowledge:
                 return self._apply_verb(agent, verb, arguments)
         return result
 
-    def _append(self, agent: str, arguments: tuple[Any, ...]) -> bool:
+    def _append_value(self, agent: str, arguments: tuple[Any, ...]) -> bool:
         """Append a value to the history of an attribute, without a change set.
 
         This fast path applies to an attribute that was written before, in a graph without a context manager.
@@ -437,7 +440,7 @@ class Knowledge:
             finally:
                 self._readings_in_commit = ()
         for instant_s, handover in change_set.deadlines:
-            self._step_clock.call_at(instant_s, partial(self._expire, handover.task))
+            self._step_clock.call_at(instant_s, partial(self._expire_task, handover.task))
         if self.on_change is not None:
             self.on_change(change_set.changed_subjects)
         self._watches.request_evaluations(change_set.changed_subjects)
@@ -455,7 +458,7 @@ class Knowledge:
             raise
 
     def _replace_state(self, before: State, after: State) -> None:
-        """Replace the present state. The state before is kept for `at` if it is the last one of its instant."""
+        """Replace the present state. The old state is kept for `at` if it is the last one of its instant."""
         if before.since_s != after.since_s:
             self._past_states.append(before)
         if self._state is not before:
@@ -468,12 +471,12 @@ class Knowledge:
         return self._context_link.make_refused_write(operation, message, self._schema.nodes_by_variable)
 
     def _record_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
-        """Record a refusal; the caller holds the turn."""
-        self._audit.refuse(Refusal(instant_s=self._step_clock.now_s(), agent=agent, why=refused_write.message))
+        """Record a refusal; the caller holds the lock for writes."""
+        self._audit.add(Refusal(instant_s=self._step_clock.now_s(), agent=agent, why=refused_write.message))
         if self._context_link is not None:
             self._context_link.record_refusal(agent, refused_write)
 
-    def _expire(self, task: str) -> None:
+    def _expire_task(self, task: str) -> None:
         self._write(GRAPH_WRITER, lambda change_set: handshake.expire(change_set, task))
 
     def _watch(
@@ -483,15 +486,15 @@ class Knowledge:
         notify: Callable[[Snapshot, ValueT], None],
         kept_handle: AgentHandle | None = None,
     ) -> Subscription:
-        keys = list(subjects)
+        watched_subjects = list(subjects)
 
         def end() -> None:
-            self._watches.remove(watch, keys)
+            self._watches.remove(watch, watched_subjects)
             self._held_handles.pop(id(watch), None)
 
         watch: Watch[ValueT] = Watch(self._clock, self.snapshot, evaluate, notify, end)
         if kept_handle is not None:
             self._held_handles[id(watch)] = kept_handle
-        self._watches.add(watch, keys)
+        self._watches.add(watch, watched_subjects)
         watch.request_evaluation()
         return watch.subscription

@@ -15,7 +15,7 @@ from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.values.cell import Reading
 
-_CALL = re.compile(r"(distance|in_view)\((.+), (.+)\)")
+_POSE_FUNCTION = re.compile(r"(distance|in_view)\((.+), (.+)\)")
 
 ANY = ""
 """The wildcard in the subjects that a pattern reads: it stands for every name."""
@@ -100,8 +100,8 @@ def matches(snapshot: GraphReader, schema: GraphSchema, patterns: Sequence[Patte
     filter these matches.
 
     Raises:
-        TypeError: if one of them is not a pattern.
-        UnknownNameError: if one of them uses a type that is not declared.
+        TypeError: if one of `patterns` is not a pattern.
+        UnknownNameError: if a pattern uses a type that is not declared.
     """
     wrong_patterns = [pattern for pattern in patterns if not isinstance(pattern, Pattern)]
     if wrong_patterns:
@@ -135,14 +135,14 @@ def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> fr
 
 
 def truth(snapshot: GraphReader, term: Term) -> bool | None:
-    """Return the result of a condition that uses names of nodes and not of places; None if the result is unknown."""
+    """Return the result of a condition without names of places; None if the result is unknown."""
     truth_value = term.evaluate(_Scope(snapshot, {}))
     return truth_value if isinstance(truth_value, bool) else None
 
 
 def relative_pose_pairs(term: Term) -> tuple[tuple[str, str], ...]:
     """Return the pairs of nodes whose relative pose a condition reads."""
-    calls = (_CALL.fullmatch(name) for name in sorted(term.variables()))
+    calls = (_POSE_FUNCTION.fullmatch(name) for name in sorted(term.variables()))
     return tuple(dict.fromkeys((call[2], call[3]) for call in calls if call is not None))
 
 
@@ -209,7 +209,7 @@ def _follow_steps(  # noqa: PLR0917 - shared by the two directions of a path
     start_node: str,
     bindings: Mapping[str, str],
 ) -> Iterator[tuple[Mapping[str, str], _EdgeKeysByLink]]:
-    """Yield all matches of some steps from a node, depth first, without recursion, because paths can be very long."""
+    """Yield all matches of some steps from a node, depth first, but not recursively: paths can be very long."""
     nodes_by_place: _NodesByPlace = {steps[0][0]: start_node} if steps else {}
     edge_keys: _EdgeKeysByLink = {}
     bindings_stack = [bindings]
@@ -256,7 +256,7 @@ def _fits(snapshot: GraphReader, place: Place, name: str, bindings: Mapping[str,
 
 
 def _neighbours(snapshot: GraphReader, schema: GraphSchema, name: str, link: Link) -> Iterator[tuple[Edge, str]]:
-    """Yield the edges at a node that match a link, in the order of their insertion, each with its other end."""
+    """Yield the edges at a node that match a link, each with the node at its other end, in order of insertion."""
     types = schema.types_of_edges(link.edge)
     is_forward = link.direction is Direction.FORWARD
     keys = snapshot.outgoing_keys(name) if is_forward else snapshot.incoming_keys(name)
@@ -279,12 +279,12 @@ def _holds(snapshot: GraphReader, schema: GraphSchema, pattern: Pattern, binding
 
 def _subjects_of_name(name: str) -> Iterator[ChangeSubject]:
     """Yield the subjects whose changes can change the value of a name in a condition."""
-    if _CALL.fullmatch(name):
+    if _POSE_FUNCTION.fullmatch(name):
         yield ("frame", ANY)
     else:
         node, _, attribute = name.rpartition(".")
         yield (node, attribute)
-        yield (ANY, attribute)  # the name may be that of a place of a path
+        yield (ANY, attribute)  # the name may be the name of a place in a path
 
 
 class _Scope:
@@ -297,14 +297,14 @@ class _Scope:
         self._bindings = bindings
 
     def value(self, name: str) -> Value | None:
-        call = _CALL.fullmatch(name)
+        call = _POSE_FUNCTION.fullmatch(name)
         if call is None:
             node, _, attribute = name.rpartition(".")
             try:
-                return self._snapshot.get(self._name(node), attribute).content
+                return self._snapshot.get(self._node_name(node), attribute).content
             except AbsentError:
                 return None  # the attributes of a missing node are unknown
-        function_name, a, b = call[1], self._name(call[2]), self._name(call[3])
+        function_name, a, b = call[1], self._node_name(call[2]), self._node_name(call[3])
         if function_name == "distance":
             return self._snapshot.distance_m(a, b)
         return self._snapshot.in_view(a, b) if b in self._snapshot else None
@@ -312,7 +312,7 @@ class _Scope:
     def age_s(self, name: str) -> float | None:
         node, _, attribute = name.rpartition(".")
         try:
-            reading = self._snapshot.get(self._name(node), attribute)
+            reading = self._snapshot.get(self._node_name(node), attribute)
         except AbsentError:
             return None
         return reading.age_s(self._snapshot.instant_s) if reading.known else None
@@ -322,15 +322,15 @@ class _Scope:
 
         If the value is unknown now, return infinity.
         """
-        call = _CALL.fullmatch(name)
+        call = _POSE_FUNCTION.fullmatch(name)
         if call is not None:
-            return self._snapshot.fresh_until_s(self._name(call[2]), self._name(call[3]))
+            return self._snapshot.fresh_until_s(self._node_name(call[2]), self._node_name(call[3]))
         node, _, attribute = name.rpartition(".")
         try:
-            reading = self._snapshot.get(self._name(node), attribute)
+            reading = self._snapshot.get(self._node_name(node), attribute)
         except (AbsentError, UnknownNameError):
             return math.inf
         return reading.expires_s if reading.known else math.inf
 
-    def _name(self, name: str) -> str:
+    def _node_name(self, name: str) -> str:
         return self._bindings.get(name, name)

@@ -1,7 +1,7 @@
 """The operations of agents on the graph, as values.
 
 A transaction can apply an `Operation` again if another write has changed the graph meanwhile, a journal can record the
-`Operation`, and a replay can repeat it. Where none of this is needed, a change is applied without an `Operation`.
+`Operation`, and a replay can repeat it. Where none of these is needed, a change is applied without an `Operation`.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def operations_text(operations: Iterable[Operation]) -> str:
 
 
 def operations_of(plain_data: Iterable[list[Any]]) -> tuple[Operation, ...]:
-    """Return the operations of plain data.
+    """Return the operations that plain data describes.
 
     Raises:
         ValueError: if the data is not a list of operations; IndexError and TypeError likewise.
@@ -119,4 +119,4 @@ HANDLERS: Mapping[Verb, Callable[..., Any]] = {
     Verb.FINISH: handshake.finish,
     Verb.ABORT: handshake.abort,
 }
-"""The function for each verb: it applies the operation with its arguments to a change set and returns the result."""
+"""For each verb, the function that applies the operation with its arguments to a change set and returns the result."""

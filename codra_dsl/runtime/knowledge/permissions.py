@@ -59,7 +59,7 @@ class Permissions:
         """Check that an agent may write a subject.
 
         Raises:
-            NotASourceError: if it may not.
+            NotASourceError: if the agent may not write the subject.
         """
         if agent not in self.writers:
             self.refuse(agent, subject)
@@ -71,7 +71,7 @@ class Permissions:
             NotASourceError: always.
         """
         writers_text = " or ".join(self._priorities) or "no agent"
-        raise NotASourceError(f"{subject!r} is for {writers_text} to write, not for {agent!r}")
+        raise NotASourceError(f"{subject!r} may be written by {writers_text}, not by {agent!r}")
 
     def check_rank(self, agent: str, previous_writer: str, subject: str) -> None:
         """Check that an agent may overwrite the valid value of another agent.
@@ -91,18 +91,18 @@ class Audit:
     """The latest refusals; threads may share it.
 
     Attributes:
-        count: the number of all refusals so far.
+        total_count: the number of all refusals so far.
     """
 
     def __init__(self) -> None:
-        self.count = 0
+        self.total_count = 0
         self._refusals: deque[Refusal] = deque(maxlen=MAX_REFUSALS)
         self._lock = threading.Lock()
 
-    def refuse(self, refusal: Refusal) -> None:
+    def add(self, refusal: Refusal) -> None:
         """Add a refusal."""
         with self._lock:
-            self.count += 1
+            self.total_count += 1
             self._refusals.append(refusal)
 
     def refusals(self) -> tuple[Refusal, ...]:

@@ -53,17 +53,17 @@ class RuleExecution(Generic[TransactionT_co]):
         check_rule: Callable[[Callable[[Snapshot], str]], None],
         begin_transaction: Callable[[Callable[[], None]], AbstractContextManager[TransactionT_co]],
         take_snapshot: Callable[[], Snapshot],
-        record: Callable[[str, str], None],
+        record_state: Callable[[str, str], None],
         subscribe: Callable[..., Subscription],
     ) -> None:
         """Prepare the execution.
 
         Args:
             rule: the declaration of the rule.
-            check_rule: calls a function that returns what is missing, and raises `RuleError` if anything is missing.
-            begin_transaction: begins a transaction with a check that must succeed when its changes become visible.
+            check_rule: calls a given function, which returns what is missing; raises `RuleError` if this is not empty.
+            begin_transaction: begins a transaction. A given check must succeed when the changes become visible.
             take_snapshot: returns a snapshot of the present graph.
-            record: records the new state of the rule in the event log.
+            record_state: records the new state of the rule in the event log.
             subscribe: subscribes to patterns.
         """
         self.rule = rule
@@ -71,7 +71,7 @@ class RuleExecution(Generic[TransactionT_co]):
         self._check_rule = check_rule
         self._begin_transaction = begin_transaction
         self._take_snapshot = take_snapshot
-        self._record = record
+        self._record_state = record_state
         self._subscribe = subscribe
         self._subscription: Subscription | None = None
         self._has_held = False
@@ -98,7 +98,7 @@ class RuleExecution(Generic[TransactionT_co]):
     def transaction(self) -> AbstractContextManager[TransactionT_co]:
         """Begin changes that become visible together, and only if the `before` patterns still hold at that instant.
 
-        So no other write can come between this check and the changes.
+        No other write can come between the check of these patterns and the changes.
 
         Raises:
             RuleError: at the end of the `with` statement, if a `before` pattern does not hold. Then no change becomes
@@ -108,7 +108,7 @@ class RuleExecution(Generic[TransactionT_co]):
 
     @property
     def may_go_on(self) -> bool:
-        """Return whether the rule is not broken. It is broken if `during` ceases to hold before `after` holds."""
+        """Return whether the rule is not broken. A rule is broken if `during` ceases to hold before `after` holds."""
         return self.state is not RuleState.BROKEN
 
     def _check_before(self) -> None:
@@ -127,11 +127,11 @@ class RuleExecution(Generic[TransactionT_co]):
 
     def _set_state(self, state: RuleState, message: str) -> None:
         self.state = state
-        self._record(str(state), message)
+        self._record_state(str(state), message)
 
 
 def explain_missing(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
-    """Return why there is no match in which all of the patterns hold; empty if there is one.
+    """Return why there is no match in which all of the patterns hold; empty if there is such a match.
 
     The reason is the first pattern that does not hold by itself, if there is such a pattern.
     """

@@ -1,4 +1,4 @@
-"""Read the graph: all results of one snapshot are of one instant, regardless of later writes."""
+"""Snapshots of the graph: all results of a snapshot belong to one instant, regardless of later writes."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Snapshot:
         """Return a node.
 
         Raises:
-            AbsentError: if it does not exist.
+            AbsentError: if the node does not exist.
         """
         node = self._state.nodes.get(name)
         if node is None:
@@ -68,11 +68,11 @@ class Snapshot:
 
         Args:
             type_name: the type of the nodes; any type if empty.
-            where: a condition over attributes of the nodes, by their names. Nodes for which the condition is false or
+            where: a condition that uses attributes of the nodes by name. Nodes for which the condition is false or
                 unknown are left out.
 
         Raises:
-            UnknownNameError: if the type is not declared, or its nodes do not have an attribute of the condition.
+            UnknownNameError: if the type is not declared, or its nodes lack an attribute that the condition reads.
         """
         selected_nodes: Iterable[Node] = self._state.nodes.values()
         if type_name:
@@ -86,10 +86,10 @@ class Snapshot:
         if where is not None:
             self._check_attributes(type_name, selected_nodes, where)
             selected_nodes = [node for node in selected_nodes if where.holds(_Attributes(node, self.instant_s))]
-        return tuple(sorted(selected_nodes, key=_number))
+        return tuple(sorted(selected_nodes, key=_get_number))
 
     def _check_attributes(self, type_name: str, nodes: Iterable[Node], where: Term) -> None:
-        """Raise an error for a condition over an attribute that neither the type nor one of the nodes declares."""
+        """Raise an error if a condition reads an attribute that neither the type nor one of the nodes declares."""
         type_attributes = self._schema.node_type(type_name).attributes if type_name else {}
         for name in where.variables():
             if (
@@ -148,7 +148,7 @@ class Snapshot:
                     and (not origin or candidate.origin == origin)
                     and (not target or candidate.target == target)
                 ),
-                key=_number,
+                key=_get_number,
             )
         )
 
@@ -170,13 +170,13 @@ class Snapshot:
         return reading if reading.expires_s > self.instant_s else reading.at(self.instant_s)
 
     def get_of_edge(self, origin: str, edge: str, target: str, attribute: str) -> Reading[Any]:
-        """Return the reading of an attribute of an edge; it raises the errors of `edge` and `get`."""
+        """Return the reading of an attribute of an edge; this raises the errors of `edge` and `get`."""
         element = self.edge(origin, edge, target)
         self._schema.attribute_of_edge(element, attribute)
         return present_reading(element, str(element), attribute).at(self.instant_s)
 
     def history(self, name: str, attribute: str) -> tuple[Reading[Any], ...]:
-        """Return the readings of an attribute of a node, ordered by evidence; it raises the errors of `get`."""
+        """Return the readings of an attribute of a node, ordered by evidence; this raises the errors of `get`."""
         node = self.node(name)
         self._schema.attribute(node, attribute)
         history = node.histories.get(attribute)
@@ -185,7 +185,9 @@ class Snapshot:
     # Geometry
 
     def transform(self, target: str, source: str, instant_s: float | None = None) -> Transform:
-        """Return the pose of a node in another, computed along P2's chain of RT edges, each forward or inverted.
+        """Return the pose of a node relative to another node.
+
+        The pose is computed along P2's chain of RT edges; each edge is used forward or inverted.
 
         Args:
             target: the node that is the frame of reference.
@@ -242,7 +244,7 @@ class Snapshot:
         return matches(self, self._schema, patterns)
 
     def holds(self, *patterns: Pattern) -> bool:
-        """Return whether there is a match in which all of the patterns hold; it raises the errors of `match`."""
+        """Return whether there is a match in which all of the patterns hold; this raises the errors of `match`."""
         return bool(self.match(*patterns))
 
     def handover(self, task: str) -> Handover:
@@ -282,15 +284,15 @@ class Snapshot:
         return until_s if until_s > self.instant_s else math.inf
 
     def next_update_s(self, a: str, b: str) -> float:
-        """Return when the relative pose of two nodes must next be computed; it raises the errors of `transform`."""
+        """Return when the relative pose of two nodes must next be computed; this raises the errors of `transform`."""
         return self._state.frames.next_update_s(a, b, self.instant_s)
 
     def frames_between(self, a: str, b: str) -> tuple[str, ...]:
-        """Return the nodes whose poses define the relative pose of two nodes; it raises the errors of `transform`."""
+        """Return the nodes whose poses define the relative pose of two nodes; this raises the errors of `transform`."""
         return self._state.frames.between(a, b, self.instant_s)
 
     def measured_s(self, name: str) -> float:
-        """Return when the newest pose of a node was measured; it raises the errors of `parent`."""
+        """Return when the newest pose of a node was measured; this raises the errors of `parent`."""
         return self._state.frames.track(name).newest_s
 
     def _candidate_keys(self, types: frozenset[str] | None, origin: str, target: str) -> Iterable[EdgeKey]:
@@ -330,5 +332,5 @@ class _Attributes:
         return reading.age_s(self._instant_s) if reading.known else None
 
 
-def _number(element: Node | Edge) -> int:
+def _get_number(element: Node | Edge) -> int:
     return element.number

@@ -26,10 +26,10 @@ class Handover(NamedTuple):
 
     Attributes:
         task: the name of the task.
-        stage: its stage; None before the first request.
-        number: the number of its latest request, from 1.
+        stage: the stage of the task; None before the first request.
+        number: the number of the latest request, from 1.
         requester: the agent of the latest request.
-        since_s: the instant from which on the task is at this stage.
+        since_s: when this stage began.
         deadline_s: when the task is aborted if it is still at this stage; infinite without a deadline.
         result: the result, if the task has finished.
         reason: why the task was aborted: `requester`, `unacknowledged` or `overdue`.
@@ -68,7 +68,7 @@ class State:
         index: the index of nodes and edges.
         frames: the poses of nodes.
         handovers: the handovers of tasks, by the name of the task.
-        deletion_times_s: the deletion times of deleted nodes whose poses are still kept, by the name of the node.
+        deletion_times_s: when each deleted node was deleted, by the name of the node, while its past poses are kept.
     """
 
     since_s: float
@@ -88,7 +88,7 @@ class State:
 
     def next(self, since_s: float) -> State:
         """Return a copy as the next version, for a change set."""
-        state = _new(State)  # a call of the class with nine arguments takes 1.5 times as long
+        state = _allocate_state(State)  # a call of the class with nine arguments takes 1.5 times as long
         state.since_s = since_s
         state.version = self.version + 1
         state.next_number = self.next_number
@@ -101,4 +101,4 @@ class State:
         return state
 
 
-_new: Callable[[type[State]], State] = object.__new__
+_allocate_state: Callable[[type[State]], State] = object.__new__

@@ -26,8 +26,8 @@ class Change(NamedTuple):
     Attributes:
         snapshot: the snapshot that has these matches.
         matches: all present matches.
-        new: the matches that are new.
-        ended: the matches that have ended.
+        new: the matches that did not exist at the previous call.
+        ended: the matches that have ended since the previous call.
     """
 
     snapshot: Snapshot
@@ -37,7 +37,7 @@ class Change(NamedTuple):
 
 
 class View(NamedTuple, Generic[ValueT]):
-    """The value of a watch in a snapshot, and when it can next change without new writes."""
+    """The value of a watch in a snapshot, and when this value can next change without new writes."""
 
     value: ValueT
     next_change_s: float = math.inf
@@ -50,8 +50,8 @@ _WakingMatches = tuple[tuple[int, Match, tuple[int, ...]], ...]
 class Watch(Generic[ValueT]):
     """Evaluates the graph after changes, and calls back if the value differs from the value before.
 
-    If the graph changes several times before the evaluation, it is evaluated once, in its present state, so calls
-    cannot pile up.
+    If the graph changes several times before the evaluation, only its present state is evaluated, so calls cannot
+    pile up.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Watch(Generic[ValueT]):
 
 
 class Watches:
-    """All watches of one graph. The key is a subject whose changes can change the values of the watches."""
+    """All watches of one graph, in a table. Its keys are subjects whose changes can change the values of watches."""
 
     def __init__(self) -> None:
         """Begin without watches."""

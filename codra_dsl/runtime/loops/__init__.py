@@ -1,7 +1,7 @@
 """MAPE-K loops at run time: they analyse knowledge, plan, and execute behavior trees.
 
-`Planning` decides by the rules of the spec. To decide otherwise, give `Mape` another `planner`: a function of the type
-`Planners` that returns a `Planner`.
+`Planning` decides by the rules of the spec. To decide by other rules, give `Mape` another `planner`: a function of the
+type `Planners` that returns a `Planner`.
 """
 
 from __future__ import annotations

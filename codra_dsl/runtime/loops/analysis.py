@@ -22,10 +22,10 @@ MAX_BOXES = 256
 Box = tuple[Bounds, ...]
 
 MAX_CACHED_BOUNDS = 4096
-"""The number of cached bounds: while an input is unknown, every change of another input needs bounds."""
+"""The number of cached bounds: while an input is unknown, every change of another input needs new bounds."""
 
 _MAX_CACHED_INFERENCES = 64
-"""The number of cached stage results: most changes that wake a loop do not change the inputs of its rules."""
+"""The number of cached stage results: most changes that trigger an analysis do not change the inputs of the rules."""
 
 _ROUNDING = 1e-9
 
@@ -58,8 +58,8 @@ class OutputResult:
     Attributes:
         name: the metric, or the action.
         bounds: all possible values.
-        value: the value that counts, which is the worse end of the bounds; None if this value is unknown.
-        evidence_s: when the oldest evidence was taken, among the known inputs that the rules of the output read.
+        value: the worse end of the bounds, which is used as the value; None if this end is unknown.
+        evidence_s: the instant of the oldest evidence, among the known inputs that the rules of the output read.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Stage:
     outputs: tuple[OutputResult, ...] = ()
 
     def value(self, name: str) -> float | None:
-        """Return the value that counts for an output."""
+        """Return the value of an output; None if it is unknown."""
         return next(output.value for output in self.outputs if output.name == name)
 
 
@@ -100,7 +100,7 @@ class Assessment:
     actions: Stage = field(default_factory=Stage)
 
     def weights(self) -> dict[str, float | None]:
-        """Return the weight of each action."""
+        """Return a mapping from each action to its weight; None if the weight is unknown."""
         return {output.name: output.value for output in self.actions.outputs}
 
 
@@ -193,7 +193,7 @@ def _widen(
                 number if number == number and model_input.variable in variables_read else None
                 for model_input, number in inputs_with_numbers
             )
-            values[index] = _bounds(model, index, tuple(numbers_read))
+            values[index] = _output_bounds(model, index, tuple(numbers_read))
     input_hulls = [
         _hull(possible_values(model_input, number)) for model_input, number in zip(model.inputs, numbers, strict=True)
     ]
@@ -204,7 +204,7 @@ def _widen(
 
 
 @lru_cache(maxsize=MAX_CACHED_BOUNDS)
-def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
+def _output_bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
     """Return the bounds of all possible values of an output.
 
     Args:
@@ -218,8 +218,8 @@ def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) ->
 class _BoxCutter:
     """Computes the bounds of one output: cuts the unknown inputs into boxes, and joins the bounds of all boxes.
 
-    In a box, two mentions of one input count as two inputs. It can therefore seem possible that no rule acts although
-    some rule certainly acts. Such a box is cut further, unless no rule acts in the middle of the box.
+    In a box, two mentions of one input are treated as two inputs. It can therefore seem possible that no rule acts
+    although some rule certainly acts. Such a box is cut further, unless no rule acts in the middle of the box.
     """
 
     def __init__(self, model: StageModel, numbers: Sequence[float | None], index: int) -> None:

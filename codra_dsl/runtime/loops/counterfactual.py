@@ -1,8 +1,8 @@
-"""Counterfactuals: the smallest single change of an input, and of a weight, that would have kept a course.
+"""Counterfactuals: the smallest change of one input, or of one weight, that would have kept a course.
 
-Each candidate is verified by running the stages again with the change: no action may lead the course by the lead, and
-no hard rule may demand another action. Smoothing, hold and dwell are ignored, because they delay a switch and do not
-decide it.
+Each candidate is verified: with the changed input or weight, no other weight may exceed the weight of the course by the
+required lead, and no hard rule may demand another action. For a changed input, the stages are run again. Smoothing,
+hold and dwell are ignored, because they only delay a switch.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def smallest_changes(
         hard_rule_inputs: inputs that hard rules read and no stage reads.
     """
     if not decision.before or would_keep_course(course, decision.assessment, decision.before, decision.instant_s):
-        return ()  # smoothed or held weights decided; the present weights would have kept the course
+        return ()  # smoothing or the hold time caused the switch: the present weights would have kept the course
     model_inputs = {model_input.variable: model_input for model_input in (*hard_rule_inputs, *_stage_inputs(model))}
     input_changes = [
         change
@@ -71,15 +71,15 @@ def smallest_changes(
         for change in _input_changes(model, course, decision, model_input)
     ]
     weight_changes = [] if decision.rule is not None else list(_weight_changes(course, decision))
-    smallest_per_kind = [min(changes, key=_get_share) for changes in (input_changes, weight_changes) if changes]
-    return tuple(sorted(smallest_per_kind, key=_get_share))
+    smallest_change_per_kind = [min(changes, key=_get_share) for changes in (input_changes, weight_changes) if changes]
+    return tuple(sorted(smallest_change_per_kind, key=_get_share))
 
 
 def would_keep_course(course: CourseModel, assessment: Assessment, action: str, now_s: float) -> bool:
-    """Return whether an action stays the course.
+    """Return whether an action would remain the course.
 
     The first hard rule that holds decides. If no hard rule holds, the action's weight must be known, and no other
-    weight may lead it.
+    weight may exceed this weight by the required lead.
     """
     rule = hard_rule(course, assessment, now_s)
     if rule is not None:
@@ -111,7 +111,7 @@ def _stage_inputs(model: MapeModel) -> Iterator[InputModel]:
 def _input_changes(
     model: MapeModel, course: CourseModel, decision: Decision, model_input: InputModel
 ) -> Iterator[Counterfactual]:
-    """Yield the nearest value of an input that would have kept the course."""
+    """Yield the smallest change of an input that would have kept the course; nothing if there is none."""
     scene = decision.assessment.scene
     observation = scene[model_input.variable]
     number, range_width = number_of(model_input, observation.value), model_input.range.high - model_input.range.low
@@ -135,7 +135,10 @@ def _input_changes(
 def _nearest_keeping_number(
     model_input: InputModel, number: float, keeps_course: Callable[[float], bool]
 ) -> float | None:
-    """Return the value that keeps the course and is nearest to a number, or the least such value if that is NaN."""
+    """Return the value nearest to `number` that keeps the course; None if there is no such value.
+
+    If `number` is NaN, return the least value that keeps the course.
+    """
     low, high = model_input.range.low, model_input.range.high
     if model_input.members:
         candidates = [float(index) for index in range(len(model_input.members)) if index != number]
@@ -158,7 +161,7 @@ def _nearest_keeping_number(
 
 
 def _bisect(failing_number: float, keeping_number: float, keeps_course: Callable[[float], bool]) -> float:
-    """Return a value that keeps the course and is as near as bisection can determine."""
+    """Return a value that keeps the course, found by bisection as near to `failing_number` as possible."""
     for _ in range(_BISECTION_STEPS):
         middle = (failing_number + keeping_number) / 2.0
         if keeps_course(middle):

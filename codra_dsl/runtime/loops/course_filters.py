@@ -1,9 +1,9 @@
 """The temporal filter between weights and courses, which prevents flapping of a mission (P2, section 5.2).
 
 A weight is constant between two steps, and is smoothed exponentially. The lead of one action over another is therefore
-monotone between two steps, and the instant at which the required lead is reached or lost is computed instead of
-searched. A filter that takes its next step at `due_s` therefore makes the same choices at the same instants, however
-many other steps it takes.
+monotone between two steps, so the instant at which the required lead is reached or lost can be computed and need not
+be searched. A filter whose next step happens at `due_s` therefore makes the same choices at the same instants, even if
+other steps happen in between.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from enum import StrEnum
 from codra_dsl.runtime.loops.declarations import CourseModel
 
 JUST_AFTER_S = 1e-6
-"""A filter's next step is this much later than the computed instant, so that rounding never makes it too early."""
+"""A filter's next step is this much later than the computed instant: rounding must not make it too early."""
 
 MIN_LEAD = 1e-9
 """The lead that is used instead of 0, so that equal weights do not switch the course."""
@@ -31,10 +31,10 @@ class SwitchReason(StrEnum):
     """The action had the highest weight when the loop began."""
 
     LEADS = "leads"
-    """For the hold time, the action's weight has exceeded the weight of the running action by the lead."""
+    """For the hold time, the action's weight has exceeded the weight of the running action by the required lead."""
 
     WORSE = "worse"
-    """The same as `LEADS`, but within the dwell or cooldown: a metric has become worse."""
+    """The same as `LEADS`, but within the dwell or cooldown, because a metric has become worse."""
 
     HARD_RULE = "hard_rule"
     """A hard rule demands the action."""
@@ -86,11 +86,11 @@ class FilterState:
         return self.since_s + model.dwell_s
 
     def cooldown_until_s(self, model: CourseModel, action: str) -> float:
-        """Return the end of the cooldown of an action, before which it is not chosen again."""
+        """Return the end of an action's cooldown; the action is not chosen again before this instant."""
         return self.left_s.get(action, -math.inf) + model.cooldown_s
 
     def after_pause(self) -> FilterState:
-        """Return the state after a pause, without smoothed weights and leads: the weights in the pause are unknown."""
+        """Return the state after a pause: without smoothed weights and leads, as weights in the pause are unknown."""
         return replace(self, tracked_actions={}, unknown_since_s=None)
 
 
@@ -130,15 +130,15 @@ def step(
         urgent_actions: actions that need not wait for dwell and cooldown, because a metric has become worse.
         forced_action: the action that a hard rule demands; empty if no hard rule holds.
     """
-    tracked = {action: _track(model, state, action, now_s, weights[action]) for action in model.choose}
-    tracked = _with_leads(model, tracked, state.action, now_s)
-    is_known = any(candidate.smoothed_weight is not None for candidate in tracked.values())
+    tracked_actions = {action: _track(model, state, action, now_s, weights[action]) for action in model.choose}
+    tracked_actions = _with_leads(model, tracked_actions, state.action, now_s)
+    is_known = any(candidate.smoothed_weight is not None for candidate in tracked_actions.values())
     unknown_since_s = None if is_known else now_s if state.unknown_since_s is None else state.unknown_since_s
     before = FilterState(
         instant_s=now_s,
         action=state.action,
         since_s=state.since_s,
-        tracked_actions=tracked,
+        tracked_actions=tracked_actions,
         left_s=state.left_s,
         unknown_since_s=unknown_since_s,
     )
@@ -168,46 +168,41 @@ def leads(model: CourseModel, weight: float | None, course_weight: float | None)
 
 def _track(model: CourseModel, state: FilterState, action: str, now_s: float, weight: float | None) -> TrackedAction:
     """Return the state of an action at an instant, including changes of its lead since the last step."""
-    tracked_before, course = (
+    action_before, course = (
         state.tracked_actions.get(action, TrackedAction()),
         state.tracked_actions.get(state.action, TrackedAction()),
     )
-    smoothed_weight = _smooth(model, tracked_before, now_s - state.instant_s, weight)
+    smoothed_weight = _smooth(model, action_before, now_s - state.instant_s, weight)
     if not state.action or action == state.action:
         return TrackedAction(weight=weight, smoothed_weight=smoothed_weight)
-    since_s = _leads_since_s(model, tracked_before, course, state.instant_s, now_s)
+    since_s = _leads_since_s(model, action_before, course, state.instant_s, now_s)
     return TrackedAction(weight=weight, smoothed_weight=smoothed_weight, leads_since_s=since_s)
 
 
-def _smooth(model: CourseModel, tracked_before: TrackedAction, elapsed_s: float, weight: float | None) -> float | None:
-    if (
-        weight is None
-        or tracked_before.smoothed_weight is None
-        or tracked_before.weight is None
-        or model.smooth_s <= 0.0
-    ):
+def _smooth(model: CourseModel, action_before: TrackedAction, elapsed_s: float, weight: float | None) -> float | None:
+    if weight is None or action_before.smoothed_weight is None or action_before.weight is None or model.smooth_s <= 0.0:
         return weight
-    return tracked_before.weight + (tracked_before.smoothed_weight - tracked_before.weight) * math.exp(
+    return action_before.weight + (action_before.smoothed_weight - action_before.weight) * math.exp(
         -elapsed_s / model.smooth_s
     )
 
 
 def _leads_since_s(
-    model: CourseModel, tracked_before: TrackedAction, course: TrackedAction, then_s: float, now_s: float
+    model: CourseModel, action_before: TrackedAction, course: TrackedAction, then_s: float, now_s: float
 ) -> float | None:
     """Return the instant since which an action leads, just before the new weights apply; None if it does not lead."""
-    if tracked_before.smoothed_weight is None:
+    if action_before.smoothed_weight is None:
         return None
     if course.smoothed_weight is None:
-        return tracked_before.leads_since_s
-    gap, limit = _gaps(model, tracked_before, course)
+        return action_before.leads_since_s
+    gap, limit = _gaps(model, action_before, course)
     min_lead = lead_threshold(model)
     elapsed_s = now_s - then_s
     gap_now = limit + (gap - limit) * math.exp(-elapsed_s / model.smooth_s) if model.smooth_s > 0.0 else limit
     if gap_now < min_lead:
         return None
-    if tracked_before.leads_since_s is not None:
-        return tracked_before.leads_since_s
+    if action_before.leads_since_s is not None:
+        return action_before.leads_since_s
     crossing_s = _crossing_s(model, gap, limit)
     return then_s + min(crossing_s, elapsed_s)
 
@@ -223,7 +218,7 @@ def _gaps(model: CourseModel, candidate: TrackedAction, course: TrackedAction) -
 
 
 def _crossing_s(model: CourseModel, gap: float, limit: float) -> float:
-    """Return the seconds until a gap that approaches a limit reaches the lead; infinite if it never does."""
+    """Return the seconds until a gap that approaches a limit reaches the required lead; infinite if it never does."""
     min_lead = lead_threshold(model)
     if gap >= min_lead:
         return 0.0
@@ -233,32 +228,32 @@ def _crossing_s(model: CourseModel, gap: float, limit: float) -> float:
 
 
 def _with_leads(
-    model: CourseModel, tracked: Mapping[str, TrackedAction], course: str, now_s: float
+    model: CourseModel, tracked_actions: Mapping[str, TrackedAction], course: str, now_s: float
 ) -> dict[str, TrackedAction]:
     """Return all actions with their leads at an instant, including leads that begin at this instant."""
     if not course:
-        return dict(tracked)
-    course_weight = tracked[course].smoothed_weight
-    tracked_with_leads = {}
-    for action, candidate in tracked.items():
+        return dict(tracked_actions)
+    course_weight = tracked_actions[course].smoothed_weight
+    actions_with_leads = {}
+    for action, candidate in tracked_actions.items():
         is_ahead = action != course and leads(model, candidate.smoothed_weight, course_weight)
         since_s = now_s if candidate.leads_since_s is None else candidate.leads_since_s
-        tracked_with_leads[action] = replace(candidate, leads_since_s=since_s if is_ahead else None)
-    return tracked_with_leads
+        actions_with_leads[action] = replace(candidate, leads_since_s=since_s if is_ahead else None)
+    return actions_with_leads
 
 
 def _decide(
     model: CourseModel, state: FilterState, urgent_actions: Collection[str], forced_action: str
 ) -> tuple[str, SwitchReason | None]:
-    """Return the action to run, and the reason if it is a new one."""
+    """Return the action to run, and the reason if it is another one than before."""
     if forced_action:
         return forced_action, SwitchReason.HARD_RULE
     if not state.action:
         best_action = _best_action(model, state, model.choose)
         return (best_action, SwitchReason.FIRST) if best_action else (model.otherwise, SwitchReason.NOTHING_KNOWN)
     if state.unknown_since_s is not None:
-        is_over = state.instant_s - state.unknown_since_s >= model.hold_s - _ROUNDING_S
-        return (model.otherwise if is_over else state.action), SwitchReason.NOTHING_KNOWN
+        is_hold_over = state.instant_s - state.unknown_since_s >= model.hold_s - _ROUNDING_S
+        return (model.otherwise if is_hold_over else state.action), SwitchReason.NOTHING_KNOWN
     ready_actions = [
         action
         for action in model.choose
@@ -286,24 +281,24 @@ def _free_s(model: CourseModel, state: FilterState, action: str) -> float:
 
 
 def _ready_s(model: CourseModel, state: FilterState, action: str, urgent_actions: Collection[str]) -> float:
-    """Return when an action can be chosen if no weight changes; infinite if it cannot be chosen then."""
+    """Return when an action can be chosen if no weight changes; infinite if the action can never be chosen."""
     candidate, course = state.tracked_actions[action], state.tracked_actions[state.action]
     if action == state.action or candidate.smoothed_weight is None:
         return math.inf
     leads_s = candidate.leads_since_s
     if leads_s is None:
         leads_s = state.instant_s + _crossing_s(model, *_gaps(model, candidate, course))
-    held_s = leads_s + model.hold_s
+    hold_end_s = leads_s + model.hold_s
     # An urgent action breaks the dwell and the cooldown: neither may keep a robot from the safe course.
-    return held_s if action in urgent_actions else max(held_s, _free_s(model, state, action))
+    return hold_end_s if action in urgent_actions else max(hold_end_s, _free_s(model, state, action))
 
 
 def _due_s(model: CourseModel, state: FilterState, urgent_actions: Collection[str], forced_action: str) -> float:
     if forced_action:
         return math.inf
     if state.unknown_since_s is not None:
-        is_otherwise = state.action == model.otherwise
-        return math.inf if is_otherwise else state.unknown_since_s + model.hold_s + JUST_AFTER_S
+        is_otherwise_action = state.action == model.otherwise
+        return math.inf if is_otherwise_action else state.unknown_since_s + model.hold_s + JUST_AFTER_S
     return min(_ready_s(model, state, action, urgent_actions) for action in model.choose) + JUST_AFTER_S
 
 
@@ -311,15 +306,15 @@ def _state_after_switch(
     model: CourseModel, before: FilterState, action: str, reason: SwitchReason | None
 ) -> FilterState:
     now_s = before.instant_s
-    tracked_without_leads = {
+    actions_without_leads = {
         name: replace(candidate, leads_since_s=None) for name, candidate in before.tracked_actions.items()
     }
     # A first choice that no known weight supports has no dwell.
-    is_makeshift = not before.action and reason is SwitchReason.NOTHING_KNOWN
+    is_unsupported_choice = not before.action and reason is SwitchReason.NOTHING_KNOWN
     return replace(
         before,
         action=action,
-        since_s=-math.inf if is_makeshift else now_s,
-        tracked_actions=_with_leads(model, tracked_without_leads, action, now_s),
+        since_s=-math.inf if is_unsupported_choice else now_s,
+        tracked_actions=_with_leads(model, actions_without_leads, action, now_s),
         left_s={**before.left_s, before.action: now_s} if before.action else before.left_s,
     )

@@ -14,7 +14,7 @@ from codra_dsl.runtime.loops.observations import SceneScope
 _METRIC_TOLERANCE = 1e-9
 
 Metrics = Mapping[str, float | None]
-"""The value that counts for each metric, by variable."""
+"""The value of each metric, by variable; None if it is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +35,8 @@ class Decision:
 
     Attributes:
         before: the action that was left; empty for the first choice.
-        chosen: the step of the filter.
-        rule: the hard rule that decided; None without one.
+        filter_step: the step of the filter.
+        rule: the hard rule that decided; None if no hard rule did.
     """
 
     instant_s: float
@@ -45,18 +45,18 @@ class Decision:
     before: str
     because: SwitchReason
     assessment: Assessment
-    chosen: FilterStep
+    filter_step: FilterStep
     rule: HardRuleModel | None = None
 
 
 def metrics_of(model: MapeModel, assessment: Assessment) -> Metrics:
-    """Return the value that counts for each metric."""
+    """Return the value of each metric."""
     outputs = () if model.metrics is None else model.metrics.outputs
-    return {metric.variable: _number(assessment.scene[metric.variable].value) for metric in outputs}
+    return {metric.variable: _float_or_none(assessment.scene[metric.variable].value) for metric in outputs}
 
 
 def values_before_worsening(model: MapeModel, metrics_now: Metrics, metrics_then: Metrics) -> Metrics:
-    """Return the old values of the metrics that have become worse."""
+    """Return a mapping from each metric that has become worse to its old value."""
     outputs = () if model.metrics is None else model.metrics.outputs
     return {
         metric.variable: metrics_then[metric.variable]
@@ -77,8 +77,8 @@ def urgent_actions(
 ) -> frozenset[str]:
     """Return the actions that lead the course only because a metric has become worse since the course was chosen.
 
-    What makes an action urgent is the effect on the weights, not the size of the metric's change: the action would not
-    lead if the metrics that have become worse still had the values that they had at the last switch.
+    Such an action is urgent. This depends on the effect on the weights and not on the size of the metric's change: the
+    action would not lead if the metrics that have become worse still had the values that they had at the last switch.
     """
     running_action = course_state.state.action
     former_metrics = (
@@ -102,7 +102,7 @@ def choose(
     """Choose the course of an instant.
 
     Returns:
-        The new state; the decision if the course changes, otherwise None; the instant at which to choose again.
+        The new state; the decision, or None if the course does not change; the instant at which to choose again.
     """
     rule = hard_rule(course, assessment, now_s)
     weights = assessment.weights()
@@ -123,7 +123,7 @@ def choose(
         before=course_state.state.action,
         because=filter_step.because,
         assessment=assessment,
-        chosen=filter_step,
+        filter_step=filter_step,
         rule=rule,
     )
     return CourseState(state=filter_step.state, metrics=metrics_of(model, assessment)), decision, filter_step.due_s
@@ -139,5 +139,5 @@ def _is_worse(output: OutputModel, value_now: float | None, value_then: float | 
     )
 
 
-def _number(value: object) -> float | None:
+def _float_or_none(value: object) -> float | None:
     return float(value) if isinstance(value, (int, float)) else None

@@ -1,11 +1,11 @@
 """Declarations of MAPE-K loops: frozen values that generated code fills with literals and functions.
 
-P2, sections 3.3 and 5.2: a first fuzzy stage turns context into metrics, a second one turns metrics into weights of
-actions, and the action with the highest weight is the course that the mission's tree takes.
+P2, sections 3.3 and 5.2: a first fuzzy stage turns context into metrics, and a second stage turns metrics into weights
+of actions. The action with the highest weight becomes the course, and the mission's tree runs the branch of the course.
 
-Rates, metrics, weights, courses and parameters are context-variables like any other, each with an agent that writes
-it, so conditions, agents, the journal and `why` handle them without special code. A spec declares the
-variables of rates and parameters; loading the spec adds those of metrics, weights and courses.
+Rates, metrics, weights, courses and parameters are context-variables like any other, and an agent writes each of them.
+So conditions, agents, the journal and `why` handle them without special code. A spec declares the variables of rates
+and parameters; loading the spec adds those of metrics, weights and courses.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class RateModel:
     """A rate of change, which is a variable of its own.
 
     Its value is the slope of the line that best fits the readings of `of` in the last `over_s` seconds; if `of` was
-    unknown in this time, only the readings after that count. The rate is unknown while these readings span less than
+    unknown during this time, only later readings are used. The rate is unknown while these readings span less than
     half of `over_s`, and while `of` is unknown. If the slope lies outside the range of `variable`, the value is the
     nearest end of this range.
 
@@ -43,7 +43,7 @@ class RateModel:
         of: the variable whose readings are used; its `history` must cover at least half of the window.
         over_s: the length of the window.
         factor: converts from units of `of` per second to the unit of the rate: 60 for units per minute, -60 if
-            falling counts as positive.
+            the rate is positive while `of` falls.
     """
 
     variable: str
@@ -135,7 +135,7 @@ class HardRuleModel:
     Attributes:
         condition: a condition over context-variables.
         action: one of the actions that the course chooses from.
-        text: the condition as the spec has it.
+        text: the condition as it is written in the spec.
     """
 
     condition: Term
@@ -149,7 +149,7 @@ class CourseModel:
     """A choice among actions by their weights, and the filter that prevents flapping.
 
     Attributes:
-        name: the name of the adaptation.
+        name: the name of the course in the spec section `adaptation`.
         choose: the actions; among actions with equal weights, the first one wins.
         otherwise: the action while no weight is known.
         variable: an enum variable that holds the chosen action. Its source is the adapter. Empty without such a
@@ -181,14 +181,14 @@ class CourseModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterModel:
-    """A context-variable that is set to the value of an expression over context and metrics.
+    """A parameter: a context-variable that is set to the value of an expression over context and metrics.
 
     Attributes:
-        name: the name of the adaptation.
+        name: the name of the parameter in the spec section `adaptation`.
         variable: the variable that is set; its source is the adapter.
         value: computes the new value, in the variable's unit; while the new value is unknown, the last value stays.
-        text: `value` as the spec has it.
-        dwell_s: the shortest time for which a value is kept. A metric that became worse breaks it.
+        text: `value` as it is written in the spec.
+        dwell_s: the shortest time for which a value is kept. A metric that became worse ends this time early.
     """
 
     name: str
@@ -217,12 +217,12 @@ class TreeModel:
     `Switch` with `variable="{course}"`). The loop writes the entry to select the branch of the course.
 
     Attributes:
-        build: makes the root; a function of the compiled module's `TREES`.
-        course: the adaptation that chooses the tree's branch; empty without such an adaptation.
+        build: makes the root of the tree; a function in `TREES` of the compiled module.
+        course: the course that selects the tree's branch; empty if no course does.
         entry: the entry of the blackboard that selects the branch to run.
         branches: the value of the entry for each action.
-        tasks: the tasks of the knowledge graph that the tree's leaves hand over. A branch has ended when none of the
-            tasks that it requested is open.
+        tasks: the tasks of the knowledge graph that the tree's leaves hand over. A branch that was left has ended when
+            `agent` has no open request for one of these tasks.
         agent: the agent that requests these tasks.
         period_s: the time between two ticks.
         repeat: what happens after the root of the tree has completed.

@@ -19,7 +19,7 @@ Details = dict[str, Any]
 
 def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
     """Return the chain of a decision, from the readings to the action."""
-    filter_state = decision.chosen.before
+    filter_state = decision.filter_step.before
     rule = decision.rule
     return _without_none(
         loop=loop,
@@ -41,11 +41,11 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
 
 
 def evidence_of(assessment: Assessment, extra_variables: Iterable[str] = ()) -> Details:
-    """Return the readings, and the results of the stages.
+    """Return the details of an assessment: the readings, and the results of the stages.
 
     Args:
         assessment: the assessment of the instant.
-        extra_variables: variables that a condition reads, even if no stage does.
+        extra_variables: variables that a condition reads, even if no stage reads them.
     """
     stages = (assessment.metrics, assessment.actions)
     return {
@@ -172,7 +172,7 @@ def _output_details(output: OutputResult) -> Details:
 
 
 def _weight_details(course: CourseModel, decision: Decision, weight: OutputResult) -> Details:
-    filter_state = decision.chosen.before
+    filter_state = decision.filter_step.before
     tracked_action = filter_state.tracked_actions[weight.name]
     return _output_details(weight) | _without_none(
         smoothed=tracked_action.smoothed_weight,

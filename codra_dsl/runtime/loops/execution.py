@@ -34,8 +34,8 @@ class _EndingBranch:
 
     Attributes:
         result: the result of the tree; tasks may still be open.
-        is_halting: whether its actions are still being halted.
-        is_reported: whether an event has reported that it ended, or that it did not end in time.
+        is_halting: whether the actions of the branch are still being halted.
+        is_reported: whether an event has reported that the branch ended, or that it did not end in time.
     """
 
     action: str
@@ -64,9 +64,9 @@ class Execution:
 
         Args:
             model: the model of the tree.
-            leaves: gives each leaf its action.
+            leaves: provides the action of each leaf.
             clock: the clock for the tree and for the time limit of ending branches.
-            knowledge: holds the tasks; None without tasks.
+            knowledge: the graph with the tasks; None if there are no tasks.
             abort_s: how long a branch may take to end after the course has left it.
             record_event: called for each event about a branch, and for each failure.
 
@@ -83,7 +83,7 @@ class Execution:
         self._record_event = record_event
         self._result = Result.IDLE
         self._ending_branch: _EndingBranch | None = None
-        self._is_resting = False
+        self._is_idle_until_switch = False
         self._report_lock = threading.Lock()
 
     @property
@@ -93,10 +93,10 @@ class Execution:
         return str(scope.get(self.model.entry)) if scope.has(self.model.entry) else ""
 
     def choose(self, action: str) -> None:
-        """Halt the present branch within this call; once this branch has ended, run the branch of another action."""
+        """Halt the present branch within this call; once this branch has ended, run the branch of `action`."""
         old_action, now_s = self.action, self._clock.now_s()
         self.action = action
-        self._is_resting = False
+        self._is_idle_until_switch = False
         if self._ending_branch is not None or not old_action:
             self.due_s = now_s
             return
@@ -121,7 +121,7 @@ class Execution:
             self._ending_branch = None
             if self.action and self.branch != self.model.branches[self.action]:
                 self.tree.scope.create(self.model.entry, self.model.branches[self.action])
-            if not self._is_resting and (self.action or not self.model.course):
+            if not self._is_idle_until_switch and (self.action or not self.model.course):
                 self._attempt(self._tick)
 
     def halt(self) -> None:
@@ -132,10 +132,10 @@ class Execution:
     def _tick(self) -> None:
         self._result = Result.IDLE
         self._result = self.tree.tick()
-        self._is_resting = self._result.is_completed and self.model.repeat is Repeat.ON_SWITCH
+        self._is_idle_until_switch = self._result.is_completed and self.model.repeat is Repeat.ON_SWITCH
 
     def _attempt(self, run: Callable[[], None]) -> bool:
-        """Call a function that runs actions of the robot; return whether it raised no exception."""
+        """Call a function that runs actions of the robot; return False if it raised an exception."""
         try:
             run()
         except Exception as error:  # noqa: BLE001 - the robot's actions may raise any exception

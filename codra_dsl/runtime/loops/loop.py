@@ -1,8 +1,9 @@
 """MAPE-K loops: they analyse knowledge, choose courses, set parameters and execute trees (P2, Figure 3).
 
-A loop is an agent like the others. It analyses at its period, when an input changes, and when its filters are due; it
-ticks its trees at their periods. Each round runs as work of the clock: at once in simulated time, and in a thread of
-its own in real time, so that an action that hangs blocks only its own loop.
+A loop is an agent like any other agent. It analyses at its period, when an input changes, and when its filters are due;
+it ticks its trees at their periods. A round is the analysis, if one is due, and then the ticks of the trees that are
+due. In simulated time a round runs at once. In real time each round runs in a separate thread, so an action that hangs
+blocks only its own loop.
 
 The events that a loop records are inputs of a replay, like the values that agents write: a replay reads them from the
 journal and does not run the engines again.
@@ -25,7 +26,7 @@ from codra_dsl.runtime.clock import Clock, Timer, Work
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.package_files import package_folder, places_in
-from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, declaring
+from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, shared_declaration
 from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, TreeModel
@@ -46,7 +47,7 @@ _LOGGER = logging.getLogger(__name__)
 Manager = ContextManager[Any, Any]
 
 MAX_CHANGES_PER_INSTANT = 10
-"""If an adaptation changes this often at one instant, the loop treats it as circular."""
+"""If a course or parameter changes this often at one instant, the loop treats it as depending on itself."""
 
 
 class Mape:
@@ -71,8 +72,8 @@ class Mape:
             codra: the context that the loops read and write.
             model: the model of the loops.
             clock: the clock of `codra`.
-            robot: gives each leaf of the trees its action. Give a mapping from names of trees to robots if leaves of
-                the same name are different actions in different trees. Not needed without trees.
+            robot: provides the action of each leaf of the trees. Give a mapping from names of trees to robots if leaves
+                of the same name are different actions in different trees. Not needed without trees.
             planner: makes the planner of each loop, which analyses and decides.
 
         Raises:
@@ -108,7 +109,7 @@ class Mape:
             loop.stop()
 
     def close(self) -> None:
-        """Stop, and release the handles of the analyst and of the adapter."""
+        """Stop all loops, and close the handles of the analyst and of the adapter."""
         self.stop()
         self._writers.close()
 
@@ -123,7 +124,7 @@ class Mape:
         return self._loops[name]
 
     def decisions(self, course: str) -> tuple[Decision, ...]:
-        """Return the newest decisions of a course, each with its chain."""
+        """Return the newest decisions of a course, each with the assessment that led to it."""
         return tuple(self._loop_of(course).planning.decisions[course])
 
     def course_state(self, course: str) -> CourseState:
@@ -138,7 +139,7 @@ class Mape:
 
 
 class _AgentWriters:
-    """The agents that write for the loops; the handle of an agent is opened only if the loops need it."""
+    """The agents that write for the loops; only the handles that the loops need are opened."""
 
     def __init__(self, codra: Manager, model: MapeModel) -> None:
         self._agents: dict[str, Agent[Any, Any]] = {}
@@ -152,13 +153,13 @@ class _AgentWriters:
     def write(self, agent: str, variable_write: VariableWrite, now_s: float) -> None:
         """Write a variable.
 
-        The stamp never goes back, even if an input with older evidence arrives: otherwise the value with the newer
-        evidence would stay.
+        The stamp of a variable never goes back, even if an input with older evidence arrives. Otherwise the variable
+        would keep its present value, because the evidence of this value is newer.
         """
-        known_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
-        stamp_s = min(now_s, max(known_s, self._stamps_s.get(variable_write.variable, -math.inf)))
+        evidence_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
+        stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(variable_write.variable, -math.inf)))
         self._stamps_s[variable_write.variable] = stamp_s
-        value = math.nan if variable_write.value is None else variable_write.value  # NaN is unknown
+        value = math.nan if variable_write.value is None else variable_write.value  # NaN means unknown
         self._agents[agent].set(variable_write.variable, value, evidence_s=stamp_s)
 
     def close(self) -> None:
@@ -193,7 +194,9 @@ class Loop:
         _check_names(model, loop)
         self.planning = planning
         self.trees = {
-            tree.name: self._execution(tree, leaves[tree.name]) for tree in model.trees if tree.name in loop.execute
+            tree.name: self._create_execution(tree, leaves[tree.name])
+            for tree in model.trees
+            if tree.name in loop.execute
         }
         self._lock = threading.Lock()
         self._is_on = False
@@ -211,12 +214,12 @@ class Loop:
         declared_variables = [
             name for name in watched_variables if name in identified_variables
         ]  # the loop decides on these variables (P1, Equation 4)
-        self._declaration = declaring(codra.commands, f"loop {loop.name}", declared_variables)
-        self._listener = SharedAcquisition(self._listen, self._stop_listening)
-        self._idle = threading.Event()
-        self._idle.set()
+        self._declaration = shared_declaration(codra.commands, f"loop {loop.name}", declared_variables)
+        self._listener = SharedAcquisition(self._start_listening, self._stop_listening)
+        self._idle_event = threading.Event()
+        self._idle_event.set()
 
-    def _execution(self, model: TreeModel, leaves: Leaves) -> Execution:
+    def _create_execution(self, model: TreeModel, leaves: Leaves) -> Execution:
         courses = [course for course in self._model.courses if course.name == model.course]
         missing_actions = [action for course in courses for action in course.choose if action not in model.branches]
         if missing_actions or (model.course and not courses):
@@ -254,7 +257,7 @@ class Loop:
         self._record_event(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
         self._declaration.begin()
         self._listener.begin()
-        self._wake_at(self._clock.now_s())
+        self._schedule_round(self._clock.now_s())
 
     def stop(self) -> None:
         """Stop, and halt the trees.
@@ -270,13 +273,13 @@ class Loop:
                 self._timer.cancel()
                 self._timer = None
         self._listener.end()
-        self._idle.wait(max((course.abort_s for course in self.planning.courses.values()), default=0.0))
+        self._idle_event.wait(max((course.abort_s for course in self.planning.courses.values()), default=0.0))
         for tree in self.trees.values():
             tree.halt()
         self._declaration.end()
         self._record_event(self._loop.name, "stopped", {})
 
-    def _listen(self) -> None:
+    def _start_listening(self) -> None:
         watched_variables = self.planning.watches()
         if watched_variables:
             self._subscription = self._codra.subscribe(watched_variables, lambda _: self._on_change())
@@ -290,17 +293,17 @@ class Loop:
     def _on_change(self) -> None:
         with self._lock:
             self._has_changed = True
-        self._wake_at(self._next_analysis_s())
+        self._schedule_round(self._next_analysis_s())
 
     def _next_analysis_s(self) -> float:
-        """Return when to analyse changes: now, or a period later if an adaptation keeps changing at this instant."""
+        """Return when to analyse changes: now, or a period later if courses or parameters keep changing now."""
         now_s = self._clock.now_s()
         is_circling = (
             now_s == self._last_change_s and max(self._change_counts.values(), default=0) >= MAX_CHANGES_PER_INSTANT
         )
         return now_s + self._loop.period_s if is_circling else now_s
 
-    def _wake_at(self, instant_s: float) -> None:
+    def _schedule_round(self, instant_s: float) -> None:
         with self._lock:
             if not self._is_on or self._is_busy:
                 return  # the running round checks again at its end
@@ -308,48 +311,48 @@ class Loop:
                 if self._timer.instant_s <= instant_s:
                     return
                 self._timer.cancel()
-            self._timer = self._clock.call_at(instant_s, self._begin)
+            self._timer = self._clock.call_at(instant_s, self._begin_round)
 
-    def _begin(self) -> None:
+    def _begin_round(self) -> None:
         with self._lock:
             self._timer = None
             if not self._is_on or self._is_busy:
                 return
             self._is_busy = True
-            self._idle.clear()
+            self._idle_event.clear()
         try:
-            self._clock.start(self._round, _ignore)
+            self._clock.start(self._run_round_as_work, _ignore)
         except RuntimeError:  # no thread could be started: the loop tries again after a period
             _LOGGER.exception("the loop %r could not run", self._loop.name)
-            self._end(self._clock.now_s() + self._loop.period_s)
+            self._end_round(self._clock.now_s() + self._loop.period_s)
 
-    def _round(self, _: Work) -> None:
+    def _run_round_as_work(self, _: Work) -> None:
         due_s = self._clock.now_s() + self._loop.period_s
         try:
-            due_s = self._run()
+            due_s = self._run_round()
         finally:
-            self._end(due_s)
+            self._end_round(due_s)
 
     def _attempt(self, run_part: Callable[[], None]) -> None:
-        """Run a part of a round; the other parts run even if it fails."""
+        """Run a part of a round. If it fails, the other parts run nevertheless."""
         try:
             run_part()
         except Exception as error:
             _LOGGER.exception("a part of the loop %r failed", self._loop.name)
             self._record_event(self._loop.name, "failed", {"message": f"{type(error).__name__}: {error}"})
 
-    def _end(self, due_s: float) -> None:
+    def _end_round(self, due_s: float) -> None:
         with self._lock:
             self._is_busy = False
-            self._idle.set()
+            self._idle_event.set()
             if self._has_changed:
                 due_s = min(due_s, self._next_analysis_s())
-        self._wake_at(due_s)
+        self._schedule_round(due_s)
 
     # A round
 
-    def _run(self) -> float:
-        """Run one round, and return the instant at which the next one is due."""
+    def _run_round(self) -> float:
+        """Run one round, and return the instant at which the next round is due."""
         with self._lock:
             is_due = self._has_changed or self._clock.now_s() >= self._analysis_due_s
             self._has_changed = False
@@ -373,18 +376,18 @@ class Loop:
             details = analysis_of(self.planning.model, plan.assessment, plan.changed)
             self._attempt(partial(self._record_event, self._loop.name, "analysed", details))
         for decision in plan.decisions:
-            self._attempt(partial(self._adapt, decision))
+            self._attempt(partial(self._switch_course, decision))
             if decision.before:
                 self._unexplained_decisions.append(decision)
         for setting in plan.settings:
-            self._attempt(partial(self._set, setting))
+            self._attempt(partial(self._set_parameter, setting))
         for refusal in plan.refusals:
             event_details = {"variable": refusal.parameter.variable, "message": refusal.message}
             self._attempt(partial(self._record_event, refusal.parameter.name, "failed", event_details))
-        self._count(plan, now_s)
+        self._count_changes(plan, now_s)
 
-    def _count(self, plan: Plan, now_s: float) -> None:
-        """Count the changes of one instant, and report an adaptation that depends on itself."""
+    def _count_changes(self, plan: Plan, now_s: float) -> None:
+        """Count the changes of one instant, and report a course or parameter that depends on itself."""
         if now_s != self._last_change_s:
             self._last_change_s, self._change_counts = now_s, Counter()
         changed_adaptations = [
@@ -397,7 +400,7 @@ class Loop:
                 message = f"'{name}' has changed {MAX_CHANGES_PER_INSTANT} times at one instant: it depends on itself"
                 self._record_event(self._loop.name, "failed", {"message": message})
 
-    def _adapt(self, decision: Decision) -> None:
+    def _switch_course(self, decision: Decision) -> None:
         course = self.planning.courses[decision.course]
         now_s = decision.instant_s
         self._record_event(course.name, "chosen", chain_of(self._loop.name, course, decision))
@@ -409,7 +412,7 @@ class Loop:
             self._writers.write(self._model.adapter, variable_write, now_s)
 
     def _explain_in_background(self) -> None:
-        """Record counterfactuals outside the rounds, because this can take long and no decision should wait for it."""
+        """Record counterfactuals outside the rounds, because no decision should wait for this long computation."""
         decisions, self._unexplained_decisions = self._unexplained_decisions, []
         self._clock.start(lambda _: self._explain_all(decisions), _ignore)
 
@@ -429,7 +432,7 @@ class Loop:
                 course.name, "explained", {**event_details, "kept_by": counterfactual_details(counterfactuals)}
             )
 
-    def _set(self, setting: Setting) -> None:
+    def _set_parameter(self, setting: Setting) -> None:
         model = setting.parameter
         variable_write = VariableWrite(variable=model.variable, value=setting.value, evidence_s=setting.instant_s)
         self._writers.write(self._model.adapter, variable_write, setting.instant_s)
@@ -458,7 +461,7 @@ class Loop:
 
 
 def _robots_of_trees(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:
-    """Return the robot of each tree; a tree that a mapping of robots does not contain has no actions."""
+    """Return a mapping from each tree to its robot; a tree without an entry in `robot` gets a robot without actions."""
     if isinstance(robot, Mapping):
         return {tree.name: robot.get(tree.name, Robot()) for tree in model.trees}
     return {tree.name: robot for tree in model.trees}

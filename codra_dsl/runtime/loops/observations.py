@@ -44,17 +44,17 @@ Scene = Mapping[str, Observation]
 
 @dataclass(frozen=True, slots=True)
 class SceneScope:
-    """A scene, in the form that conditions read."""
+    """A scene in the form in which conditions read it."""
 
     scene: Scene
     now_s: float
 
     def value(self, name: str) -> Value | None:
-        """Return the value, or None when it is unknown."""
+        """Return the value of a variable; None if it is unknown."""
         return self.scene[name].value
 
     def age_s(self, name: str) -> float | None:
-        """Return the time since the evidence was taken, or None when the value is unknown."""
+        """Return the time since the evidence was taken; None if the value is unknown."""
         observation = self.scene[name]
         return None if observation.value is None else self.now_s - observation.evidence_s
 
@@ -111,7 +111,7 @@ def rate(
 
 
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
-    """Return the instants and values since the variable was last unknown, but only those within the window."""
+    """Return the instants and values of the readings in the window, but only since the variable was last unknown."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
         if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):

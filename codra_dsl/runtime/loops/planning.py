@@ -49,7 +49,7 @@ class VariableWrite:
     """A value to write to a variable.
 
     Attributes:
-        evidence_s: when the evidence was taken; minus infinity without any evidence.
+        evidence_s: when the evidence was taken; minus infinity if there is no evidence.
     """
 
     variable: str
@@ -90,7 +90,8 @@ class Plan:
     Attributes:
         values_to_write: rates, metrics and weights, to be written by the analyst.
         changed: the variables of the metrics and weights that have changed since the last analysis. An `analysed` event
-            records only these, so `why` has the chain of each metric, and nothing is recorded while nothing changes.
+            records only these variables, so `why` has the chain of each metric, and nothing is recorded while nothing
+            changes.
         due_s: when to analyse again if no input changes.
         refusals: values that cannot be set; a refused value is reported again only after another value was computed.
     """
@@ -199,7 +200,7 @@ class Planning:
         return smallest_changes(self.model, course, decision, self._hard_rule_inputs(course))
 
     def _hard_rule_inputs(self, course: CourseModel) -> tuple[InputModel, ...]:
-        """Return the variables that the hard rules of a course read, as inputs."""
+        """Return the bounded variables that the hard rules of a course read, as inputs; metrics are left out."""
         names = sorted(
             {name for rule in course.always for name in rule.condition.variables()} - self._metric_variables()
         )
@@ -209,17 +210,17 @@ class Planning:
         """Analyse the present context, and decide."""
         scene = self._scene(context, now_s)
         assessment = assess(self.model, scene)
-        decisions, due_s = self._decide(assessment, now_s)
+        decisions, decisions_due_s = self._decide(assessment, now_s)
         target_values = self._target_values(assessment.scene, now_s)
         refusals = tuple(self._find_refusals(target_values))
-        settings, next_due_s = self._set(target_values, assessment, now_s)
+        settings, settings_due_s = self._choose_settings(target_values, assessment, now_s)
         return Plan(
             assessment=assessment,
             values_to_write=tuple(self._values_to_write(assessment)),
             changed=frozenset(self._changed_variables(assessment)),
             decisions=decisions,
             settings=settings,
-            due_s=min(due_s, next_due_s, self._next_flip_s(assessment.scene, now_s)),
+            due_s=min(decisions_due_s, settings_due_s, self._next_flip_s(assessment.scene, now_s)),
             refusals=refusals,
         )
 
@@ -241,15 +242,17 @@ class Planning:
         readings = context.readings(name for name in self._read_variables if name not in self._rates)
         scene = {name: Observation.of(reading.at(now_s)) for name, reading in readings.items()}
         for name, model in self._rates.items():
-            scene[name] = self._rate(model, context, scene[model.of], now_s)
+            scene[name] = self._observe_rate(model, context, scene[model.of], now_s)
         return scene
 
-    def _rate(self, model: RateModel, context: Context, present_observation: Observation, now_s: float) -> Observation:
+    def _observe_rate(
+        self, model: RateModel, context: Context, present_observation: Observation, now_s: float
+    ) -> Observation:
         observed_rate = rate(model, context.history(model.of), present_observation, now_s)
-        limits = self._types[model.variable].range
-        if limits is None or not isinstance(observed_rate.value, float):
+        range_limits = self._types[model.variable].range
+        if range_limits is None or not isinstance(observed_rate.value, float):
             return observed_rate
-        return replace(observed_rate, value=min(max(observed_rate.value, limits[0]), limits[1]))
+        return replace(observed_rate, value=min(max(observed_rate.value, range_limits[0]), range_limits[1]))
 
     # Results to write
 
@@ -277,11 +280,11 @@ class Planning:
     def _decide(self, assessment: Assessment, now_s: float) -> tuple[tuple[Decision, ...], float]:
         decisions, due_s = [], math.inf
         for name, course in self.courses.items():
-            course_state, decision, next_due_s = choose(
+            course_state, decision, course_due_s = choose(
                 self.model, course, self._course_states[name], assessment, now_s
             )
             self._course_states[name] = course_state
-            due_s = min(due_s, next_due_s)
+            due_s = min(due_s, course_due_s)
             if decision is not None:
                 decisions.append(decision)
                 self.decisions[name].append(decision)
@@ -292,7 +295,7 @@ class Planning:
         return {parameter.name: parameter.value.evaluate(SceneScope(scene, now_s)) for parameter in self._parameters}
 
     def _find_refusals(self, target_values: Mapping[str, Value | None]) -> Iterator[Refusal]:
-        """Yield a refusal for each value that its variable cannot take; store the values, to report each only once."""
+        """Yield a refusal for each value that its variable cannot take, but not again if the value stays the same."""
         for model in self._parameters:
             state, value = self._parameter_states[model.name], target_values[model.name]
             refused_value_before, state.refused_value = state.refused_value, None
@@ -302,10 +305,10 @@ class Planning:
             except NotOfTypeError as error:
                 state.refused_value = value
                 if value != refused_value_before:
-                    message = f"{model.variable!r} is not set: {error}; bound the value, or state a wider range"
+                    message = f"{model.variable!r} is not set: {error}; limit the value, or state a wider range"
                     yield Refusal(parameter=model, message=message)
 
-    def _set(
+    def _choose_settings(
         self, target_values: Mapping[str, Value | None], assessment: Assessment, now_s: float
     ) -> tuple[tuple[Setting, ...], float]:
         settings, due_s = [], math.inf
@@ -344,7 +347,7 @@ class Planning:
         return model.value.evaluate(SceneScope({**assessment.scene, **former_observations}, now_s)) == state.value
 
     def _next_flip_s(self, scene: Scene, now_s: float) -> float:
-        """Return the next instant at which a comparison with an age changes."""
+        """Return the next instant at which the result of a comparison with an age changes; infinite if never."""
         scope = SceneScope(scene, now_s)
         terms = [rule.condition for course in self.courses.values() for rule in course.always]
         terms += [parameter.value for parameter in self._parameters]

@@ -1,7 +1,7 @@
 """Sweeps over the inputs of a loop: metrics, weights, the action, and the rule that causes each switch.
 
-A sweep calls the generated engines, so it shows the behavior of the code that runs on the robot. It ignores the
-filter: it shows which action has the highest weight, not when the course switches.
+A sweep calls the generated engines, so it shows the behavior of the code that runs on the robot. A sweep ignores
+the filter: it shows which action has the highest weight, not when the course switches.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class Row:
     """The result for one value of the input.
 
     Attributes:
-        metrics: the value that counts for each metric; None if unknown.
-        action: the action of a hard rule, else the one with the highest weight, else the course's `otherwise`; empty
+        metrics: the value of each metric; None if it is unknown.
+        action: the action of a hard rule, else the action with the highest weight, else the course's `otherwise`; empty
             without a course.
-        rule: the hard rule that decides, as the spec has it; empty without one.
+        rule: the hard rule that decides, as it is written in the spec; empty if no hard rule holds.
     """
 
     value: Value
@@ -44,7 +44,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """A rule whose strength differs between both sides of a switch.
+    """A rule whose strength differs between the two sides of a switch.
 
     Attributes:
         before: the strength of the rule in the row before the switch; the lower bound if the strength is not certain.
@@ -62,10 +62,10 @@ class Switch:
     """A change of the action from one value of the input to another.
 
     Attributes:
-        low: `low` and `high` are the two values between which the action changes. If they are numbers, they are
-            adjacent.
-        rules: for each stage, the rule whose strength differs most, among the rules for both actions and for the
-            metrics. If a hard rule causes the switch, only this rule.
+        low: `low` and `high` are the two values between which the action changes. If they are numbers, bisection has
+            brought them close together.
+        rules: for each stage, the rule whose strength differs most: among the rules for the two actions, and among the
+            rules for the metrics. If a hard rule causes the switch, only the hard rule.
     """
 
     low: Value
@@ -280,9 +280,9 @@ def _largest_shift(
         for rule_before, rule_after in zip(before, after, strict=True)
         if outputs & set(rule_before.concludes)
     ]
-    largest = max(shifts, key=_strength_change, default=None)
-    if largest is not None and _strength_change(largest) > _TOLERANCE:
-        yield largest
+    largest_shift = max(shifts, key=_strength_change, default=None)
+    if largest_shift is not None and _strength_change(largest_shift) > _TOLERANCE:
+        yield largest_shift
 
 
 def _strength_change(shift: Shift) -> float:

@@ -55,7 +55,7 @@ def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
         codra: the context manager.
         send: receives answers and notices, in any thread; it must neither wait nor raise an exception.
     """
-    return Session(codra, codra.clock, codra.next_party_name(), send)
+    return Session(codra, codra.clock, codra.next_main_execution_name(), send)
 
 
 class Session:
@@ -156,21 +156,21 @@ class Session:
 
     def _declare(self, variable: str, value: object = None) -> Plain:
         content = None if value is None else self._variable(variable).type.convert(value)
-        self._commands.declare(self._variable(variable).name, party=self.party)
+        self._commands.declare(self._variable(variable).name, caller=self.party)
         if content is not None:
             self._commands.write(variable, content, MAIN, None)
         return {}
 
     def _withdraw(self, variable: str) -> Plain:
-        self._commands.withdraw(self._variable(variable).name, party=self.party)
+        self._commands.withdraw(self._variable(variable).name, caller=self.party)
         return {}
 
     def _expect(self, skills: list[str]) -> Plain:
-        self._commands.expect([self._skill(name) for name in skills], party=self.party)
+        self._commands.expect([self._skill(name) for name in skills], caller=self.party)
         return {}
 
     def _begin(self, skill: str) -> Plain:
-        number = self._commands.begin(self._skill(skill), party=self.party)
+        number = self._commands.begin(self._skill(skill), caller=self.party)
         self._running_skills.add(number)
         return {"number": number}
 

@@ -228,7 +228,7 @@ class _Explanation:
         if observer is None:
             if not context.reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)
-                yield Missing(variable=name, condition=f"for {sources} to write")
+                yield Missing(variable=name, condition=f"only {sources} may write it")
             return
         last_event = context.latest_events.observers.get(observer.name)
         if last_event is None or last_event.what != "started":

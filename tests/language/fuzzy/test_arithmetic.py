@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from codra_dsl.language.fuzzy.dialects import snake_case
 from codra_dsl.language.fuzzy.words import Shape, SNorm, TNorm
 from codra_dsl.runtime.loops.fuzzy import hedges, norms, terms
-from codra_dsl.runtime.loops.fuzzy.outputs import settled
-from codra_dsl.runtime.loops.fuzzy.sampled import OF_SAMPLES
+from codra_dsl.runtime.loops.fuzzy.outputs import usable_degree
+from codra_dsl.runtime.loops.fuzzy.sampled import NORMS_OF_SAMPLES
 
 Norm = Callable[[float, float], float]
 
@@ -72,7 +72,7 @@ def test_de_morgan_holds_between_a_t_norm_and_its_dual(t_norm: Norm, s_norm: Nor
 def test_norms_of_samples_are_the_norms_of_their_degrees(norm: Norm, pairs: list[tuple[float, float]]) -> None:
     left, right = (np.array(operand) for operand in zip(*pairs, strict=True))
     with np.errstate(all="ignore"):
-        norm_values = OF_SAMPLES[norm](left, right)
+        norm_values = NORMS_OF_SAMPLES[norm](left, right)
 
     assert norm_values.tolist() == pytest.approx([norm(a, b) for a, b in pairs], abs=1e-12)
 
@@ -150,4 +150,4 @@ def test_an_inverse_undoes_its_term(shape: Shape, degree: float, ends: tuple[flo
 
 
 def test_a_conclusion_always_has_a_number() -> None:
-    assert [settled(degree) for degree in (0.3, 1.5, math.nan, math.inf, -math.inf)] == [0.3, 1.5, 0.0, 1.0, 0.0]
+    assert [usable_degree(degree) for degree in (0.3, 1.5, math.nan, math.inf, -math.inf)] == [0.3, 1.5, 0.0, 1.0, 0.0]

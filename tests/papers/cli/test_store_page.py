@@ -166,7 +166,7 @@ def test_a_refused_click_names_the_agent_with_the_permission(browser: Browser, t
     mine, theirs = (f"values: [empty, loading, full], source: {agent}" for agent in ("picker_page", "fork"))
     spec.write_text(spec.read_text("utf-8").replace(mine, theirs), "utf-8")
     run = Run(tmp_path, "--pace", "real", spec="store.yaml")
-    why = "'robot.container_load' is for fork to write, not for 'picker_page'"
+    why = "'robot.container_load' may be written by fork, not by 'picker_page'"
     try:
         page = opened(browser, run)
         page.get_by_role("button", name="Full").click()
@@ -177,7 +177,7 @@ def test_a_refused_click_names_the_agent_with_the_permission(browser: Browser, t
         run.kill()
 
     assert "robot.container_load refused" in events
-    assert "is for fork to write" in events
+    assert "may be written by fork" in events
 
 
 def test_the_page_of_an_ended_run_shows_that_it_is_outdated(browser: Browser, run: Run) -> None:

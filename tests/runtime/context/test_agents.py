@@ -43,7 +43,7 @@ def test_an_agent_writes_without_a_declaration_and_the_main_execution_does_not()
 def test_a_forbidden_write_of_an_agent_is_refused_and_recorded() -> None:
     model = forest([LIGHT, variable("open"), variable("rain", sources=("roof",))])
     with started(model, World()) as manager:
-        with pytest.raises(NotASourceError, match=r"'open' is for observer to write, not for 'house'"):
+        with pytest.raises(NotASourceError, match=r"'open' may be written by observer, not by 'house'"):
             manager.agent("house").set("open", True)
         assert manager.get("open").reason is Reason.NEVER_OBSERVED
         (event,) = manager.record.of(Kind.VARIABLE)

@@ -146,7 +146,9 @@ def test_a_missing_handle_is_reported_before_an_observer_runs() -> None:
 def test_the_main_execution_writes_its_own_or_declared_variables() -> None:
     with started(Door()) as (manager, _):
         manager.set("localized", False)
-        with pytest.raises(NotDeclaredError, match=r"observer to write: the main execution may write it only while"):
+        with pytest.raises(
+            NotDeclaredError, match=r"by observer: the main execution may write the variable only while"
+        ):
             manager.set("open", True)
         manager.declare("open")
         manager.set("open", True)

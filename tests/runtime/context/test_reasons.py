@@ -29,7 +29,7 @@ def test_an_undeclared_variable_reports_that_its_observer_does_not_run() -> None
 def test_a_variable_without_an_observer_names_its_sources() -> None:
     model = forest([variable("light", sources=("main_execution", "house"))])
     with started_forest(model, World()) as manager:
-        assert manager.get("light").detail == "for main_execution or house to write"
+        assert manager.get("light").detail == "only main_execution or house may write it"
 
 
 def test_all_obstacles_of_alternatives_are_reported_unless_one_of_them_can_look() -> None:
@@ -67,7 +67,7 @@ def test_the_obstacle_of_a_variable_is_reported_whether_known_or_not() -> None:
         clock.sleep(1.0)
         assert (manager.get("open").value, manager.obstacle("open")) == (True, "near")
         assert (manager.get("near").detail, manager.obstacle("near")) == ("localized", "localized")
-        assert manager.obstacle("localized") == "for main_execution to write"
+        assert manager.obstacle("localized") == "only main_execution may write it"
 
 
 def test_a_decision_that_fell_back_records_the_obstacle() -> None:

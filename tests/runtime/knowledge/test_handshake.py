@@ -163,7 +163,7 @@ def test_a_new_executor_answers_the_next_request_and_not_the_previous_one(
     clock.sleep(ACKNOWLEDGE_S)
     second = ann.request("detecting")
     worker = knowledge.as_agent("worker")
-    with pytest.raises(ConflictError, match="request 1 of 'detecting' is not the latest one, which is 2"):
+    with pytest.raises(ConflictError, match="request 1 of 'detecting' is not the latest request: that is request 2"):
         worker.acknowledge(first)
     worker.acknowledge(second)
     assert stage(knowledge) == (Stage.IS, "")
@@ -207,7 +207,7 @@ def test_a_result_that_is_not_declared_is_refused(knowledge: Knowledge) -> None:
 
 def test_only_the_requester_may_abort(knowledge: Knowledge) -> None:
     request = knowledge.as_agent("ann").request("detecting")
-    with pytest.raises(NotASourceError, match="'the abortion of request 1 of detecting' is for ann to write"):
+    with pytest.raises(NotASourceError, match="'the abortion of request 1 of detecting' may be written by ann"):
         knowledge.as_agent("bob").abort(request)
     assert stage(knowledge) == (Stage.WANTS, "")
 

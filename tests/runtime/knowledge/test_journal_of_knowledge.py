@@ -180,8 +180,8 @@ box.locked is true at 12 s
   written as true by agent picker_page at 11.5 s, change 6, valid until 16.5 s""",
     ("box.load", 12.0): """\
 box.load is unknown (never_observed) at 12 s
-  agent container_detection was refused at 11.5 s: 'box.load' is for picker_page to write, \
-not for 'container_detection'""",
+  agent container_detection was refused at 11.5 s: 'box.load' may be written by picker_page, \
+not by 'container_detection'""",
     ("box", 12.0): """\
 box is true at 12 s
   inserted by agent container_detection at 11.5 s, change 5""",

@@ -175,7 +175,7 @@ def test_a_foreign_write_of_a_variable_is_refused_on_either_side_and_recorded(
     write: Callable[[ContextManager[str, str]], object],
 ) -> None:
     with manager(SimClock()) as codra:
-        with pytest.raises(NotASourceError, match="is for navigation to write, not for 'fork'"):
+        with pytest.raises(NotASourceError, match="may be written by navigation, not by 'fork'"):
             write(codra)
         assert not codra.get("charge").known
         assert [refusal.agent for refusal in codra.knowledge.refusals()] == ["fork"]

@@ -126,7 +126,7 @@ def test_a_value_that_a_variable_cannot_take_is_reported_once_and_does_not_count
     settings = [(event.details["value"], event.instant_s) for event in shop.events("set")]
     assert settings == [(1.0, 0.0), (0.5, 5.0)]
     failed = [(event.name, event.instant_s, event.details["message"]) for event in shop.events("failed")]
-    why = "'max_speed' is not set: 6.0 lies outside [0, 1.5]; bound the value, or state a wider range"
+    why = "'max_speed' is not set: 6.0 lies outside [0, 1.5]; limit the value, or state a wider range"
     assert failed == [("speed", 1.0, why), ("speed", 4.0, why)]
     assert shop.codra.get("max_speed").value == 0.5
 

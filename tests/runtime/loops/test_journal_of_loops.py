@@ -234,7 +234,7 @@ def test_why_of_a_parameter_that_was_not_set_yet_shows_its_loop_and_the_refused_
     assert "loop store has been running since 0 s and has not decided it yet" in why
     shop.write(person=6.0)
     shop.clock.sleep(1.0)
-    refused = "at 1 s: 'max_speed' is not set: 6.0 lies outside [0, 1.5]; bound the value, or state a wider range"
+    refused = "at 1 s: 'max_speed' is not set: 6.0 lies outside [0, 1.5]; limit the value, or state a wider range"
     assert refused in str(shop.codra.why("speed"))
     assert refused in str(shop.codra.why("max_speed"))
     shop.write(person=1.0)

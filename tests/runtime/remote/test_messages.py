@@ -244,7 +244,7 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
     "not declared": (
         {"ask": "set", "variable": "open", "value": True},
         "not_declared",
-        "'open' is for observer to write: the main execution may write it only while it is declared",
+        "'open' may be written by observer: the main execution may write the variable only while it is declared",
     ),
     "no such type": (
         {"ask": "declare", "variable": "near", "value": "yes"},

@@ -48,9 +48,9 @@ class DsrValue:
     """The value of an attribute.
 
     Attributes:
-        code: the number of its type, a `ValueCode` or another number.
+        code: the number of the type, a `ValueCode` or another number.
         value: str, int, float, bool, bytes, or a tuple of numbers. None means a number that JSON cannot represent.
-        extra: its other keys in the file.
+        extra: the other keys of the attribute in the file.
     """
 
     code: int
@@ -60,7 +60,7 @@ class DsrValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsrNode:
-    """A node with a unique number and name; `extra` holds its other keys in the file."""
+    """A node with a unique number and name; `extra` holds the other keys of the node in the file."""
 
     number: int
     name: str
@@ -71,7 +71,7 @@ class DsrNode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsrEdge:
-    """An edge; two nodes have at most one edge per label and direction. `extra` holds its other keys in the file."""
+    """An edge; two nodes have at most one edge per label and direction. `extra` holds its other keys."""
 
     origin: int
     label: str
@@ -156,7 +156,7 @@ def encode_value(content: object, code: int | None = None, extra: Mapping[str, o
 
     Args:
         content: a value for `DsrValue.value`; lists and numpy arrays become tuples.
-        code: the preferred code, used if it can represent the value; None for the code that loses nothing.
+        code: the preferred code. If it cannot represent the value exactly, or is None, a code that can is chosen.
         extra: other keys of the value.
 
     Raises:
@@ -223,7 +223,7 @@ def _read_integer(json_data: object, low: int, high: int) -> int:
 
 
 def _read_uint32(json_data: object) -> object:
-    """Return an unsigned number; RoboComp writes large ones as the negative number with the same bits."""
+    """Return an unsigned number; RoboComp writes a large one as the negative number with the same bits."""
     return _read_integer(json_data, -(2**31), 2**32 - 1) % 2**32
 
 
@@ -243,11 +243,13 @@ def _read_real(json_data: object) -> object:
         raise ValueError(f"{_value_text(json_data)} is too large") from None
 
 
-def _read_list(json_data: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
+def _read_list(
+    json_data: object, read: Callable[[object], object], required_length: int | None = None
+) -> tuple[object, ...]:
     if not isinstance(json_data, list):
         raise ValueError(f"{_value_text(json_data)} is not a list")
-    if count is not None and len(json_data) != count:
-        raise ValueError(f"there are {len(json_data)} numbers instead of {count}")
+    if required_length is not None and len(json_data) != required_length:
+        raise ValueError(f"there are {len(json_data)} numbers instead of {required_length}")
     return tuple(read(number) for number in json_data)
 
 
@@ -273,10 +275,10 @@ _READERS: Mapping[int, Callable[[object], object]] = {
     ValueCode.UINT64: _read_uint64,
     ValueCode.DOUBLE: _read_real,
     ValueCode.UINT64S: partial(_read_list, read=_read_uint64),
-    ValueCode.FLOATS_2: partial(_read_list, read=_read_real, count=2),
-    ValueCode.FLOATS_3: partial(_read_list, read=_read_real, count=3),
-    ValueCode.FLOATS_4: partial(_read_list, read=_read_real, count=4),
-    ValueCode.FLOATS_6: partial(_read_list, read=_read_real, count=6),
+    ValueCode.FLOATS_2: partial(_read_list, read=_read_real, required_length=2),
+    ValueCode.FLOATS_3: partial(_read_list, read=_read_real, required_length=3),
+    ValueCode.FLOATS_4: partial(_read_list, read=_read_real, required_length=4),
+    ValueCode.FLOATS_6: partial(_read_list, read=_read_real, required_length=6),
 }
 
 

@@ -55,7 +55,7 @@ def read_text(path: Path) -> str:
     """Return the text of a file.
 
     Raises:
-        ExchangeError: if it cannot be read, is too large, or is not UTF-8.
+        ExchangeError: if the file cannot be read, is too large, or is not UTF-8.
     """
     if path.exists() and not path.is_file():
         raise ExchangeError(f"{path}: this is not a file")
@@ -391,4 +391,4 @@ def _scalar_text(content: object) -> str:
     try:
         return json.dumps(content, ensure_ascii=False, allow_nan=False)
     except ValueError:
-        raise ExchangeError(f"JSON has no number {content!r}: make it a text") from None
+        raise ExchangeError(f"JSON has no number {content!r}: write the number as a text") from None

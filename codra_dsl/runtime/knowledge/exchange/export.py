@@ -26,7 +26,7 @@ def export_dsr(
         knowledge: the graph.
         initial_import: the import that the graph began with, if any. Parts of the import that the graph does not hold,
             and unchanged parts, are exported as they were read; parts that were deleted meanwhile are left out.
-        unit_m: the unit of translations, in metres; ignored if `initial_import` is given, whose unit is used.
+        unit_m: the unit of translations, in metres. If `initial_import` is given, its unit is used instead.
     """
     dsr_import = initial_import or DsrImport(
         model=knowledge.model, document=DsrGraph(), skipped_parts=(), imported_keys=frozenset(), unit_m=unit_m
@@ -61,7 +61,7 @@ class _Exporter:
         self._parents = {key[2]: key[0] for key in edge_keys if key[1] == RT}
         document_keys = sorted(
             self._document_edges, key=dsr_import.imported_keys.__contains__
-        )  # edges that the graph holds take precedence
+        )  # edges that the graph holds come last and take precedence
         self._document_parents = {key[2]: key[0] for key in document_keys if key[1] == RT}
 
     def nodes(self) -> Iterator[DsrNode]:
@@ -101,7 +101,7 @@ class _Exporter:
     def _is_kept_edge(self, key: PartKey) -> bool:
         """Return whether to export an edge of the import that the graph does not hold.
 
-        It is exported if both of its nodes are exported, unless a step of its task has superseded it.
+        The edge is exported if both of its nodes are exported, unless a step of the edge's task has superseded it.
         """
         origin, label, target = key
         is_task_edge = target in self._schema.tasks and label in set(Stage)
@@ -168,7 +168,10 @@ class _Exporter:
         return {EDGE_TYPE_ATTRIBUTE: encode_value(str(edge.type))} if len(fitting_types) > 1 else {}
 
     def _parent_attributes(self, name: str) -> dict[str, DsrValue]:
-        """Return a node's parent and depth as DSR attributes, unless they are unchanged since the import."""
+        """Return a node's parent and depth as DSR attributes.
+
+        The result is empty if both are unchanged since the import, or if the node has no RT edge.
+        """
         ancestor_chain = _ancestor_chain(name, self._parents)
         is_placed = len(ancestor_chain) > 1 or name in self._parents.values()
         if name in self._document_nodes and ancestor_chain == _ancestor_chain(name, self._document_parents):

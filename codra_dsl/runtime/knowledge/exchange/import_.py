@@ -1,4 +1,4 @@
-"""Import a DSR graph as the start of a knowledge graph.
+"""Import a DSR graph as the initial content of a knowledge graph.
 
 The parts that the knowledge graph cannot hold are kept for the export.
 """
@@ -25,7 +25,7 @@ EDGE_TYPE_ATTRIBUTE = "codra_type"
 """The attribute that states the type of an edge if several types fit the edge's label and ends."""
 
 PartKey = tuple[str, ...]
-"""A node; a node and an attribute; an edge (origin, label, target); or an edge and an attribute."""
+"""The key of a part: a node; a node and an attribute; an edge (origin, label, target); or an edge and an attribute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class SkippedPart:
 
     Attributes:
         subject: a node, an edge, or an attribute of a node or an edge.
-        reason: the reason why the knowledge graph does not hold it.
+        reason: the reason why the knowledge graph does not hold this part.
     """
 
     subject: str
@@ -46,7 +46,7 @@ class SkippedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsrImport:
-    """The result of an import: the start of a knowledge graph.
+    """The result of an import: the initial content of a knowledge graph.
 
     Attributes:
         model: the declarations, with all imported nodes, edges and values; `Knowledge` begins with this model.
@@ -65,7 +65,7 @@ class DsrImport:
 
 
 def import_dsr(model: KnowledgeModel, document: DsrGraph, *, unit_m: float = MILLIMETRE_M) -> DsrImport:
-    """Return the start of a knowledge graph with the content of a DSR graph.
+    """Return a DSR graph as the initial content of a knowledge graph.
 
     Args:
         model: the declarations.
@@ -88,8 +88,8 @@ class _Importer:
     """Imports a DSR graph, node by node and edge by edge.
 
     Attributes:
-        nodes: the nodes of the start, by name.
-        edges: the edges of the start, by origin, label and target.
+        nodes: the initial nodes, by name.
+        edges: the initial edges, by origin, label and target.
         skipped_parts: the parts that could not be imported so far.
         imported_keys: the keys of the imported parts so far.
     """
@@ -198,7 +198,7 @@ class _Importer:
             yield name, converted_value
 
     def _edge_type_or_reason(self, edge: DsrEdge, origin: Node, target: Node) -> EdgeType | str:
-        """Return an edge's type, found by its label, its ends and `EDGE_TYPE_ATTRIBUTE`, or the reason why not."""
+        """Return the only type that fits an edge's label, ends and `EDGE_TYPE_ATTRIBUTE`; otherwise the reason."""
         labelled_types = self._schema.edge_types_with_label(edge.label)
         fitting_types = [edge_type for edge_type in labelled_types if edge_type.fits(origin, target)]
         type_value = edge.attributes.get(EDGE_TYPE_ATTRIBUTE)

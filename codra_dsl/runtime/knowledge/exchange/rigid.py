@@ -1,7 +1,7 @@
 """Poses of DSR's RT edges.
 
-The rotation is given by Euler angles about x, then the new y, then the new z. The translation is given in a unit of its
-own, `unit_m`.
+The rotation is given by Euler angles about x, then the new y, then the new z. The translation is given in
+the unit `unit_m`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ POSE_ATTRIBUTES = (TRANSLATION, ROTATION, STAMPS, HEAD)
 MILLIMETRE_M = 0.001
 
 _GIMBAL_LOCK_COSINE = 1e-12
-"""The cosine of the second angle below which only the sum of the other two angles is determined."""
+"""If the cosine of the second angle is below this value, only the sum of the other two angles is determined."""
 
 
 def pose_of(attributes: Mapping[str, DsrValue], unit_m: float) -> Pose | None:
@@ -50,7 +50,7 @@ def attributes_of(pose: Pose, unit_m: float) -> dict[str, DsrValue]:
     """Return the attributes of an RT edge with one pose.
 
     Args:
-        pose: the pose of the target in the origin.
+        pose: the pose of the target relative to the origin.
         unit_m: the unit of translations, in metres.
     """
     translation = tuple(component_m / unit_m for component_m in pose.translation_m)
@@ -75,7 +75,7 @@ def _newest_index(stamps: DsrValue | None) -> int:
 
 
 def _three_numbers(value: DsrValue | None, start: int) -> tuple[float, float, float] | None:
-    """Return three numbers of a list from a position on; None if they do not exist or are not finite."""
+    """Return three numbers of a list, from an index on; None if they do not exist or are not finite."""
     numbers = value.value[start : start + 3] if value is not None and isinstance(value.value, tuple) else ()
     if len(numbers) != 3 or not all(isinstance(number, (int, float)) and math.isfinite(number) for number in numbers):
         return None

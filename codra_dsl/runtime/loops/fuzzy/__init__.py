@@ -3,8 +3,8 @@
 Values equal those of the FuzzyLite libraries (J. Rada-Vilela, fuzzylite.com), which P2 uses for its two stages of
 inference (section 5.2). This includes missing inputs (NaN), infinities and degenerate parameters.
 
-Rules are plain Python, and fuzzy sets are arrays of numpy: scalar calls are fast for a few numbers, arrays for a
-hundred.
+Rules compute with Python numbers, which are fast for a few values. Fuzzy sets are numpy arrays, which are fast for a
+hundred values.
 """
 
 from __future__ import annotations

@@ -58,10 +58,10 @@ def _comparison_possibilities(degree: Bounds, comparator: str, limit: float) -> 
     if comparator == "!=":
         return not low == limit == high or degree.may_be_unknown, not low <= limit <= high
     if comparator in (">", ">="):
-        ends = (high > limit, low > limit) if comparator == ">" else (high >= limit, low >= limit)
+        possibilities = (high > limit, low > limit) if comparator == ">" else (high >= limit, low >= limit)
     else:
-        ends = (low < limit, high < limit) if comparator == "<" else (low <= limit, high <= limit)
-    return ends
+        possibilities = (low < limit, high < limit) if comparator == "<" else (low <= limit, high <= limit)
+    return possibilities
 
 
 def highest(degrees: Sequence[Bounds], rules: int) -> tuple[Bounds | None, ...]:
@@ -111,7 +111,7 @@ def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
 def hedged(degree: Bounds | None, function: Callable[[float], float]) -> Bounds | None:
     """Return the degree of a conclusion with a hedge.
 
-    A rule that possibly does not act counts as 0, not as the hedge of 0.
+    If the rule possibly does not act, the result includes 0, which can differ from the hedge of 0.
     """
     if degree is None:
         return None

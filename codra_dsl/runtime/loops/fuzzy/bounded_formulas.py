@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from codra_dsl.runtime.loops.fuzzy.bounds import ANYTHING, Bounds, absolute, hull, is_finite, point
-from codra_dsl.runtime.loops.fuzzy.formulas import calculate as of_numbers
+from codra_dsl.runtime.loops.fuzzy.formulas import calculate as calculate_number
 
 _RISING_CURVES = frozenset(
     {"exp", "log", "log10", "log1p", "sqrt", "sinh", "asinh", "tanh", "asin", "atan", "acosh", "atanh"}
@@ -17,21 +17,21 @@ _ROUNDING = 1e-12
 
 
 def calculate(name: str, *operands: Bounds) -> Bounds:
-    """Return the bounds of an operator or function.
+    """Return the bounds of the result of an operator or function.
 
-    If the bounds cannot be determined easily, the result is all numbers; it is never a guess.
+    If these bounds cannot be determined easily, all numbers are returned, not a guess.
     """
     if name in _LOGICAL_NAMES:
         return Bounds(0.0, 1.0)
     if all(operand.low == operand.high and not operand.may_be_unknown for operand in operands):
-        return point(of_numbers(name, *(operand.low for operand in operands)))
+        return point(calculate_number(name, *(operand.low for operand in operands)))
     if not all(map(is_finite, operands)):
         return ANYTHING
     lows, highs = [operand.low for operand in operands], [operand.high for operand in operands]
     if name in _RISING_NAMES:
-        return _finite_hull([of_numbers(name, *lows), of_numbers(name, *highs)])
+        return _finite_hull([calculate_number(name, *lows), calculate_number(name, *highs)])
     if name in _FALLING_NAMES:
-        return _finite_hull([of_numbers(name, *highs), of_numbers(name, *lows)])
+        return _finite_hull([calculate_number(name, *highs), calculate_number(name, *lows)])
     if name in ("abs", "fabs"):
         return absolute(operands[0])
     if name in ("sin", "cos"):
@@ -43,9 +43,9 @@ def _calculate_binary(name: str, a: Bounds, b: Bounds = ANYTHING) -> Bounds:
     if name == "-":
         return _finite_hull([a.low - b.high, a.high - b.low])
     if name == "*" or (name == "/" and b.low * b.high > 0.0):
-        return _finite_hull([of_numbers(name, x, y) for x in a[:2] for y in b[:2]])
+        return _finite_hull([calculate_number(name, x, y) for x in a[:2] for y in b[:2]])
     if name in ("^", "**", "pow") and a.low > 0.0:
-        return _finite_hull([of_numbers(name, x, y) for x in a[:2] for y in b[:2]])
+        return _finite_hull([calculate_number(name, x, y) for x in a[:2] for y in b[:2]])
     return ANYTHING
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from codra_dsl.runtime.loops.fuzzy import defuzzifiers, norms
 from codra_dsl.runtime.loops.fuzzy.bounds import ANYTHING, UNKNOWN, Bounds, is_degree, is_finite, norm
 from codra_dsl.runtime.loops.fuzzy.outputs import Defuzzify, Integral, Weighted
-from codra_dsl.runtime.loops.fuzzy.sampled import OF_SAMPLES, Norm, Samples
+from codra_dsl.runtime.loops.fuzzy.sampled import NORMS_OF_SAMPLES, Norm, Samples
 
 Degrees = Sequence[Bounds | None]
 Value = Bounds | Callable[[Bounds], Bounds]
@@ -25,8 +25,8 @@ _ROUNDING = 1e-9
 """The result of a sum is widened by this share of the largest number in the sum."""
 
 
-def settled(degree: Bounds) -> Bounds:
-    """Return the degrees with which a conclusion counts: 0 for NaN, 1 for infinity, and 0 for minus infinity."""
+def usable_degree(degree: Bounds) -> Bounds:
+    """Return the degrees that are used for a conclusion: 0 for NaN, 1 for infinity, and 0 for minus infinity."""
     low, high = degree.low, degree.high
     if degree.may_be_unknown:
         low, high = min(low, 0.0), max(high, 0.0)
@@ -34,24 +34,28 @@ def settled(degree: Bounds) -> Bounds:
     return Bounds(low, high)
 
 
-def _widened(low: float, high: float, scale: float, *, may_be_unknown: bool) -> Bounds:
+def _widen(low: float, high: float, scale: float, *, may_be_unknown: bool) -> Bounds:
     slack = _ROUNDING * scale
     return Bounds(low - slack, high + slack, may_be_unknown)
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> Bounds:
-    """Return the possible degrees that a rule reads of a term: those from the conclusions before this rule."""
+    """Return the possible degrees that a rule reads for a term; they follow from conclusions of earlier rules."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, Bounds(0.0, 0.0))
 
 
 def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> dict[int, Bounds]:
-    """Return the possible aggregated degrees of each term."""
-    groups: dict[int, Bounds] = {}
+    """Return a mapping from each term with a conclusion that can act to its possible aggregated degrees."""
+    degrees_by_term: dict[int, Bounds] = {}
     for term, degree in zip(conclusions, degrees, strict=True):
         if degree is not None:
-            counted = settled(degree)
-            groups[term] = settled(norm(aggregation, groups[term], counted)) if term in groups else counted
-    return groups
+            used_degree = usable_degree(degree)
+            degrees_by_term[term] = (
+                usable_degree(norm(aggregation, degrees_by_term[term], used_degree))
+                if term in degrees_by_term
+                else used_degree
+            )
+    return degrees_by_term
 
 
 def integral(
@@ -66,7 +70,7 @@ def integral(
         return UNKNOWN
     low, high = _DEFUZZIFIERS[output.defuzzify](output.points, lows, highs)
     scale = max(abs(output.minimum), abs(output.maximum))
-    return _widened(low, high, scale, may_be_unknown=not lows.any())
+    return _widen(low, high, scale, may_be_unknown=not lows.any())
 
 
 def _samples(
@@ -84,21 +88,24 @@ def _samples(
 def _envelope(
     output: Integral, degrees: Degrees, terms: list[tuple[Samples, Samples]] | None
 ) -> tuple[Samples, Samples] | None:
-    """Return the least and greatest degrees at each point, or None if they cannot be computed."""
+    """Return the least and the greatest degrees at each point; None if these degrees cannot be computed."""
     if terms is None:
         return None
     lows, highs = np.zeros(output.resolution), np.zeros(output.resolution)
-    aggregate = OF_SAMPLES[output.aggregation]
+    aggregate = NORMS_OF_SAMPLES[output.aggregation]
     with np.errstate(all="ignore"):
         for conclusion, degree in zip(output.conclusions, degrees, strict=True):
             if degree is None:
                 continue
-            counted, imply = settled(degree), OF_SAMPLES[conclusion.implication]
-            is_strong = conclusion.implication is norms.minimum and output.aggregation is norms.maximum
-            if not (is_degree(counted) or (is_strong and is_finite(counted) and counted.low >= 0.0)):
+            used_degree, imply = usable_degree(degree), NORMS_OF_SAMPLES[conclusion.implication]
+            uses_minimum_and_maximum = conclusion.implication is norms.minimum and output.aggregation is norms.maximum
+            if not (
+                is_degree(used_degree)
+                or (uses_minimum_and_maximum and is_finite(used_degree) and used_degree.low >= 0.0)
+            ):
                 return None
-            lows = aggregate(lows, imply(counted.low, terms[conclusion.term][0]))
-            highs = aggregate(highs, imply(counted.high, terms[conclusion.term][1]))
+            lows = aggregate(lows, imply(used_degree.low, terms[conclusion.term][0]))
+            highs = aggregate(highs, imply(used_degree.high, terms[conclusion.term][1]))
     return lows, highs
 
 
@@ -107,11 +114,11 @@ def _centroid(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]
 
 
 def _extreme_means(x_lows: Samples, x_highs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
-    """Return the least and the greatest weighted mean of values; some weight must be able to be above 0."""
-    first, last = np.argsort(x_lows, kind="stable"), np.argsort(x_highs, kind="stable")
-    least = _means_by_cut(x_lows[first], highs[first], lows[first])
-    greatest = _means_by_cut(x_highs[last], lows[last], highs[last])
-    return float(np.nanmin(least)), float(np.nanmax(greatest))
+    """Return the least and the greatest weighted mean of values; at least one weight must be able to exceed 0."""
+    order_of_lows, order_of_highs = np.argsort(x_lows, kind="stable"), np.argsort(x_highs, kind="stable")
+    low_means = _means_by_cut(x_lows[order_of_lows], highs[order_of_lows], lows[order_of_lows])
+    high_means = _means_by_cut(x_highs[order_of_highs], lows[order_of_highs], highs[order_of_highs])
+    return float(np.nanmin(low_means)), float(np.nanmax(high_means))
 
 
 def _means_by_cut(xs: Samples, before: Samples, after: Samples) -> Samples:
@@ -128,22 +135,26 @@ def _sums_by_cut(before: Samples, after: Samples) -> Samples:
 
 
 def _bisector(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
-    """Return the first and the last point that can be nearest to halving the area."""
+    """Return the first and the last point that can halve the area best."""
     low_left, high_left = np.cumsum(lows), np.cumsum(highs)
     low_right, high_right = low_left[-1] - low_left, high_left[-1] - high_left
     with np.errstate(all="ignore"):
-        least = np.nan_to_num(low_left / (low_left + high_right), nan=0.0)
-        most = np.nan_to_num(high_left / (high_left + low_right), nan=1.0)
-    farthest = np.maximum(np.abs(least - 0.5), np.abs(most - 0.5))
-    nearest = np.where((least <= 0.5) & (most >= 0.5), 0.0, np.minimum(np.abs(least - 0.5), np.abs(most - 0.5)))
-    can = xs[nearest <= farthest.min() + _ROUNDING]
-    return float(can.min()), float(can.max())
+        least_shares = np.nan_to_num(low_left / (low_left + high_right), nan=0.0)
+        most_shares = np.nan_to_num(high_left / (high_left + low_right), nan=1.0)
+    largest_errors = np.maximum(np.abs(least_shares - 0.5), np.abs(most_shares - 0.5))
+    smallest_errors = np.where(
+        (least_shares <= 0.5) & (most_shares >= 0.5),
+        0.0,
+        np.minimum(np.abs(least_shares - 0.5), np.abs(most_shares - 0.5)),
+    )
+    possible_points = xs[smallest_errors <= largest_errors.min() + _ROUNDING]
+    return float(possible_points.min()), float(possible_points.max())
 
 
 def _maxima(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
     """Return the first and the last point that can have the greatest degree."""
-    can = xs[(highs > 0.0) & (highs >= lows.max() - _ROUNDING)]
-    return float(can.min()), float(can.max())
+    possible_points = xs[(highs > 0.0) & (highs >= lows.max() - _ROUNDING)]
+    return float(possible_points.min()), float(possible_points.max())
 
 
 _DEFUZZIFIERS: Mapping[Defuzzify, Callable[[Samples, Samples, Samples], tuple[float, float]]] = MappingProxyType(
@@ -159,40 +170,43 @@ _DEFUZZIFIERS: Mapping[Defuzzify, Callable[[Samples, Samples, Samples], tuple[fl
 
 def average(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Bounds:
     """Return the bounds of the weighted mean of an output's values."""
-    parts = _weighted(output, degrees, values)
-    if parts is None:
+    weighted_terms = _weighted_terms(output, degrees, values)
+    if weighted_terms is None:
         return ANYTHING
-    weights = [weight for weight, _ in parts if weight.high > 0.0]
-    numbers = [value for weight, value in parts if weight.high > 0.0]
+    weights = [weight for weight, _ in weighted_terms if weight.high > 0.0]
+    term_values = [value for weight, value in weighted_terms if weight.high > 0.0]
     if not weights:
         return UNKNOWN
     lows, highs = np.array([weight.low for weight in weights]), np.array([weight.high for weight in weights])
-    least, greatest = np.array([number.low for number in numbers]), np.array([number.high for number in numbers])
-    low, high = _extreme_means(least, greatest, lows, highs)
-    scale = float(max(np.abs(least).max(), np.abs(greatest).max()))
-    return _widened(low, high, scale, may_be_unknown=not lows.any())
+    value_lows, value_highs = (
+        np.array([value.low for value in term_values]),
+        np.array([value.high for value in term_values]),
+    )
+    low, high = _extreme_means(value_lows, value_highs, lows, highs)
+    scale = float(max(np.abs(value_lows).max(), np.abs(value_highs).max()))
+    return _widen(low, high, scale, may_be_unknown=not lows.any())
 
 
 def total(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Bounds:
     """Return the bounds of the sum of an output's values times their degrees."""
-    parts = _weighted(output, degrees, values)
-    if parts is None:
+    weighted_terms = _weighted_terms(output, degrees, values)
+    if weighted_terms is None:
         return ANYTHING
-    if not any(weight.high > 0.0 for weight, _ in parts):
+    if not any(weight.high > 0.0 for weight, _ in weighted_terms):
         return UNKNOWN
-    low = sum(min(weight.low * value.low, weight.high * value.low) for weight, value in parts)
-    high = sum(max(weight.low * value.high, weight.high * value.high) for weight, value in parts)
-    scale = sum(weight.high * max(abs(value.low), abs(value.high)) for weight, value in parts)
-    return _widened(low, high, scale, may_be_unknown=not any(weight.low > 0.0 for weight, _ in parts))
+    low = sum(min(weight.low * value.low, weight.high * value.low) for weight, value in weighted_terms)
+    high = sum(max(weight.low * value.high, weight.high * value.high) for weight, value in weighted_terms)
+    scale = sum(weight.high * max(abs(value.low), abs(value.high)) for weight, value in weighted_terms)
+    return _widen(low, high, scale, may_be_unknown=not any(weight.low > 0.0 for weight, _ in weighted_terms))
 
 
-def _weighted(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> list[tuple[Bounds, Bounds]] | None:
-    """Return the weights and values of the terms that count, or None if they have no finite bounds."""
-    parts = []
+def _weighted_terms(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> list[tuple[Bounds, Bounds]] | None:
+    """Return the weights and values of the used terms; None if one is not finite, or if a weight can be negative."""
+    weighted_terms = []
     for term, weight in grouped(output.aggregation, output.conclusions, degrees).items():
         value = values[term]
         number = value if isinstance(value, Bounds) else value(weight)
         if weight.low < 0.0 or not is_finite(weight) or not is_finite(number):
             return None
-        parts.append((weight, number))
-    return parts
+        weighted_terms.append((weight, number))
+    return weighted_terms

@@ -6,7 +6,7 @@ for one also hold for the other.
 
 Norms and hedges are monotone on degrees, so the ends of their arguments suffice. Terms are monotone between their
 breakpoints, so the ends and the breakpoints suffice. If a function is not known to be monotone, the result is all
-numbers, not a guess. Two mentions of one input count as two inputs, so an interval can be too wide, but never too
+numbers, not a guess. Two mentions of one input are treated as two inputs, so an interval can be too wide, but never too
 narrow; `refined` returns narrower intervals.
 """
 
@@ -26,7 +26,7 @@ MAX_BOXES = 4096
 
 
 class End(Enum):
-    """The end of an interval that counts."""
+    """An end of an interval."""
 
     LOW = "low"
     HIGH = "high"
@@ -43,7 +43,7 @@ class Bounds(NamedTuple):
     may_be_unknown: bool = False
 
     def worse(self, end: End) -> float:
-        """Return the end that counts; NaN if the value may be unknown."""
+        """Return the given end; NaN if the value may be unknown."""
         if self.may_be_unknown:
             return math.nan
         return self.low if end is End.LOW else self.high
@@ -71,7 +71,7 @@ UNKNOWN = Bounds(math.nan, math.nan, may_be_unknown=True)
 _EXACT_NORMS = frozenset(
     {norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference}
 )
-"""The norms that never fall while an operand rises, also after rounding."""
+"""The norms that never fall while an operand rises, even after rounding."""
 
 _ROUNDING = 1e-15
 """The margin for other norms: rounding may have moved a value across a place where the norm jumps."""
@@ -93,7 +93,7 @@ def is_finite(bounds: Bounds) -> bool:
 
 
 def hull(values: Iterable[float]) -> Bounds:
-    """Return the interval from the least to the greatest value; all numbers if one is NaN."""
+    """Return the interval from the least to the greatest value; all numbers if a value is NaN."""
     numbers = list(values)
     if any(value != value for value in numbers):
         return ANYTHING
@@ -129,7 +129,7 @@ def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
 
 def _composite_image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
     parts_of, height_of = COMPOSITES[term]
-    first, second = (image(part, x, *chosen) for part, chosen in parts_of(*parameters))
+    first, second = (image(part, x, *part_parameters) for part, part_parameters in parts_of(*parameters))
     if not (is_finite(first) and is_finite(second)):
         return ANYTHING
     height = height_of(*parameters)
@@ -146,7 +146,7 @@ def inverse(term: Callable[..., float], y: Bounds, *parameters: float) -> Bounds
 
 
 def linear(inputs: Sequence[Bounds], coefficients: Sequence[float]) -> Bounds:
-    """Return the sum of inputs times their coefficients, plus the last coefficient if it has no input."""
+    """Return the sum of inputs times their coefficients, plus the last coefficient if there is no input for it."""
     total = point(coefficients[-1] if len(coefficients) > len(inputs) else 0.0)
     for coefficient, value in zip(coefficients, inputs, strict=False):
         part = times(coefficient, value)
@@ -155,14 +155,14 @@ def linear(inputs: Sequence[Bounds], coefficients: Sequence[float]) -> Bounds:
 
 
 def times(factor: float, bounds: Bounds) -> Bounds:
-    """Return the values times a number."""
+    """Return the bounds of a number times the values."""
     if not is_finite(bounds):
         return ANYTHING
     return hull([factor * bounds.low, factor * bounds.high])
 
 
 def absolute(bounds: Bounds) -> Bounds:
-    """Return the values without their sign."""
+    """Return the bounds of the absolute values."""
     ends = [abs(bounds.low), abs(bounds.high)]
     return Bounds(0.0 if bounds.low <= 0.0 <= bounds.high else min(ends), max(ends), bounds.may_be_unknown)
 
@@ -188,7 +188,7 @@ def hedge(function: Callable[[float], float], x: Bounds) -> Bounds:
 
 
 def clipped(bounds: Bounds, minimum: float, maximum: float) -> Bounds:
-    """Return the nearest values in a range; an unknown value stays unknown."""
+    """Return the bounds of the values after limiting them to a range; an unknown value stays unknown."""
     if bounds.low != bounds.low:
         return bounds
     low, high = (min(max(end, minimum), maximum) for end in bounds[:2])
@@ -206,7 +206,7 @@ def known(bounds: Bounds, *substitutes: Bounds) -> Bounds:
 
 
 class InferBounds(Protocol):
-    """The second function of a compiled engine."""
+    """The function `infer_bounds` of a compiled engine."""
 
     def __call__(self, *inputs: Bounds) -> BoundedInference:
         """Return the possible results of the engine."""

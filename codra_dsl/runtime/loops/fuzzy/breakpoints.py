@@ -10,23 +10,26 @@ from types import MappingProxyType
 
 from codra_dsl.runtime.loops.fuzzy import terms
 
-Parts = tuple[tuple[Callable[..., float], tuple[float, ...]], tuple[Callable[..., float], tuple[float, ...]]]
+TermPair = tuple[tuple[Callable[..., float], tuple[float, ...]], tuple[Callable[..., float], tuple[float, ...]]]
 
 
 def _height(*parameters: float) -> float:
     return parameters[4] if len(parameters) > 4 else 1.0
 
 
-def _slopes(bottom_left: float, top_left: float, top_right: float, bottom_right: float, *_: float) -> Parts:
+def _slopes(bottom_left: float, top_left: float, top_right: float, bottom_right: float, *_: float) -> TermPair:
     return (terms.s_shape, (bottom_left, top_left)), (terms.z_shape, (top_right, bottom_right))
 
 
-def _sigmoids(left: float, rising: float, falling: float, right: float, *_: float) -> Parts:
+def _sigmoids(left: float, rising: float, falling: float, right: float, *_: float) -> TermPair:
     return (terms.sigmoid, (left, rising)), (terms.sigmoid, (right, falling))
 
 
 def _gaussian_product(mean_a: float, deviation_a: float, mean_b: float, deviation_b: float, *_: float) -> list[float]:
-    """Return the means and the top of the product of both bell curves, which counts where the halves overlap."""
+    """Return both means, and the top of the product of the two bell curves.
+
+    Where the halves of the curves overlap, this product is the membership.
+    """
     first, second = deviation_a * deviation_a, deviation_b * deviation_b
     top = [(mean_a * second + mean_b * first) / (first + second)] if first + second > 0.0 else []
     return [mean_a, mean_b, *top]
@@ -56,7 +59,7 @@ BREAKPOINTS: Mapping[Callable[..., float], Callable[..., Iterable[float]]] = Map
 )
 """For each membership function, a function that returns its breakpoints from its parameters."""
 
-COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., Parts], Callable[..., float]]] = MappingProxyType(
+COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., TermPair], Callable[..., float]]] = MappingProxyType(
     {
         terms.pi_shape: (_slopes, _height),
         terms.sigmoid_difference: (_sigmoids, _height),
@@ -65,5 +68,5 @@ COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., Parts], Callable[.
 )
 """The terms that are composed of two others.
 
-For each, one function returns the two parts with their parameters, and another function the height of the composite.
+For each such term, one function returns the two terms with their parameters, and another function returns the height.
 """

@@ -1,4 +1,4 @@
-"""Defuzzifiers: one number from the samples of a fuzzy set; `xs` are the points and `ys` their degrees."""
+"""Defuzzifiers, which turn the samples of a fuzzy set into one number; `xs` are the points and `ys` their degrees."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ def centroid(xs: Samples, ys: Samples) -> float:
 
 
 def bisector(xs: Samples, ys: Samples) -> float:
-    """Return the point that halves the area; the mean of all points that are equally near to it."""
+    """Return the point that halves the area best; if several points halve it equally well, return their mean."""
     area = np.nancumsum(ys)
     if area[-1] == 0.0:
         return math.nan
-    away = np.abs(area / area[-1] - 0.5)
-    nearest = xs[away == away.min()]
-    return float(nearest.mean()) if len(nearest) else math.nan
+    errors = np.abs(area / area[-1] - 0.5)
+    best_points = xs[errors == errors.min()]
+    return float(best_points.mean()) if len(best_points) else math.nan
 
 
 def smallest_of_maximum(xs: Samples, ys: Samples) -> float:
     """Return the first point with the greatest degree."""
-    greatest = _at_maximum(xs, ys)
-    return float(greatest.min()) if len(greatest) else math.nan
+    top_points = _points_at_maximum(xs, ys)
+    return float(top_points.min()) if len(top_points) else math.nan
 
 
 def mean_of_maximum(xs: Samples, ys: Samples) -> float:
     """Return the mean of the points with the greatest degree."""
-    greatest = _at_maximum(xs, ys)
-    return float(greatest.mean()) if len(greatest) else math.nan
+    top_points = _points_at_maximum(xs, ys)
+    return float(top_points.mean()) if len(top_points) else math.nan
 
 
 def largest_of_maximum(xs: Samples, ys: Samples) -> float:
     """Return the last point with the greatest degree."""
-    greatest = _at_maximum(xs, ys)
-    return float(greatest.max()) if len(greatest) else math.nan
+    top_points = _points_at_maximum(xs, ys)
+    return float(top_points.max()) if len(top_points) else math.nan
 
 
-def _at_maximum(xs: Samples, ys: Samples) -> Samples:
-    greatest: Samples = xs[(ys > 0.0) & (ys == ys.max())]
-    return greatest
+def _points_at_maximum(xs: Samples, ys: Samples) -> Samples:
+    top_points: Samples = xs[(ys > 0.0) & (ys == ys.max())]
+    return top_points
 
 
 def midpoints(minimum: float, maximum: float, resolution: int) -> Samples:

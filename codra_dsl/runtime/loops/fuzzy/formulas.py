@@ -1,7 +1,7 @@
-"""The operators and functions of formulas of `Function` terms, for plain numbers.
+"""The operators and functions in formulas of `Function` terms, for plain numbers.
 
-Most of them come from numpy, so that results outside their domain equal those of FuzzyLite: they are NaN or infinite,
-and no exception is raised.
+Most of them come from numpy, so that results outside a function's domain equal those of FuzzyLite: such results are NaN
+or infinite, and no exception is raised.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ UFUNCS: Mapping[str, np.ufunc] = MappingProxyType(
 """The functions that numpy computes."""
 
 
-def _same(a: float, b: float) -> bool:
+def _are_same(a: float, b: float) -> bool:
     return a == b or (a != a and b != b)
 
 
-PLAIN: Mapping[str, Callable[..., float]] = MappingProxyType(
+PLAIN_FUNCTIONS: Mapping[str, Callable[..., float]] = MappingProxyType(
     {
         "~": lambda a: -a,
         ".-": lambda a: -a,
@@ -66,10 +66,10 @@ PLAIN: Mapping[str, Callable[..., float]] = MappingProxyType(
         "*": lambda a, b: a * b,
         "/": divided,
         "gt": lambda a, b: float(a > b),
-        "ge": lambda a, b: float(a >= b or _same(a, b)),
-        "eq": lambda a, b: float(_same(a, b)),
-        "neq": lambda a, b: float(not _same(a, b)),
-        "le": lambda a, b: float(a <= b or _same(a, b)),
+        "ge": lambda a, b: float(a >= b or _are_same(a, b)),
+        "eq": lambda a, b: float(_are_same(a, b)),
+        "neq": lambda a, b: float(not _are_same(a, b)),
+        "le": lambda a, b: float(a <= b or _are_same(a, b)),
         "lt": lambda a, b: float(a < b),
         "min": min,
         "max": max,
@@ -81,8 +81,8 @@ PLAIN: Mapping[str, Callable[..., float]] = MappingProxyType(
 
 def calculate(name: str, *operands: float) -> float:
     """Return the result of an operator or function for its operands."""
-    plain = PLAIN.get(name)
-    if plain is not None:
-        return plain(*operands)
+    plain_function = PLAIN_FUNCTIONS.get(name)
+    if plain_function is not None:
+        return plain_function(*operands)
     with np.errstate(all="ignore"):
         return float(UFUNCS[name](*operands))

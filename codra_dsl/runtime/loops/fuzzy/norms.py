@@ -12,8 +12,8 @@ def algebraic_product(a: float, b: float) -> float:
 
 def bounded_difference(a: float, b: float) -> float:
     """Return max(0, a + b - 1)."""
-    rest = a + b - 1.0
-    return 0.0 if rest < 0.0 else rest
+    excess = a + b - 1.0
+    return 0.0 if excess < 0.0 else excess
 
 
 def drastic_product(a: float, b: float) -> float:
@@ -70,8 +70,8 @@ def hamacher_sum(a: float, b: float) -> float:
     """
     if (a > 0.5 or b > 0.5) and a * b != 1.0:
         missing_a, missing_b = 1.0 - a, 1.0 - b
-        both = missing_a * missing_b
-        return 1.0 - divided(both, missing_a + missing_b - both)
+        missing_product = missing_a * missing_b
+        return 1.0 - divided(missing_product, missing_a + missing_b - missing_product)
     return divided(a + b - 2.0 * a * b, 1.0 - a * b) if a * b != 1.0 else 1.0
 
 

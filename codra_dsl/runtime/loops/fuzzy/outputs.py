@@ -1,6 +1,6 @@
 """Output variables: one number from the conclusions of all rules.
 
-An output has one conclusion for each time that a rule names the output, in the order in which the rules act. The value
+An output has one conclusion for each mention of the output in a rule, in the order in which the rules act. The value
 of the output is computed from the degrees of its conclusions. The degree of a conclusion is `None` if the conclusion's
 rule does not act.
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from codra_dsl.runtime.loops.fuzzy import norms
 from codra_dsl.runtime.loops.fuzzy.defuzzifiers import midpoints
-from codra_dsl.runtime.loops.fuzzy.sampled import OF_SAMPLES, Norm, Samples
+from codra_dsl.runtime.loops.fuzzy.sampled import NORMS_OF_SAMPLES, Norm, Samples
 
 Degrees = Sequence[float | None]
 Membership = Callable[[float], float]
@@ -36,8 +36,8 @@ class Inference(NamedTuple):
     strengths: tuple[float, ...]
 
 
-def settled(degree: float) -> float:
-    """Return the degree with which a conclusion counts: 0 for NaN, 1 for infinity, and 0 for minus infinity."""
+def usable_degree(degree: float) -> float:
+    """Return the degree that is used for a conclusion: 0 for NaN, 1 for infinity, and 0 for minus infinity."""
     if degree - degree == 0.0:
         return degree
     return 1.0 if degree > 0.0 else 0.0
@@ -89,7 +89,7 @@ class Integral:
 
     @cached_property
     def is_clipped(self) -> bool:
-        """Whether only the strongest conclusion of each term counts."""
+        """Whether only the strongest conclusion of each term has an effect."""
         are_implications_minimum = all(conclusion.implication is norms.minimum for conclusion in self.conclusions)
         return self.is_plain and self.aggregation is norms.maximum and are_implications_minimum
 
@@ -106,7 +106,7 @@ class Integral:
         strongest_degrees: dict[int, float] = {}
         for conclusion, degree in zip(self.conclusions, degrees, strict=True):
             if degree is not None and degree > strongest_degrees.get(conclusion.term, 0.0):
-                strongest_degrees[conclusion.term] = settled(degree)
+                strongest_degrees[conclusion.term] = usable_degree(degree)
         samples = None
         for term, degree in strongest_degrees.items():
             clipped_samples = np.minimum(self.terms[term], degree)
@@ -115,14 +115,14 @@ class Integral:
 
     def aggregated(self, degrees: Degrees) -> Samples | None:
         """Return the aggregated samples of all conclusions; None if no conclusion acts."""
-        aggregate, samples = OF_SAMPLES[self.aggregation], None
+        aggregate, samples = NORMS_OF_SAMPLES[self.aggregation], None
         for conclusion, degree in zip(self.conclusions, degrees, strict=True):
             if degree is None:
                 continue
-            counted_degree = settled(degree)
-            if counted_degree == 0.0 and self.is_plain:
+            used_degree = usable_degree(degree)
+            if used_degree == 0.0 and self.is_plain:
                 continue
-            implied_samples = OF_SAMPLES[conclusion.implication](counted_degree, self.terms[conclusion.term])
+            implied_samples = NORMS_OF_SAMPLES[conclusion.implication](used_degree, self.terms[conclusion.term])
             samples = aggregate(np.zeros(self.resolution) if samples is None else samples, implied_samples)
         return samples
 
@@ -159,21 +159,21 @@ class Weighted:
 
 
 def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> dict[int, float]:
-    """Return the aggregated degree of each term with a conclusion, in the order of the first conclusions."""
+    """Return a mapping from each term with a conclusion that acts to its degree, in the order of the conclusions."""
     degrees_by_term: dict[int, float] = {}
     for term, degree in zip(conclusions, degrees, strict=True):
         if degree is not None:
-            counted_degree = settled(degree)
+            used_degree = usable_degree(degree)
             degrees_by_term[term] = (
-                settled(aggregation(degrees_by_term[term], counted_degree))
+                usable_degree(aggregation(degrees_by_term[term], used_degree))
                 if term in degrees_by_term
-                else counted_degree
+                else used_degree
             )
     return degrees_by_term
 
 
 def degree_so_far(aggregation: Norm, degrees: Degrees) -> float:
-    """Return the degree that a rule reads of an output's term: the one from the conclusions before this rule."""
+    """Return the degree that a rule reads for a term of an output; it follows from conclusions of earlier rules."""
     return grouped(aggregation, (0,) * len(degrees), degrees).get(0, 0.0)
 
 
@@ -183,7 +183,7 @@ def shaped(output: Integral, memberships: tuple[Membership, ...]) -> Integral:
 
 
 def clipped(value: float, minimum: float, maximum: float) -> float:
-    """Return the nearest value in a range; NaN stays NaN."""
+    """Return the value, limited to a range; NaN stays NaN."""
     if value < minimum:
         return minimum
     return maximum if value > maximum else value

@@ -1,4 +1,4 @@
-"""Norms of rows of samples: the norms of `norms` for numpy arrays."""
+"""The norms of the module `norms`, for numpy arrays of samples."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ def _einstein_sum(a: Samples, b: Samples) -> Samples:
 
 def _hamacher_sum(a: Samples, b: Samples) -> Samples:
     product, missing_a, missing_b = a * b, 1.0 - a, 1.0 - b
-    both = missing_a * missing_b
-    near_one = 1.0 - both / (missing_a + missing_b - both)
-    usual = np.where(product != 1.0, (a + b - 2.0 * product) / (1.0 - product), 1.0)
-    return np.where(((a > 0.5) | (b > 0.5)) & (product != 1.0), near_one, usual)
+    missing_product = missing_a * missing_b
+    values_near_one = 1.0 - missing_product / (missing_a + missing_b - missing_product)
+    usual_values = np.where(product != 1.0, (a + b - 2.0 * product) / (1.0 - product), 1.0)
+    return np.where(((a > 0.5) | (b > 0.5)) & (product != 1.0), values_near_one, usual_values)
 
 
 def _nilpotent_maximum(a: Samples, b: Samples) -> Samples:
@@ -74,7 +74,7 @@ def _normalized_sum(a: Samples, b: Samples) -> Samples:
     return (a + b) / np.maximum(1.0, a + b)
 
 
-OF_SAMPLES: Mapping[Norm, Callable[..., Samples]] = MappingProxyType(
+NORMS_OF_SAMPLES: Mapping[Norm, Callable[..., Samples]] = MappingProxyType(
     {
         norms.algebraic_product: _algebraic_product,
         norms.bounded_difference: _bounded_difference,
@@ -94,4 +94,4 @@ OF_SAMPLES: Mapping[Norm, Callable[..., Samples]] = MappingProxyType(
         norms.unbounded_sum: _unbounded_sum,
     }
 )
-"""The norm of samples for each norm of two degrees."""
+"""For each norm of two degrees, the same norm for samples."""

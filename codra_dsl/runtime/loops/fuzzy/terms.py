@@ -139,9 +139,9 @@ def gaussian_product(
 
 
 def linear(inputs: tuple[float, ...], coefficients: tuple[float, ...]) -> float:
-    """Return the sum of all inputs times their coefficients, plus the last coefficient if it has no input.
+    """Return the sum of all inputs times their coefficients, plus the last coefficient if there is no input for it.
 
-    Infinite and missing inputs count even if their coefficient is 0: the sum is NaN then.
+    Infinite and missing inputs have an effect even if their coefficient is 0: the sum is NaN then.
     """
     total = 0.0
     for coefficient, value in zip(coefficients, inputs, strict=False):
@@ -157,7 +157,7 @@ def pi_shape(
 
 
 def ramp(x: float, start: float, end: float, height: float = 1.0) -> float:
-    """Return the membership that grows linearly from 0 at start to the height at end, which may lie below start."""
+    """Return the membership that grows linearly from 0 at start to the height at end; end may lie below start."""
     if x != x or start == end:
         return math.nan
     if start < end:

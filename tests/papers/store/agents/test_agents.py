@@ -410,7 +410,7 @@ def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stops() -> None:
 
 def test_an_agent_cannot_write_the_attribute_of_another_one() -> None:
     bench = Bench(START)
-    with pytest.raises(NotASourceError, match="for navigation to write"):
+    with pytest.raises(NotASourceError, match="may be written by navigation"):
         bench.picking.set("battery", "battery_level", 100.0)
 
     assert [refusal.agent for refusal in bench.knowledge.refusals()] == ["picking"]

@@ -163,7 +163,7 @@ def test_a_refused_write_names_the_agents_that_may_write() -> None:
 
     assert status == 409
     assert answer == {
-        "error": "'robot.container_load' is for mission to write, not for 'picker_page'",
+        "error": "'robot.container_load' may be written by mission, not by 'picker_page'",
         "by": "picker_page",
     }
     assert [(refusal["agent"], refusal["why"]) for refusal in view["refusals"]] == [("picker_page", answer["error"])]
