@@ -104,7 +104,7 @@ def _settings(request: RunRequest, name: SituationName | None, port: int | None)
         pace=Pace(request.pace.value),
         progress=request.progress,
         journal=None if request.journal is None else writable_journal(request.journal),
-        page=None if port is None else PageSettings(port=port, opened=_report_address),
+        page=None if port is None else PageSettings(port=port, on_opened=_report_address),
     )
 
 

@@ -34,7 +34,7 @@ class Progress:
     Attributes:
         done: how many trials are complete.
         total: how many trials there are.
-        reused: how many of the complete trials already had a valid record at the start.
+        reused_trials: how many of the complete trials already had a valid record at the start.
         latest: the name of the trial that was completed last; empty at the start.
     """
 
@@ -54,7 +54,7 @@ def run_campaign(
 
     Args:
         trials: the trials; their names must differ and be valid file names.
-        folder: the folder of the experiment; records go to a folder within it.
+        folder: the folder of the experiment; the records are written to its subfolder `trials`.
         processes: how many trials run at once; None for one per core.
         progress: a function that is called at the start and after each trial.
 
@@ -62,7 +62,7 @@ def run_campaign(
         ValueError: if a name is not a valid file name, or occurs twice.
         SpecError: if a spec has errors.
         CampaignBusyError: if another program runs trials in the same folder.
-        TrialError: if a trial fails; trials that were completed before it keep their records.
+        TrialError: if a trial fails; the records of the trials that were completed before this trial are kept.
         OSError: if a file cannot be written.
     """
     _check_names([trial.name for trial in trials])
@@ -86,7 +86,7 @@ def cores() -> int:
 
 
 def _run_missing(missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials with a temporary folder, which is removed at the end, also after an error."""
+    """Run trials, and yield each outcome. They use a temporary folder, which is removed at the end or after an error."""
     if not missing_records:
         return
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=trials_folder) as staging:
@@ -100,7 +100,7 @@ def _check_names(names: Sequence[str]) -> None:
     for name in names:
         is_hidden = not name or name.startswith(".") or not name.isprintable()
         if is_hidden or Path(name).name != name or Path(name).suffix in (".json", ".error") or len(name.encode()) > 200:
-            raise ValueError(f"the trial {name!r} has a name that no folder can have")
+            raise ValueError(f"{name!r} is not a valid name for a trial")
 
 
 @contextmanager

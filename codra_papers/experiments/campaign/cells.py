@@ -9,17 +9,17 @@ from codra_papers.experiments.campaign.statistics import Estimate, Share, ratio_
 
 
 def rounded(value: float | None, digits: int) -> float | None:
-    """Return a number rounded for display; None stays None."""
+    """Return a number rounded for display. Return None for None."""
     return None if value is None else round(value, digits)
 
 
 def ratio(share: Share) -> float | None:
-    """Return the ratio of a share, rounded to three digits as in P1; None for 0 / 0."""
+    """Return the ratio of a share, rounded to three digits as in P1. Return None for 0 / 0."""
     return rounded(ratio_of_sums([share]), 3)
 
 
 def interval(estimate: Estimate, digits: int = 3) -> str:
-    """Return an estimate as text with signs: the value, and the ends of its interval if it has one."""
+    """Return an estimate as text with signs: the value, and the ends of the interval if there is an interval."""
     if estimate.value is None:
         return "none"
     if estimate.low is None or estimate.high is None:
@@ -33,7 +33,7 @@ def percent(estimate: Estimate) -> str:
 
 
 def with_ends(estimate: Estimate, format_number: Callable[[float], str], absent_text: str) -> str:
-    """Return an estimate as text: the value, and the ends of its interval if it has one.
+    """Return an estimate as text: the value, and the ends of the interval if there is an interval.
 
     Args:
         estimate: the estimate to format.
@@ -56,7 +56,7 @@ def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cel
 
 
 def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
-    """Return a table in which the decimal numbers of the given rows are also marked if they are below a limit."""
+    """Return a copy of a table in which the decimal numbers below a limit are marked as well, in the given rows."""
     low_cells = frozenset(
         (row, column)
         for row in rows

@@ -38,7 +38,7 @@ class TrialRecord:
 
     Attributes:
         folder: the folder of the record.
-        digest: the digest of everything that the trial is made from now.
+        digest: the present digest of everything that the trial is made from.
     """
 
     trial: AnyTrial

@@ -15,7 +15,7 @@ from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.lab.arms import NAIVE, PRECONDITIONS, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.lab.spec_variants import Without
+from codra_papers.experiments.lab.spec_variants import WithoutCondition
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     IN_VIEW,
@@ -43,10 +43,10 @@ _NOTE = (
 )
 
 
-def conditions(spec: Spec) -> Sequence[Without]:
+def conditions(spec: Spec) -> Sequence[WithoutCondition]:
     """Return the removable conditions; a condition that algorithms of several machines share is listed once."""
     removable = (
-        Without(algorithm=_name_end(algorithm), condition=_without_machine(condition.text))
+        WithoutCondition(algorithm=_name_end(algorithm), condition=_without_machine(condition.text))
         for algorithm in spec.perception
         for condition in (*algorithm.observable_when, *algorithm.accept_when)
     )
@@ -69,7 +69,7 @@ def _without_machine(text: str) -> str:
 def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return the spec with all conditions, without each of them, and without all of them."""
     ablated_arms = (
-        PRECONDITIONS.edited(f"*{edit.algorithm} without *{edit.condition}", edit)
+        PRECONDITIONS.with_edit(f"*{edit.algorithm} without *{edit.condition}", edit)
         for edit in conditions(read_spec(settings.spec))
     )
     return (PRECONDITIONS, *ablated_arms, NAIVE)

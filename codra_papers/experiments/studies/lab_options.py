@@ -12,11 +12,11 @@ from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.lab.arms import NAIVE, Arm, Need
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.spec_variants import (
-    Confirmed,
-    Refreshed,
     SpecEdit,
+    WithConfirmation,
     WithoutChanges,
     WithoutValidity,
+    WithRefresh,
 )
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
@@ -39,11 +39,11 @@ _JUDGED = ("_open", "_locked")
 OPTIONS: Mapping[str, SpecEdit] = {
     "without validity": WithoutValidity(),
     "without changes": WithoutChanges(),
-    "without confirmation": Confirmed(needed=1, of=1, variables=_JUDGED),
-    "confirmed, 2 of 2": Confirmed(needed=2, of=2, variables=_JUDGED),
-    "confirmed, 2 of 3": Confirmed(needed=2, of=3, variables=_JUDGED),
-    "periodic": Refreshed(refresh=Refresh.PERIODIC),
-    "on event": Refreshed(refresh=Refresh.ON_EVENT),
+    "without confirmation": WithConfirmation(needed_results=1, compared_results=1, variables=_JUDGED),
+    "confirmed, 2 of 2": WithConfirmation(needed_results=2, compared_results=2, variables=_JUDGED),
+    "confirmed, 2 of 3": WithConfirmation(needed_results=2, compared_results=3, variables=_JUDGED),
+    "periodic": WithRefresh(refresh=Refresh.PERIODIC),
+    "on event": WithRefresh(refresh=Refresh.ON_EVENT),
 }
 """The options, each changed alone: an option is switched on if it is off in the spec, and off if it is on."""
 
@@ -58,7 +58,7 @@ _NOTE = (
 def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return the unchanged spec, the spec with each option changed if that changes it, and naive observers."""
     spec = read_spec(settings.spec)
-    changed_arms = [UNCHANGED.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
+    changed_arms = [UNCHANGED.with_edit(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
     return (UNCHANGED, *changed_arms, NAIVE)
 
 

@@ -99,7 +99,7 @@ def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return naive observers, the unchanged spec, and the spec with each of its numbers smaller and larger."""
     spec = read_spec(settings.spec)
     changed = [
-        PRECONDITIONS.edited(f"{parameter.name} {times}", edit)
+        PRECONDITIONS.with_edit(f"{parameter.name} {times}", edit)
         for parameter in parameters(spec, besides=_ROTOR)
         for times, edit in _changes(parameter)
         if edit(spec) != spec

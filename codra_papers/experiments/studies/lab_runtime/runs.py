@@ -99,13 +99,13 @@ def _both(
     repair_s: float | None = None,
 ) -> Iterator[Trial]:
     """Yield a run without observers, which has no arms, and a run with an arm that answers the decisions."""
-    for condition, arms, answering in ((WITHOUT, (), None), (OBSERVED, (NEED_ON_EVENT,), NEED_ON_EVENT.name)):
+    for condition, arms, answering_arm in ((WITHOUT, (), None), (OBSERVED, (NEED_ON_EVENT,), NEED_ON_EVENT.name)):
         yield Trial(
             name=f"{name}-{condition}",
             spec=settings.spec,
             seed=seed,
             arms=arms,
-            answering=answering,
+            answering_arm=answering_arm,
             decision_s=DECISION_S,
             repair_s=repair_s,
             work=work,

@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from codra_papers.experiments.campaign.document import Drawing
 from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.lab.outcomes import Decision, Outcome
-from codra_papers.experiments.lab.pictures import UNKNOWN
+from codra_papers.experiments.lab.pictures import UNKNOWN_COLOUR
 from codra_papers.experiments.lab.scoring import Piece
 from codra_papers.experiments.studies.robustness.findings import LIDS, Comparison, Counted, label, paper, strict
 
@@ -78,7 +78,7 @@ def _timelines(outcome: Outcome, variable: str) -> tuple[Figure, Sequence[tuple[
 def _row(axes: Axes, name: str, held: Sequence[Piece], colour: str) -> None:
     for piece in held:
         if piece.value is None:
-            axes.axvspan(piece.start_s, piece.end_s, color=UNKNOWN, linewidth=0)
+            axes.axvspan(piece.start_s, piece.end_s, color=UNKNOWN_COLOUR, linewidth=0)
     known = [(piece.start_s, piece.end_s, float(bool(piece.value))) for piece in held if piece.value is not None]
     for start_s, end_s, level in known:
         axes.plot([start_s, end_s], [level, level], color=colour, linewidth=2.0, solid_capstyle="butt")
@@ -114,7 +114,7 @@ def _ring(name: str, colour: str) -> Line2D:
 
 
 def _legend(figure: Figure, first_handles: Sequence[Line2D]) -> None:
-    handles = [*first_handles, Patch(color=_WRONG, label="wrong"), Patch(color=UNKNOWN, label="unknown")]
+    handles = [*first_handles, Patch(color=_WRONG, label="wrong"), Patch(color=UNKNOWN_COLOUR, label="unknown")]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
 
 
@@ -146,7 +146,7 @@ def _differences(axes: Axes, estimates: Sequence[Estimate]) -> None:
             axes.plot([estimate.value], [row], marker="o", color=_HELD, markersize=6)
         if estimate.low is not None and estimate.high is not None:
             axes.plot([estimate.low, estimate.high], [row, row], color=_HELD, linewidth=2.0)
-    axes.grid(axis="x", color=UNKNOWN, linewidth=0.8)
+    axes.grid(axis="x", color=UNKNOWN_COLOUR, linewidth=0.8)
     axes.set_axisbelow(True)
 
 

@@ -134,7 +134,7 @@ class StoreTrial:
         with tempfile.TemporaryDirectory(prefix="codra-") as build_folder:
             compiled = managed_spec(compile_and_load(self.spec, Path(build_folder)).package, self.manager, self.seed)
             settings = StoreRunSettings(
-                shop=shift_of(self.seed).settings(), duration_s=self.duration_s, opened=on_opened
+                shop=shift_of(self.seed).settings(), duration_s=self.duration_s, on_opened=on_opened
             )
             run = run_store(compiled, settings)
         return self._outcome(run, watches[0])

@@ -223,7 +223,7 @@ def test_a_spec_with_errors_is_not_run(project: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "a/b", "/a", "a\nb", "a.json", "a.error", "é" * 101])
 def test_a_trial_whose_name_cannot_be_that_of_a_folder_is_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="has a name that no folder can have"):
+    with pytest.raises(ValueError, match="is not a valid name for a trial"):
         run(tmp_path, (replace(trial(), name=name),))
 
 

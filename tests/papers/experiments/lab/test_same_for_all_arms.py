@@ -34,7 +34,7 @@ def main_execution_events(run: LabRun) -> list[tuple[Any, ...]]:
     """Return all decisions and skills of the main execution, with their instants."""
     asked = [
         (decision.instant_s, decision.variable, decision.skill, decision.answer, decision.answered_s, decision.looked_s)
-        for decision in run.asked
+        for decision in run.asked_decisions
     ]
     return [*asked, *((span.name, span.start_s, span.end_s) for span in run.skills), (run.duration_s, run.error)]
 
@@ -49,7 +49,7 @@ def test_the_world_does_not_depend_on_the_arms_that_watch(by_all: LabRun, tmp_pa
         == main_execution_events(run_without_arms)
     )
     assert by_all.truth == run_with_one_arm.truth
-    assert len(by_all.asked) >= 4
+    assert len(by_all.asked_decisions) >= 4
     assert len(by_all.truth) == 15
 
 

@@ -20,7 +20,7 @@ from codra_papers.experiments.campaign.registry import experiments
 from codra_papers.experiments.lab.arms import NAIVE, PRECONDITIONS
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.scoring import Piece
-from codra_papers.experiments.lab.spec_variants import Without
+from codra_papers.experiments.lab.spec_variants import WithoutCondition
 from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies import lab_ablation, lab_budgets, lab_options, lab_sensitivity, lab_transfer
 from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled_seconds
@@ -88,7 +88,7 @@ def test_reports_use_seeds_that_were_not_used_for_tuning(experiment: Experiment,
 
     assert min(trial.seed for trial in trials) >= FIRST_REPORTED_SEED
     assert len({trial.name for trial in trials}) == len(trials)
-    assert {trial.answering for trial in trials} == {None}
+    assert {trial.answering_arm for trial in trials} == {None}
 
 
 def test_every_row_of_every_table_has_a_cell_for_every_column(options: Judged, ablation: Judged) -> None:
@@ -117,7 +117,7 @@ def test_every_condition_of_the_spec_is_removed_once(tmp_path: Path) -> None:
     edits = [arm.edits[-1] for arm in lab_ablation.arms(settings(tmp_path))[1:-1]]
     lost = 0
     for edit in edits:
-        assert isinstance(edit, Without)
+        assert isinstance(edit, WithoutCondition)
         lost += sum(
             len(before.observable_when) + len(before.accept_when) - len(after.observable_when) - len(after.accept_when)
             for before, after in zip(spec.perception, edit(spec).perception, strict=True)
@@ -132,9 +132,9 @@ def test_an_arm_differs_in_one_edit_from_the_arm_that_it_is_compared_with(tmp_pa
     with_another_number = lab_sensitivity.arms(settings(tmp_path))[2:]
 
     for arm in (*without_one, *with_another_number):
-        assert arm == PRECONDITIONS.edited(arm.name, arm.edits[-1])
+        assert arm == PRECONDITIONS.with_edit(arm.name, arm.edits[-1])
     for arm in lab_options.arms(settings(tmp_path))[1:-1]:
-        assert arm == lab_options.UNCHANGED.edited(arm.name, arm.edits[-1])
+        assert arm == lab_options.UNCHANGED.with_edit(arm.name, arm.edits[-1])
 
 
 def test_an_arm_comparison_equals_a_recount(ablation: Judged) -> None:

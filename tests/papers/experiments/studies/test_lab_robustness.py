@@ -54,7 +54,7 @@ def test_ten_runs_are_for_the_tables_and_keep_frames_and_the_further_ones_are_fo
 
     assert [trial.seed for trial in trials] == list(range(301, 331))
     assert sum(trial.frames_kept for trial in trials if trial.seed <= 310) >= 200
-    assert {trial.answering for trial in trials} == {None}
+    assert {trial.answering_arm for trial in trials} == {None}
     assert {trial.arms for trial in trials if trial.seed <= 310} == {ARMS}
     assert {trial.arms for trial in trials if trial.seed > 310} == {FURTHER_ARMS}
     assert len({trial.name for trial in trials}) == 30

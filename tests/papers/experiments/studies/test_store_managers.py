@@ -256,7 +256,7 @@ def observe_run(manager: Manager, seed: int, lasts_s: float) -> ObservedRun:
         shop.world.watch(see)
         run.events = shop.world.events
 
-    settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, opened=on_opened)
+    settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, on_opened=on_opened)
     run.courses += courses_of(run_store(managed_spec(store, manager, seed), settings_).record)
     return run
 
