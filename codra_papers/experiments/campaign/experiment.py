@@ -88,7 +88,7 @@ class AnyTrial(Protocol):
         ...
 
     def run(self, folder: Path) -> AnyOutcome:
-        """Run the trial. Write the files to be stored into the folder, which is created only if there are such files."""
+        """Run the trial. Write the files to be stored into the folder, which is created if there are such files."""
         ...
 
     def outcome(self, text: str) -> AnyOutcome:

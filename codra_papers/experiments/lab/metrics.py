@@ -41,7 +41,7 @@ class Seconds:
 
     @property
     def strict(self) -> Share:
-        """Return the seconds with a right value as a share of all seconds, which include those with an unknown value."""
+        """Return the seconds with a right value as a share of all seconds, including those with an unknown value."""
         return Share(self.right_s, self.right_s + self.wrong_s + self.unknown_s)
 
 

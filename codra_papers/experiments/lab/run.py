@@ -325,7 +325,7 @@ def _execute(
 
 
 def _truth_pieces(spans: Sequence[TruthSpan], managers: Sequence[Manager]) -> Mapping[str, Sequence[Piece]]:
-    """Return the true values of the variables that the spec of at least one arm models; without arms, of all variables."""
+    """Return the true values of the variables that at least one arm's spec models; without arms, of all variables."""
     all_names = tuple(spans[0].values) if spans else ()
     modelled_names = {name for manager in managers for name in manager.modelled()} if managers else set(all_names)
     names = [name for name in all_names if name in modelled_names]

@@ -33,29 +33,29 @@ from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistak
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
 FURTHER_ARMS = tuple(arm for arm in ARMS if arm is not NAIVE_PACED)
-"""The arms of the runs for intervals. The runs of the tables show the effect of P1's pace on naive observers."""
+"""The arms of the runs for intervals. Only the runs of the tables have the naive arm with P1's pace."""
 
-RUNS = 10
+TABLE_RUN_COUNT = 10
 """The number of runs in the tables, as in P1's Table 2."""
 
-FIRST_FURTHER_SEED = FIRST_REPORTED_SEED + RUNS
+FIRST_FURTHER_SEED = FIRST_REPORTED_SEED + TABLE_RUN_COUNT
 """The first seed of the runs for intervals; none of these runs is in a table."""
 
-FRAMES_KEPT = 25
-"""How many frames of each run in the tables are detected again."""
+FRAMES_PER_RUN = 25
+"""The number of frames of each run in the tables in which tags are detected again."""
 
-COMPARED = (
+COMPARED_ARMS = (
     *((arm.name, NAIVE.name) for arm in FURTHER_ARMS if arm is not NAIVE),
     (NEED.name, PRECONDITIONS.name),
     (NEED_ON_EVENT.name, NEED.name),
 )
-"""The pairs of arms with reported differences: each arm, and the arm whose value is subtracted."""
+"""The pairs of arms with reported differences. The value of the second arm is subtracted from that of the first."""
 
 _NOTE = (
-    "All arms watch the same frames of a run, each with a vision slot of its own. The same work started at the same "
-    "instant takes the same time in each arm. The main execution looks by itself for each of its decisions and uses "
-    "none of the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up to the run. "
-    "Ratios over runs are ratios of sums, as in P1's Total."
+    "All arms watch the same frames of a run, each with a vision slot of its own. If several arms start the same work "
+    "at the same instant, it takes the same time in each of them. The main execution looks by itself for each of its "
+    "decisions and uses none of the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up "
+    "to the duration of the run. Ratios over runs are ratios of sums, as in P1's Total."
 )
 
 
@@ -68,7 +68,7 @@ def trials(settings: Settings) -> Sequence[Trial]:
             spec=settings.spec,
             seed=seed,
             arms=ARMS if seed < FIRST_FURTHER_SEED else FURTHER_ARMS,
-            frames_kept=FRAMES_KEPT if seed < FIRST_FURTHER_SEED else 0,
+            frames_kept=FRAMES_PER_RUN if seed < FIRST_FURTHER_SEED else 0,
         )
         for seed in seeds
     ]
@@ -116,7 +116,7 @@ def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
         runs=runs,
         further_runs=further,
         vision=vision_algorithms(spec),
-        comparisons=[compare(further, name, arm, against) for name in VARIABLES for arm, against in COMPARED],
+        comparisons=[compare(further, name, arm, against) for name in VARIABLES for arm, against in COMPARED_ARMS],
         wrong_values=mistakes(runs),
         detected_again=detect_again(spec, runs.outcomes, settings.folder),
     )
@@ -182,7 +182,7 @@ def _intervals(findings: _Findings) -> Section:
     table = tables.comparison_table(findings.comparisons)
     if not findings.further_runs.outcomes:
         return Section(title="How sure differences are", parts=(Words(text="No further seeds were run."),))
-    caption = "Differences between arms with their 95 % intervals; to the right of zero the first arm is better."
+    caption = "Differences between arms with their 95 % intervals. To the right of zero, the first arm is better."
     return Section(title="How sure differences are", parts=(drawings.forest(findings.comparisons, caption), table))
 
 
@@ -206,8 +206,8 @@ def _rings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
         ]
         outcome = runs.outcomes[counts.index(max(counts))]
         caption = (
-            f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions; "
-            "wrong values are magenta. A ring half-way between false and true: the value was unknown to the arm."
+            f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions. "
+            "Wrong values are magenta. A ring half-way between false and true: the arm did not know the value."
         )
         yield drawings.decisions(outcome, name, caption)
 

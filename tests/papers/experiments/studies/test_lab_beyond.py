@@ -24,7 +24,7 @@ from codra_papers.experiments.lab.spec_variants import WithoutCondition
 from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies import lab_ablation, lab_budgets, lab_options, lab_sensitivity, lab_transfer
 from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled_seconds
-from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with
+from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHINES, spec_with
 from codra_papers.experiments.studies.beyond.parameters import ScaledNumber
 from codra_papers.experiments.studies.beyond.workloads import Tending, Waiting
 from codra_papers.experiments.studies.lab_disturbances import EPISODES, LID, Belief, Episode, belief_in, right_again_s
@@ -134,7 +134,7 @@ def test_an_arm_differs_in_one_edit_from_the_arm_that_it_is_compared_with(tmp_pa
     for arm in (*without_one, *with_another_number):
         assert arm == PRECONDITIONS.with_edit(arm.name, arm.edits[-1])
     for arm in lab_options.arms(settings(tmp_path))[1:-1]:
-        assert arm == lab_options.UNCHANGED.with_edit(arm.name, arm.edits[-1])
+        assert arm == lab_options.UNCHANGED_ARM.with_edit(arm.name, arm.edits[-1])
 
 
 def test_an_arm_comparison_equals_a_recount(ablation: Judged) -> None:
@@ -197,9 +197,11 @@ def test_right_again_is_when_it_stays_right_to_the_end(held: tuple[Piece, ...], 
 
 def test_episodes_follow_one_another_and_hold_their_disturbances() -> None:
     for before, after in pairwise(EPISODES):
-        assert before.start_s < before.over_s < before.until_s == after.start_s
+        assert before.start_s < before.disturbance_end_s < before.until_s == after.start_s
     for episode in EPISODES:
-        assert all(episode.start_s <= disturbance.at_s < episode.over_s for disturbance in episode.disturbances)
+        assert all(
+            episode.start_s <= disturbance.at_s < episode.disturbance_end_s for disturbance in episode.disturbances
+        )
 
 
 @pytest.fixture(scope="module")
@@ -223,8 +225,8 @@ def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 
 def belief(outcome: Outcome, arm: str, *times_s: float) -> Belief:
-    start_s, over_s, until_s = times_s
-    episode = Episode(name="", start_s=start_s, over_s=over_s, until_s=until_s, disturbances=())
+    start_s, disturbance_end_s, until_s = times_s
+    episode = Episode(name="", start_s=start_s, disturbance_end_s=disturbance_end_s, until_s=until_s, disturbances=())
     return belief_in([outcome], episode, LID, arm)
 
 
@@ -270,25 +272,26 @@ def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
     )
 
     with pytest.raises(SpecError, match="under 'use'"):
-        spec_with(tmp_path / "bare.yaml", FURTHER, tmp_path / "made")
+        spec_with(tmp_path / "bare.yaml", FURTHER_MACHINES, tmp_path / "made")
 
 
 def test_more_machines_leave_naive_observers_fewer_looks(tmp_path: Path) -> None:
     budgets = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
     jobs = {
         count: budgets.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
-        for count in lab_budgets.MACHINES
+        for count in lab_budgets.MACHINE_COUNTS
     }
 
     assert jobs[2]["localize_centrifuge_lid"] > jobs[4]["localize_centrifuge_lid"] > jobs[8]["localize_centrifuge_lid"]
     assert {name for name in jobs[8] if name.startswith("localize_") and name.endswith("_lid")} == {
-        f"localize_{machine}_lid" for machine in ("centrifuge", "pcr_cycler", *(machine.name for machine in FURTHER))
+        f"localize_{machine}_lid"
+        for machine in ("centrifuge", "pcr_cycler", *(machine.name for machine in FURTHER_MACHINES))
     }
     assert {len(row) for table in tables(budgets.document) for row in table.rows} == {3, 8}
 
 
 def test_further_machines_are_in_free_places_with_tags_of_their_own() -> None:
-    machines = LABORATORY.with_machines(*FURTHER).machines
+    machines = LABORATORY.with_machines(*FURTHER_MACHINES).machines
     ids = [tag.tag_id for machine in machines for tag in machine.tags]
 
     assert len(set(ids)) == len(ids)

@@ -23,7 +23,7 @@ from codra_papers.experiments.studies.robustness.mistakes import mistakes, mista
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
 DURATION_S = 60.0
-IN_TABLES, FURTHER = (301, 302), (311, 312)
+IN_TABLES, FURTHER_MACHINES = (301, 302), (311, 312)
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Judged:
 def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
     """Return four short runs, two of them in the tables, and the report on them."""
     settings = Settings(spec=SPEC, seeds=2, folder=tmp_path_factory.mktemp("robustness"))
-    trials = [trial for trial in EXPERIMENT.trials(settings) if trial.seed in IN_TABLES + FURTHER]
+    trials = [trial for trial in EXPERIMENT.trials(settings) if trial.seed in IN_TABLES + FURTHER_MACHINES]
     outcomes = {
         trial.name: run_trial(replace(trial, duration_s=DURATION_S), settings.folder / TRIALS / trial.name)
         for trial in trials
