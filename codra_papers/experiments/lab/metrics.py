@@ -35,12 +35,12 @@ class Seconds:
         )
 
     @property
-    def paper(self) -> Share:
+    def paper_share(self) -> Share:
         """Return the seconds with a right value as a share of the seconds with any value: P1's ratio."""
         return Share(self.right_s, self.right_s + self.wrong_s)
 
     @property
-    def strict(self) -> Share:
+    def strict_share(self) -> Share:
         """Return the seconds with a right value as a share of all seconds, including those with an unknown value."""
         return Share(self.right_s, self.right_s + self.wrong_s + self.unknown_s)
 

@@ -23,11 +23,11 @@ from codra_papers.experiments.studies.robustness.findings import (
     Runs,
     compare,
     label,
-    paper,
-    strict,
+    paper_share,
+    strict_share,
     vision_algorithms,
 )
-from codra_papers.experiments.studies.robustness.frames import DetectedAgain, detect_again
+from codra_papers.experiments.studies.robustness.frames import RepeatedDetection, detect_again
 from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistakes, mistakes_table, photographs
 
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
@@ -105,20 +105,22 @@ class _Findings:
     vision: Sequence[str]
     comparisons: Sequence[Comparison]
     wrong_values: Sequence[Mistake]
-    detected_again: Sequence[DetectedAgain]
+    repeated_detections: Sequence[RepeatedDetection]
 
 
 def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     spec = read_spec(settings.spec)
     runs = Runs([outcome for outcome in outcomes.values() if outcome.seed < FIRST_FURTHER_SEED])
-    further = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
+    further_runs = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
     return _Findings(
         runs=runs,
-        further_runs=further,
+        further_runs=further_runs,
         vision=vision_algorithms(spec),
-        comparisons=[compare(further, name, arm, against) for name in VARIABLES for arm, against in COMPARED_ARMS],
+        comparisons=[
+            compare(further_runs, name, arm, other_arm) for name in VARIABLES for arm, other_arm in COMPARED_ARMS
+        ],
         wrong_values=mistakes(runs),
-        detected_again=detect_again(spec, runs.outcomes, settings.folder),
+        repeated_detections=detect_again(spec, runs.outcomes, settings.folder),
     )
 
 
@@ -127,7 +129,7 @@ def _summary(findings: _Findings) -> Iterator[str]:
     yield from summary.cause_sentences(findings.runs)
     yield from summary.trigger_sentences(findings.runs, findings.vision)
     yield from summary.decision_sentences(findings.runs, findings.wrong_values)
-    yield from summary.frame_sentences(findings.runs, findings.detected_again)
+    yield from summary.frame_sentences(findings.runs, findings.repeated_detections)
 
 
 def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
@@ -155,7 +157,9 @@ def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
         parts=(mistakes_table(findings.wrong_values), *photographs(findings.wrong_values, settings.folder)),
     )
     yield Section(title="Why values were wrong", parts=(tables.causes_table(runs),))
-    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.detected_again))),))
+    yield Section(
+        title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.repeated_detections))),)
+    )
 
 
 def _all_variables(runs: Runs) -> Section:
@@ -164,13 +168,13 @@ def _all_variables(runs: Runs) -> Section:
         parts=(
             tables.ratio_table(
                 runs,
-                paper,
+                paper_share,
                 "Ratio: the seconds with a right value as a share of the seconds with any value, in the common window, "
                 "over all runs.",
             ),
             tables.ratio_table(
                 runs,
-                strict,
+                strict_share,
                 "Strict ratio: the seconds with a right value as a share of all seconds, in the same window.",
             ),
             tables.seconds_table(runs),
@@ -218,7 +222,7 @@ def _results(findings: _Findings) -> Mapping[str, object]:
         "further": results.runs_as_data(findings.further_runs),
         "intervals": results.comparisons_as_data(findings.comparisons),
         "decisions_on_wrong_values": results.mistakes_as_data(findings.wrong_values),
-        "frames_detected_again": results.detected_as_data(findings.detected_again),
+        "frames_detected_again": results.detected_as_data(findings.repeated_detections),
         "paper": results.paper_as_data(),
     }
 

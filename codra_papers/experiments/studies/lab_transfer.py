@@ -23,7 +23,13 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHINES, spec_with, use_line
 from codra_papers.experiments.studies.beyond.workloads import Tending
 from codra_papers.experiments.studies.robustness import drawings
-from codra_papers.experiments.studies.robustness.findings import Counted, Runs, paper, strict, vision_algorithms
+from codra_papers.experiments.studies.robustness.findings import (
+    Runs,
+    ShareFunction,
+    paper_share,
+    strict_share,
+    vision_algorithms,
+)
 from codra_papers.experiments.studies.robustness.tables import arms_table
 from codra_papers.lab.mission import PCR_CYCLER
 from codra_papers.lab.simulator.laboratory import LABORATORY
@@ -135,11 +141,11 @@ def _sections(outcomes: Sequence[Outcome], comparisons: Mapping[str, Sequence[Ar
 
 def _variables(outcomes: Sequence[Outcome], machine: str) -> Table:
     runs = Runs(outcomes)
-    counted: Sequence[tuple[str, Counted]] = (("ratio", paper), ("strict ratio", strict))
+    share_functions: Sequence[tuple[str, ShareFunction]] = (("ratio", paper_share), ("strict ratio", strict_share))
     rows = [
-        (f"{machine}_{suffix}", name, *(ratio(counted_as(runs.total(f"{machine}_{suffix}", arm))) for arm in runs.arms))
+        (f"{machine}_{suffix}", name, *(ratio(share_of(runs.total(f"{machine}_{suffix}", arm))) for arm in runs.arms))
         for suffix in _VARIABLE_SUFFIXES
-        for name, counted_as in counted
+        for name, share_of in share_functions
     ]
     return plain_table(f"All variables of the {machine}.", ("variable", "", *runs.arms), rows)
 

@@ -12,7 +12,13 @@ from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Se
 from codra_papers.experiments.campaign.statistics import Estimate, ratio_difference, ratio_of_sums
 from codra_papers.experiments.lab.metrics import Answers, Lags, Seconds, answers, in_window, lags, total, window
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.studies.robustness.findings import Counted, Runs, estimate_as_data, paper, strict
+from codra_papers.experiments.studies.robustness.findings import (
+    Runs,
+    ShareFunction,
+    estimate_as_data,
+    paper_share,
+    strict_share,
+)
 
 LIDS_AND_LATCHES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
 """The variables on which decisions are based, and which a camera can see."""
@@ -50,12 +56,12 @@ class ArmComparison:
     @property
     def paper_ratio(self) -> float | None:
         """Return the seconds with a right value as a share of the seconds with any value."""
-        return ratio_of_sums([self.seconds.paper])
+        return ratio_of_sums([self.seconds.paper_share])
 
     @property
     def strict_ratio(self) -> float | None:
         """Return the seconds with a right value as a share of all seconds."""
-        return ratio_of_sums([self.seconds.strict])
+        return ratio_of_sums([self.seconds.strict_share])
 
 
 def reported_seeds(settings: Settings) -> range:
@@ -90,8 +96,8 @@ def arm_comparison(
         arm=arm,
         seconds=total(pooled_seconds(outcome, variables, arm) for outcome in outcomes),
         left_out=sum(runs.left_out(name, arm) for name in variables),
-        paper_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, paper),
-        strict_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, strict),
+        paper_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, paper_share),
+        strict_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, strict_share),
         answers=answers(decisions, arm),
         lags=sum(lags_of_variables, Lags()),
         triggers=sum(runs.triggers(arm, vision)),
@@ -105,7 +111,7 @@ def pooled_seconds(outcome: Outcome, variables: Sequence[str], arm: str) -> Seco
 
 
 def difference(
-    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, other_arm: str, share_of: Counted
+    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, other_arm: str, share_of: ShareFunction
 ) -> Estimate:
     """Return how much better one arm knew some variables than another arm, with the interval over paired runs.
 
@@ -169,8 +175,8 @@ def ratio_cells(comparison: ArmComparison) -> Sequence[Cell]:
     """Return the cells of a table for an arm: the arm's name, both ratios, and the differences of both ratios."""
     return (
         comparison.arm,
-        ratio(comparison.seconds.paper),
-        ratio(comparison.seconds.strict),
+        ratio(comparison.seconds.paper_share),
+        ratio(comparison.seconds.strict_share),
         None if comparison.paper_difference is None else interval(comparison.paper_difference),
         None if comparison.strict_difference is None else interval(comparison.strict_difference),
     )

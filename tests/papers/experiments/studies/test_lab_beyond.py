@@ -237,7 +237,10 @@ def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: 
         (again_s,) = lid_belief.right_again_s
         assert again_s is not None
         assert 0.0 < again_s < 16.0
-        assert lid_belief.during.strict.total + lid_belief.after.strict.total == pytest.approx(19.0)
+        assert (
+            lid_belief.seconds_during.strict_share.total + lid_belief.seconds_after.strict_share.total
+            == pytest.approx(19.0)
+        )
 
 
 def test_a_change_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed: Outcome) -> None:
