@@ -26,7 +26,7 @@ Name = Annotated[
     str | None,
     typer.Argument(
         metavar="NAME",
-        help="The experiment, or 'module:CONSTANT' for one of your own. Without NAME, all experiments are listed.",
+        help="The experiment, or 'module:CONSTANT' for your own experiment. Without NAME, all experiments are listed.",
         show_default=False,
     ),
 ]
@@ -66,7 +66,7 @@ TrialOption = Annotated[
 
 @dataclass(slots=True)
 class _TrialProgress:
-    """The progress of the trials. It is reported if they end early."""
+    """The progress of the trials. It is reported if the trials end early."""
 
     progress: Progress | None = None
     start_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  only for display
@@ -78,7 +78,7 @@ class _TrialProgress:
         return f"{self.progress.done} of {self.progress.total} trials are kept: run the same command again to continue"
 
     def reused_trials(self) -> int:
-        """Return how many trials had records before."""
+        """Return how many trials already had records."""
         return 0 if self.progress is None else self.progress.reused_trials
 
     def elapsed_s(self) -> float:
@@ -127,7 +127,7 @@ def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -
 
 
 def _known_experiments() -> Mapping[str, Experiment]:
-    """Return the experiments by name, after importing everything that experiments and reports need."""
+    """Return a mapping from names to experiments, after importing everything that experiments and reports need."""
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     try:
@@ -184,7 +184,7 @@ def _trial_named(name: str, experiment: Experiment, settings: Settings, processe
     from codra_dsl.language.diagnostics import suggest
 
     trials_by_name = {trial.name: trial for trial in _trials(experiment, settings)}
-    if name not in trials_by_name and experiment.then is not None:
+    if name not in trials_by_name and experiment.further_trials is not None:
         outcomes = _outcomes([*trials_by_name.values()], settings.folder, processes, _TrialProgress())
         trials_by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, outcomes)}
     if name not in trials_by_name:
@@ -243,7 +243,7 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
 
 
 def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
-    """Return the first trials of an experiment. To do so, some experiments write specs for their trials."""
+    """Return the first trials of an experiment. Some experiments write specs for these trials."""
     with _reporting_errors(settings.folder, _TrialProgress()):
         return experiment.trials(settings)
 
@@ -251,7 +251,7 @@ def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
 def _more_trials(experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
     """Return the further trials, which depend on the outcomes of the first trials."""
     with _reporting_errors(settings.folder, _TrialProgress()):
-        return [] if experiment.then is None else experiment.then(settings, outcomes)
+        return [] if experiment.further_trials is None else experiment.further_trials(settings, outcomes)
 
 
 def _outcomes(
@@ -316,7 +316,7 @@ def _progress_bar(trial_progress: _TrialProgress) -> Iterator[Callable[[Progress
 
 
 def _bar_text(progress: Progress, elapsed_s: float) -> str:
-    """Return the text next to the progress bar: how many trials had records before, and the remaining time."""
+    """Return the text next to the progress bar: how many trials already had records, and the remaining time."""
     reused_text = f", {progress.reused_trials} kept from before" if progress.reused_trials else ""
     new_trials, remaining_trials = progress.done - progress.reused_trials, progress.total - progress.done
     return (

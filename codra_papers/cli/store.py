@@ -42,7 +42,7 @@ SituationOption = Annotated[
 PageOption = Annotated[bool, typer.Option("--page", help="Serve the picker's page, on this machine only.")]
 PortOption = Annotated[
     int | None,
-    typer.Option("--port", min=1, max=65535, help="The port of the page.  [default: a free one]"),
+    typer.Option("--port", min=1, max=65535, help="The port of the page.  [default: a free port]"),
 ]
 
 
@@ -56,7 +56,7 @@ def store(
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     if port is not None and not page:
-        raise typer.BadParameter("the port is that of the page; add --page", param_hint="--port")
+        raise typer.BadParameter("this is the port of the page; add --page", param_hint="--port")
     try:
         with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
             settings = _settings(request, situation, (port or 0) if page else None)
@@ -78,7 +78,7 @@ def store(
 
 
 def _draw_curves(run: StoreRun, spec: Spec, folder: Path) -> Path:
-    """Draw the metrics of a run and the weights of its actions over time; return the path of the picture."""
+    """Draw the metrics and the weights of actions of a run over time, and return the path of the picture."""
     from codra_papers.experiments.store.curves import draw_adaptation
 
     path = folder / "metrics-and-weights.svg"

@@ -35,8 +35,8 @@ def ratio_sentences(runs: Runs, comparisons: Sequence[Comparison]) -> Iterator[s
             if (comparison.variable, comparison.arm, comparison.other_arm) == ("centrifuge_open", arm, NAIVE.name):
                 yield (
                     f"centrifuge_open, {arm} against {NAIVE.name} over {_count(comparison.runs, 'further run')}: ratio "
-                    f"{interval(comparison.paper_difference)}, {_difference_text(comparison.paper_difference)}; strict"
-                    f" ratio {interval(comparison.strict_difference)}, {_difference_text(comparison.strict_difference)}."
+                    f"{interval(comparison.paper_difference)}, {_difference_text(comparison.paper_difference)}; strict "
+                    f"ratio {interval(comparison.strict_difference)}, {_difference_text(comparison.strict_difference)}."
                 )
     for arm in CONTEXT_DRIVEN_ARMS:
         for comparison in comparisons:

@@ -31,7 +31,7 @@ from codra_dsl.runtime.loops import (
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
 
-NOMINAL = "pick"
+NOMINAL_COURSE = "pick"
 """P2's nominal course: pick up, deliver, back to the start (section 5.1)."""
 
 SLOW_M_S, NORMAL_M_S = 0.3, 1.2
@@ -56,25 +56,25 @@ class Manager(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LoopsManager:
-    """Manages by the spec's own loops."""
+    """Manages with the loops of the spec."""
 
     name: str = "ours"
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners, which use no random numbers."""
+        """Return the factory of the planners. These planners use no random numbers."""
         del seed
         return lambda model, loop, types: _OverruledPlanner(Planning(model, loop, types), _keep_plan)
 
 
 @dataclass(frozen=True, slots=True)
 class ThresholdManager:
-    """Manages by comparisons with thresholds in place of both fuzzy stages."""
+    """Manages with comparisons with thresholds, which replace both fuzzy stages."""
 
     thresholds: Thresholds
     name: str = "threshold"
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners, which use no random numbers."""
+        """Return the factory of the planners. These planners use no random numbers."""
         del seed
 
         def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
@@ -93,7 +93,7 @@ class RandomManager:
         """Return the factory of the planners, which draw from the seed of the run."""
 
         def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
-            overrule = _DrawAtRandom(Random(f"{seed} manager {loop.name}"), model.courses)
+            overrule = _RandomReplacement(Random(f"{seed} manager {loop.name}"), model.courses)
             return _OverruledPlanner(Planning(model, loop, types), overrule)
 
         return make
@@ -106,10 +106,10 @@ class NominalManager:
     name: str = "none"
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners, which use no random numbers."""
+        """Return the factory of the planners. These planners use no random numbers."""
         del seed
         return lambda model, loop, types: _OverruledPlanner(
-            Planning(model, loop, types), _StayNominal(model.parameters)
+            Planning(model, loop, types), _NominalReplacement(model.parameters)
         )
 
 
@@ -150,8 +150,8 @@ def _keep_plan(plan: Plan) -> Plan:
     return plan
 
 
-class _StayNominal:
-    """Turns the first decision into one for the nominal course and the normal speed, and drops all later ones."""
+class _NominalReplacement:
+    """Replaces the first decision by one for the nominal course and the normal speed, and drops all later decisions."""
 
     def __init__(self, parameters: Sequence[ParameterModel]) -> None:
         self._parameters = parameters
@@ -163,10 +163,10 @@ class _StayNominal:
         self._has_begun = True
         (first,) = plan.decisions
         settings = tuple(_first_setting(parameter, NORMAL_M_S, first) for parameter in self._parameters)
-        return replace(plan, decisions=(_replace_decision(first, NOMINAL, ""),), settings=settings)
+        return replace(plan, decisions=(_replace_decision(first, NOMINAL_COURSE, ""),), settings=settings)
 
 
-class _DrawAtRandom:
+class _RandomReplacement:
     """Replaces each decision by a random course or speed."""
 
     def __init__(self, random: Random, courses: Sequence[CourseModel]) -> None:

@@ -30,10 +30,10 @@ from codra_papers.experiments.studies.store_managers.managers import (
     RandomManager,
     ThresholdManager,
 )
-from codra_papers.experiments.studies.store_managers.search import Design, best, cells
+from codra_papers.experiments.studies.store_managers.search import Design, best_cell, cells
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
-from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, courses_of, managed_spec
+from codra_papers.experiments.studies.store_managers.trial import RUN_DURATION_S, StoreOutcome, courses_of, managed_spec
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.geometry import Point, Pose2D
 from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
@@ -282,8 +282,8 @@ def test_a_shift_depends_on_the_seed_only() -> None:
         shift = shift_of(seed)
         assert shift == shift_of(seed)
         assert sorted(shift.areas) == ["area_1", "area_2", "area_3", "area_4"]
-        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < LASTS_S
-        assert all(visit.at_s < LASTS_S for visit in shift.visits)
+        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < RUN_DURATION_S
+        assert all(visit.at_s < RUN_DURATION_S for visit in shift.visits)
     assert len({shift_of(seed).areas for seed in range(1, 40)}) > 10
     assert {shift_of(seed).is_hidden for seed in range(1, 40)} == {True, False}
     assert {len(shift_of(seed).visits) for seed in range(1, 40)} == {0, 1, 2}
@@ -462,7 +462,7 @@ def test_the_cell_with_the_best_score_wins_and_of_equal_ones_the_first() -> None
     search_cells = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
 
     assert [round(cell.score, 6) for cell in search_cells] == [0.5, 1.0, 1.0]
-    assert best(search_cells).thresholds.distance_m == 1.5
+    assert best_cell(search_cells).thresholds.distance_m == 1.5
 
 
 def test_reported_seeds_are_not_used_for_tuning() -> None:
