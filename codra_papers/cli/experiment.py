@@ -184,7 +184,7 @@ def _trial_named(name: str, experiment: Experiment, settings: Settings, processe
     from codra_dsl.language.diagnostics import suggest
 
     trials_by_name = {trial.name: trial for trial in _trials(experiment, settings)}
-    if name not in trials_by_name and experiment.further_trials is not None:
+    if name not in trials_by_name and experiment.then is not None:
         outcomes = _outcomes([*trials_by_name.values()], settings.folder, processes, _TrialProgress())
         trials_by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, outcomes)}
     if name not in trials_by_name:
@@ -251,7 +251,7 @@ def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
 def _more_trials(experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
     """Return the further trials, which depend on the outcomes of the first trials."""
     with _reporting_errors(settings.folder, _TrialProgress()):
-        return [] if experiment.further_trials is None else experiment.further_trials(settings, outcomes)
+        return [] if experiment.then is None else experiment.then(settings, outcomes)
 
 
 def _outcomes(

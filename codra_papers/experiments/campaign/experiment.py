@@ -122,8 +122,8 @@ class Experiment:
         trials: a function that returns the trials that the experiment needs.
         judge: a function that makes the report from the outcomes. If it uses random numbers, their seeds are fixed, so
             that a report can be reproduced.
-        further_trials: a function that returns further trials, which depend on the outcomes of the first trials, e.g.
-            trials that use the result of a search; None if there are no further trials.
+        then: a function that returns further trials, which depend on the outcomes of the first trials, e.g. trials that
+            use the result of a search; None if there are no further trials.
         world: the world in which the trials run.
     """
 
@@ -132,5 +132,5 @@ class Experiment:
     seeds: int
     trials: Callable[[Settings], Sequence[AnyTrial]]
     judge: Callable[[Settings, Mapping[str, Any]], Document]
-    further_trials: Callable[[Settings, Mapping[str, Any]], Sequence[AnyTrial]] | None = None
+    then: Callable[[Settings, Mapping[str, Any]], Sequence[AnyTrial]] | None = None
     world: World = World.LAB

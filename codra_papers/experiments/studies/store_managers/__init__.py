@@ -20,7 +20,7 @@ def experiment(design: Design, name: str, seeds: int) -> Experiment:
         seeds=seeds,
         trials=partial(search_trials, design),
         judge=partial(judge, design),
-        further_trials=partial(reported_trials, design),
+        then=partial(reported_trials, design),
         world=World.STORE,
     )
 

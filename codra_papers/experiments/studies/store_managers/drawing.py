@@ -47,8 +47,8 @@ def draw_over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
         caption = (
             f"Seed {seed}. The lines are safety and weights from the manager's own analysis; the band below them is "
-            "the course. Red: the robot moved fast near a person. For the managers none and random, the weights are those "
-            "of the spec's loops, which these managers do not follow."
+            "the course. Red: the robot moved fast near a person. For the managers none and random, the weights are "
+            "those of the spec's loops, which these managers do not follow."
         )
         return Drawing(caption=caption, svg=_svg(figure))
 
