@@ -77,9 +77,9 @@ class _TrialProgress:
             return "run the same command again to continue"
         return f"{self.progress.done} of {self.progress.total} trials are kept: run the same command again to continue"
 
-    def reused_trials(self) -> int:
+    def reused_trial_count(self) -> int:
         """Return how many trials already had records."""
-        return 0 if self.progress is None else self.progress.reused_trials
+        return 0 if self.progress is None else self.progress.reused_trial_count
 
     def elapsed_s(self) -> float:
         """Return the time since the start."""
@@ -218,11 +218,11 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     trial_progress = _TrialProgress()
     process_count = processes or cores()
     outcomes = _outcomes(trials, settings.folder, process_count, trial_progress)
-    reused_trials = trial_progress.reused_trials()
+    reused_trial_count = trial_progress.reused_trial_count()
     if further_trials := _more_trials(experiment, settings, outcomes):
         trials = [*trials, *further_trials]
         outcomes = {**outcomes, **_outcomes(further_trials, settings.folder, process_count, trial_progress)}
-        reused_trials += trial_progress.reused_trials()
+        reused_trial_count += trial_progress.reused_trial_count()
     provenance = Provenance(
         command=shlex.join(("codra", *sys.argv[1:])),
         spec=settings.spec.absolute().relative_to(root).as_posix(),
@@ -233,7 +233,7 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
         cores=cores(),
         processes=process_count,
         elapsed_s=trial_progress.elapsed_s(),
-        reused_trials=reused_trials,
+        reused_trial_count=reused_trial_count,
     )
     with _reporting_errors(settings.folder, trial_progress):
         document = experiment.judge(settings, outcomes)
@@ -317,8 +317,8 @@ def _progress_bar(trial_progress: _TrialProgress) -> Iterator[Callable[[Progress
 
 def _bar_text(progress: Progress, elapsed_s: float) -> str:
     """Return the text next to the progress bar: how many trials already had records, and the remaining time."""
-    reused_text = f", {progress.reused_trials} kept from before" if progress.reused_trials else ""
-    new_trials, remaining_trials = progress.done - progress.reused_trials, progress.total - progress.done
+    reused_text = f", {progress.reused_trial_count} kept from before" if progress.reused_trial_count else ""
+    new_trials, remaining_trials = progress.done - progress.reused_trial_count, progress.total - progress.done
     return (
         f"{reused_text}, about {elapsed_s / new_trials * remaining_trials / 60.0:.0f} min left"
         if new_trials and remaining_trials

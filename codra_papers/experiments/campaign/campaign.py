@@ -34,13 +34,13 @@ class Progress:
     Attributes:
         done: how many trials are complete.
         total: how many trials there are.
-        reused_trials: how many of the complete trials already had a valid record at the start.
+        reused_trial_count: how many of the complete trials already had a valid record at the start.
         latest: the name of the trial that was completed last; empty at the start.
     """
 
     done: int
     total: int
-    reused_trials: int
+    reused_trial_count: int
     latest: str
 
 
@@ -71,12 +71,16 @@ def run_campaign(
     with _locked_folder(trials_folder):
         records = records_of(trials, trials_folder)
         outcomes = {record.trial.name: outcome for record in records if (outcome := record.read()) is not None}
-        reused_trials = len(outcomes)
-        progress(Progress(done=reused_trials, total=len(trials), reused_trials=reused_trials, latest=""))
+        reused_trial_count = len(outcomes)
+        progress(Progress(done=reused_trial_count, total=len(trials), reused_trial_count=reused_trial_count, latest=""))
         missing_records = [record for record in records if record.trial.name not in outcomes]
-        for outcome in _run_missing(missing_records, trials_folder, processes or cores()):
+        for outcome in _run_missing_trials(missing_records, trials_folder, processes or cores()):
             outcomes[outcome.name] = outcome
-            progress(Progress(done=len(outcomes), total=len(trials), reused_trials=reused_trials, latest=outcome.name))
+            progress(
+                Progress(
+                    done=len(outcomes), total=len(trials), reused_trial_count=reused_trial_count, latest=outcome.name
+                )
+            )
     return {trial.name: outcomes[trial.name] for trial in trials}
 
 
@@ -85,7 +89,9 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _run_missing(missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int) -> Iterator[AnyOutcome]:
+def _run_missing_trials(
+    missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int
+) -> Iterator[AnyOutcome]:
     """Run trials, and yield each outcome. Their temporary folder is removed at the end, or after an error."""
     if not missing_records:
         return

@@ -207,7 +207,7 @@ def _cell_text(cell: Cell) -> str:
 
 
 def _provenance_section(provenance: Provenance) -> Section:
-    reused_text = f"; {provenance.reused_trials} had been run before" if provenance.reused_trials else ""
+    reused_text = f"; {provenance.reused_trial_count} had been run before" if provenance.reused_trial_count else ""
     revision = "in no git repository"
     if provenance.revision is not None:
         state = "no uncommitted changes" if provenance.revision.is_clean else "with uncommitted changes"

@@ -43,7 +43,7 @@ class Provenance:
         cores: how many cores the machine offers.
         processes: how many trials ran at once.
         elapsed_s: the duration of this call, without the time for judging the outcomes and rendering the page.
-        reused_trials: how many trials had been run before this call.
+        reused_trial_count: how many trials had been run before this call.
     """
 
     command: str
@@ -55,7 +55,7 @@ class Provenance:
     cores: int
     processes: int
     elapsed_s: float
-    reused_trials: int
+    reused_trial_count: int
 
 
 def versions() -> Mapping[str, str]:

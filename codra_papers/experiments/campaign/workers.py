@@ -112,7 +112,7 @@ class _Worker:
             report = self.report_connection.recv()
         except EOFError:
             self.process.join()
-            raise TrialError(self.record.trial, _end_of(self.process.exitcode or 0), None) from None
+            raise TrialError(self.record.trial, _exit_text(self.process.exitcode or 0), None) from None
         self.process.join()
         if isinstance(report, _Failure):
             raise _error_of(self.record, report)
@@ -217,7 +217,7 @@ def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
     return TrialError(record.trial, failure.reason, record.error_path)
 
 
-def _end_of(code: int) -> str:
+def _exit_text(code: int) -> str:
     if code >= 0:
         return f"its process ended with exit code {code} and reported nothing"
     hint = ": perhaps there was too little memory" if -code == signal.SIGKILL else ""

@@ -54,15 +54,15 @@ class WithoutConditions:
 
 def _settings_without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
     """Return settings that give every tree a period of 0 s and the same priority. Every tree keeps its name."""
-    named_variables = {reference.name for setting in spec.observers for reference in setting.identifies}
+    variables_with_setting = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
     # A tree has the name of its first alternative.
     for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):
         variables = tuple(
             Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
         )
-        if not named_variables & {reference.name for reference in variables}:
-            named_variables |= {reference.name for reference in variables}
+        if not variables_with_setting & {reference.name for reference in variables}:
+            variables_with_setting |= {reference.name for reference in variables}
             settings.append(
                 ObserverSetting(name=algorithm.name, place=algorithm.place, identifies=variables, period_s=0.0)
             )

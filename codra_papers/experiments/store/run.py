@@ -114,7 +114,7 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
         store = Store(clock, settings.shop, codra.knowledge)
         settings.on_opened(store)
-        serve = _make_serve(compiled, codra, clock, stack)
+        serve = _serve_function(compiled, codra, clock, stack)
         act = _open_page(store, codra, settings.page, stack)
         real_clock = stack.enter_context(WallClock(start_s=0.0)) if settings.pace is Pace.REAL else None
         Beat(clock, real_clock, lambda: _beat(act, settings.progress, clock))
@@ -123,7 +123,7 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
         return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_order_counts(store), record=record)
 
 
-def _make_serve(
+def _serve_function(
     compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
 ) -> Callable[[], None]:
     """Return a function that serves orders until the time of the clock is up."""

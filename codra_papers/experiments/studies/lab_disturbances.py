@@ -213,7 +213,7 @@ def _section(episode: Episode, beliefs: Sequence[Belief]) -> Section:
         f"Seconds over all runs, during the disturbance ({episode.start_s:g} s to {episode.disturbance_end_s:g} s) and "
         f"after it (to {episode.until_s:g} s). Seconds with a wrong value are marked."
     )
-    rows = [_believed_row(belief) for belief in beliefs]
+    rows = [_seconds_row(belief) for belief in beliefs]
     header = ("variable", "arm", "during: right s", "wrong s", "unknown s", "after: right s", "wrong s", "unknown s")
     marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
     right_again_table = plain_table(
@@ -221,13 +221,13 @@ def _section(episode: Episode, beliefs: Sequence[Belief]) -> Section:
         "over the runs in which this happened before the next disturbance; an unknown value is not right. Minus naive: "
         "the difference to naive observers, with 95 % intervals over the runs in which both arms were right again.",
         ("variable", "arm", "right again s", "minus naive s", "runs never right again"),
-        [_again_row(belief, _naive_belief(beliefs, belief.variable)) for belief in beliefs],
+        [_right_again_row(belief, _naive_belief(beliefs, belief.variable)) for belief in beliefs],
     )
     parts = (Table(caption=caption, header=header, rows=rows, marked=marked), right_again_table)
     return Section(title=episode.name.capitalize(), parts=parts)
 
 
-def _believed_row(belief: Belief) -> Sequence[Cell]:
+def _seconds_row(belief: Belief) -> Sequence[Cell]:
     during, after = belief.seconds_during, belief.seconds_after
     return (
         label(belief.variable),
@@ -237,7 +237,7 @@ def _believed_row(belief: Belief) -> Sequence[Cell]:
     )
 
 
-def _again_row(belief: Belief, naive: Belief) -> Sequence[Cell]:
+def _right_again_row(belief: Belief, naive: Belief) -> Sequence[Cell]:
     durations_s = [duration_s for duration_s in belief.right_again_s if duration_s is not None]
     return (
         label(belief.variable),

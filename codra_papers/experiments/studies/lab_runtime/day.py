@@ -102,7 +102,7 @@ def _comparison(pair: Pair, day: Day) -> Table:
         ("saved per answered task in s", DAY_SAVED_PER_CHECK_S, None, rounded(day.per_check_s)),
         ("saved by answered tasks in min, as P1 counts", DAY_SAVED_MIN, None, rounded(day.replaced_s / 60, 1)),
         ("saved by all tasks in min, including unsuccessful waiting", None, None, rounded(day_saving.saved_s / 60, 1)),
-        (f"the same for P1's {DAY_CHECKS} tasks in min", DAY_SAVED_MIN, None, _for_as_many_as_p1_min(day)),
+        (f"the same for P1's {DAY_CHECKS} tasks in min", DAY_SAVED_MIN, None, _saved_for_p1_checks_min(day)),
     ]
     return Table(
         caption="This day and P1's day. This robot only processes samples, so it makes more decisions than P1's robot.",
@@ -119,7 +119,7 @@ def _own_look_s(day_saving: Saving) -> float | None:
     return rounded(day_saving.own_looks_s / day_saving.fell_back) if day_saving.fell_back else None
 
 
-def _for_as_many_as_p1_min(day: Day) -> float | None:
+def _saved_for_p1_checks_min(day: Day) -> float | None:
     return None if day.per_check_s is None else rounded(DAY_CHECKS * day.per_check_s / 60, 1)
 
 
@@ -149,7 +149,7 @@ def _sentence(pair: Pair, day: Day) -> str:
         f"In {_hours(pair.observed)} h with observers, context answered {day_saving.answered} of {day_saving.checks}"
         f" perception tasks ({percent(answered_share(day_saving))} %; P1: {DAY_CHECKS} tasks). As P1 counts, this saved"
         f" {rounded(day.replaced_s / 60, 1)} min (P1: {DAY_SAVED_MIN:g} min;"
-        f" {_for_as_many_as_p1_min(day)} min for as many tasks as P1's). With all waiting and looking,"
+        f" {_saved_for_p1_checks_min(day)} min for as many tasks as P1's). With all waiting and looking,"
         f" {rounded(day_saving.saved_s / 60, 1)} min were saved. {pair.observed.loops} loops were completed with"
         f" observers, {pair.without.loops} without observers."
     )

@@ -46,7 +46,7 @@ WHAT_IT_SHOWS = (
 def judge_sources(pairs: Sequence[Pair]) -> Finding:
     """Split the saving of all openings and closings into its parts."""
     columns = _columns(pairs)
-    total = columns["all"]
+    total_saving = columns["all"]
     return Finding(
         section=Section(
             title="Where the saving comes from",
@@ -59,7 +59,7 @@ def judge_sources(pairs: Sequence[Pair]) -> Finding:
                 _reasons_table(_unanswered_checks(pairs)),
             ],
         ),
-        summary=[_sentence(total)],
+        summary=[_sentence(total_saving)],
         results={
             "saving": {name: saving_as_data(saving_parts) for name, saving_parts in columns.items()},
             "scenarios": {name: _scenarios_as_data(saving_parts) for name, saving_parts in columns.items()},
@@ -165,16 +165,16 @@ def _scenarios_as_data(measured: Saving) -> Sequence[Mapping[str, Any]]:
     return [{**asdict(case), "saved_s": case.saved_s, "share": case.share} for case in scenarios(measured)]
 
 
-def _sentence(total: Saving) -> str:
-    if not total.without_s or not total.checks:
+def _sentence(total_saving: Saving) -> str:
+    if not total_saving.without_s or not total_saving.checks:
         return "No perception task was completed, so no saving can be attributed."
-    shares = {case.name: percent(case.share) for case in scenarios(total)}
-    cost = percent((total.waiting_s + total.asking_s) / total.without_s)
+    shares = {case.name: percent(case.share) for case in scenarios(total_saving)}
+    cost = percent((total_saving.waiting_s + total_saving.asking_s) / total_saving.without_s)
     return (
-        f"Over all seeds, {percent(total.share)} % of the perception time is saved. Context answered"
-        f" {percent(answered_share(total))} % of {total.checks} perception tasks in time, from the knowledge of the"
-        f" observers; asking and waiting cost {cost} %."
-        f" The mean duration of a look, {total.look_s:.1f} s, follows from P1. With looks half as long,"
+        f"Over all seeds, {percent(total_saving.share)} % of the perception time is saved. Context answered"
+        f" {percent(answered_share(total_saving))} % of {total_saving.checks} perception tasks in time, from the"
+        f" knowledge of the observers; asking and waiting cost {cost} %."
+        f" The mean duration of a look, {total_saving.look_s:.1f} s, follows from P1. With looks half as long,"
         f" {shares['looks take half as long']} % would be saved; with looks twice as long,"
         f" {shares['looks take twice as long']} %. At P1's {CONTEXT_CHECK_S:.2f} s for each check,"
         f" {shares[AT_P1S_CHECK]} % would be saved. Observers that know nothing would save"

@@ -208,8 +208,8 @@ def _welch_table(pairs: Sequence[Pair]) -> Table:
         for task in Task:
             for level, duration_of in LEVELS.items():
                 without, observed = _durations(task, sample_pairs, duration_of)
-                result = _welch_result(without, observed)
-                cells = ("none", None, None, "none", "none") if result is None else _welch_cells(result)
+                test_result = _welch_result(without, observed)
+                cells = ("none", None, None, "none", "none") if test_result is None else _welch_cells(test_result)
                 rows.append((sample, task, level, len(without) + len(observed), *cells))
     return Table(
         caption=(
@@ -232,13 +232,13 @@ def _welch_result(without: Sequence[float], observed: Sequence[float]) -> Welch 
     return welch(without, observed) if min(len(without), len(observed)) > 1 else None
 
 
-def _welch_cells(result: Welch) -> tuple[Cell, ...]:
+def _welch_cells(test_result: Welch) -> tuple[Cell, ...]:
     return (
-        interval_text(result.difference),
-        rounded(result.t),
-        rounded(result.degrees, 1),
-        f"{result.p:.1e}",
-        interval_text(result.hedges_g),
+        interval_text(test_result.difference),
+        rounded(test_result.t),
+        rounded(test_result.degrees, 1),
+        f"{test_result.p:.1e}",
+        interval_text(test_result.hedges_g),
     )
 
 
@@ -322,17 +322,20 @@ def _sample(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
             level: estimate_as_data(ratio_interval(_shares(task, pairs, duration_of)))
             for level, duration_of in levels.items()
         },
-        "welch": {level: None if result is None else _welch_as_data(result) for level, result in welch_results.items()},
+        "welch": {
+            level: None if test_result is None else _welch_as_data(test_result)
+            for level, test_result in welch_results.items()
+        },
     }
 
 
-def _welch_as_data(result: Welch) -> Mapping[str, Any]:
+def _welch_as_data(test_result: Welch) -> Mapping[str, Any]:
     return {
-        "difference_s": estimate_as_data(result.difference),
-        "t": result.t,
-        "degrees_of_freedom": result.degrees,
-        "p": result.p,
-        "hedges_g": estimate_as_data(result.hedges_g),
+        "difference_s": estimate_as_data(test_result.difference),
+        "t": test_result.t,
+        "degrees_of_freedom": test_result.degrees,
+        "p": test_result.p,
+        "hedges_g": estimate_as_data(test_result.hedges_g),
     }
 
 

@@ -102,8 +102,8 @@ class Runs:
 
     def first_s(self, variable: str, arm: str) -> Sequence[float]:
         """Return when an arm first identified a variable. Runs in which the arm never identified it are left out."""
-        first_by_run = (outcome.arms[arm].first_s[variable] for outcome in self.outcomes)
-        return [first_s for first_s in first_by_run if first_s is not None]
+        first_s_by_run = (outcome.arms[arm].first_s[variable] for outcome in self.outcomes)
+        return [first_s for first_s in first_s_by_run if first_s is not None]
 
     def lags(self, variable: str, arm: str) -> Lags:
         """Return an arm's lags after all changes of a variable."""

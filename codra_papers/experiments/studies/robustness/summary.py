@@ -87,11 +87,11 @@ def _not_worse_text(difference: Estimate) -> str:
 def trigger_sentences(runs: Runs, vision: Sequence[str]) -> Iterator[str]:
     """Answer how many triggers each arm with preconditions saves, and which algorithm has most remaining triggers."""
     for arm in CONTEXT_DRIVEN_ARMS:
-        lid, vision_share = (
+        lid_share, vision_share = (
             fewer_triggers(runs, arm, NAIVE.name, names) for names in (PCR_CYCLER_LID_ALGORITHMS, vision)
         )
         yield (
-            f"{arm} triggers the PCR-cycler's lid {percent(lid)} % less often than {NAIVE.name} (P1: 79.4 %), "
+            f"{arm} triggers the PCR-cycler's lid {percent(lid_share)} % less often than {NAIVE.name} (P1: 79.4 %), "
             f"and all perception that needs the vision slot {percent(vision_share)} % less often."
         )
     yield _trigger_hope_sentence(runs, vision)

@@ -67,17 +67,17 @@ def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
 
 
 def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
-    near, low = thresholds.distance_m, thresholds.battery_percent
+    near_m, low_percent = thresholds.distance_m, thresholds.battery_percent
     return (
         (
             Line(
                 text="bumped", reads=("bumped",), output_values={"safety": _UNSAFE}, holds=lambda n: n["bumped"] > 0.5
             ),
             Line(
-                text=f"person_distance < {near:g} and picking_up",
+                text=f"person_distance < {near_m:g} and picking_up",
                 reads=("person_distance", "picking_up"),
                 output_values={"safety": _HALF_SAFE},
-                holds=lambda n: n["person_distance"] < near and n["picking_up"] > 0.5,
+                holds=lambda n: n["person_distance"] < near_m and n["picking_up"] > 0.5,
             ),
             _otherwise({"safety": _SAFE}),
         ),
@@ -98,10 +98,10 @@ def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
         ),
         (
             Line(
-                text=f"battery_level < {low:g}",
+                text=f"battery_level < {low_percent:g}",
                 reads=("battery_level",),
                 output_values={"power_autonomy": 0.0},
-                holds=lambda n: n["battery_level"] < low,
+                holds=lambda n: n["battery_level"] < low_percent,
             ),
             _otherwise({"power_autonomy": 1.0}),
         ),

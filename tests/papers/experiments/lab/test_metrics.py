@@ -131,12 +131,12 @@ def test_quantiles_of_lags_use_seen_changes_only() -> None:
 
 
 def test_seconds_of_runs_add_up_and_runs_without_any_add_zero() -> None:
-    run_seconds = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
+    seconds_of_run = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
 
-    sum_of_seconds = total([run_seconds, None, run_seconds])
+    total_seconds = total([seconds_of_run, None, seconds_of_run])
 
-    assert sum_of_seconds == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
-    assert (sum_of_seconds.paper_share.part, sum_of_seconds.paper_share.total, sum_of_seconds.strict_share.total) == (
+    assert total_seconds == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
+    assert (total_seconds.paper_share.part, total_seconds.paper_share.total, total_seconds.strict_share.total) == (
         12.0,
         16.0,
         32.0,

@@ -86,8 +86,8 @@ def test_results_are_plain_data_with_every_variable_and_arm(judged: Judged) -> N
 
 def test_seconds_of_complete_runs_add_up_to_the_runs(judged: Judged) -> None:
     for arms in judged.document.results["tables"]["variables"].values():
-        for numbers in arms.values():
-            assert sum(numbers["whole_runs"].values()) == pytest.approx(DURATION_S * len(IN_TABLES))
+        for variable_results in arms.values():
+            assert sum(variable_results["whole_runs"].values()) == pytest.approx(DURATION_S * len(IN_TABLES))
 
 
 def test_the_seconds_of_table_2_equal_those_of_sampling(judged: Judged) -> None:
@@ -111,8 +111,10 @@ def test_the_seconds_of_table_2_equal_those_of_sampling(judged: Judged) -> None:
 
 def test_wrong_seconds_by_cause_add_up_to_the_wrong_seconds(judged: Judged) -> None:
     for arms in judged.document.results["tables"]["variables"].values():
-        for numbers in arms.values():
-            assert sum(numbers["wrong_by_cause"].values()) == pytest.approx(numbers["whole_runs"]["wrong_s"], abs=1e-6)
+        for variable_results in arms.values():
+            assert sum(variable_results["wrong_by_cause"].values()) == pytest.approx(
+                variable_results["whole_runs"]["wrong_s"], abs=1e-6
+            )
 
 
 def test_an_arm_that_never_identified_a_variable_is_left_out_of_the_window_and_marked(judged: Judged) -> None:

@@ -235,12 +235,12 @@ def test_a_record_without_the_frame_of_a_wrong_answer_is_ignored(
     lone = replace(outcome, decisions=[replace(answered, wrong={})])
     trial = replace(tending_trials(settings, FIRST_REPORTED_SEED)[0], name=outcome.name)
     record = TrialRecord(trial=trial, folder=tmp_path, digest="made-from")
-    shutil.copytree(folder / "trials" / outcome.name, record.frames)
+    shutil.copytree(folder / "trials" / outcome.name, record.frames_folder)
     text = lone.to_json()
     record.path.write_text(f"made-from {sha256(text.encode()).hexdigest()}\n{text}")
     was_there = record.read()
     assert answered.wrong_answer is not None
-    (record.frames / answered.wrong_answer.frame).unlink()
+    (record.frames_folder / answered.wrong_answer.frame).unlink()
 
     assert was_there == lone
     assert record.read() is None
