@@ -21,7 +21,7 @@ NaiveOption = Annotated[
     typer.Option(
         "--naive",
         help="Add an arm without conditions, which looks again at once after each look. With --journal FILE, the arm "
-        "writes a journal of its own; its name is the name of FILE with .naive before the suffix.",
+        "writes another journal, which is named like FILE with .naive before the suffix.",
     ),
 ]
 

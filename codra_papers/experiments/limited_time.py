@@ -32,7 +32,7 @@ class LimitedClock(Clock):
         return self._clock.now_s()
 
     def sleep(self, duration_s: float) -> None:
-        """Let this duration pass, but stop at the end.
+        """Let this duration pass, or the time that is left if it is shorter.
 
         Raises:
             TimeIsUp: if the end was reached.

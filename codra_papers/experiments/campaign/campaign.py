@@ -92,7 +92,7 @@ def cores() -> int:
 def _run_missing_trials(
     missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int
 ) -> Iterator[AnyOutcome]:
-    """Run trials, and yield each outcome. Their temporary folder is removed at the end, or after an error."""
+    """Run trials, and yield each outcome. A temporary folder of the trials is removed at the end, or after an error."""
     if not missing_records:
         return
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=trials_folder) as staging:

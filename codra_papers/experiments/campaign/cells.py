@@ -56,7 +56,7 @@ def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cel
 
 
 def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
-    """Return a copy of a table in which the decimal numbers below a limit are marked as well, in the given rows."""
+    """Return a table with further marked cells: in the given rows, the decimal numbers below a limit."""
     low_cells = frozenset(
         (row, column)
         for row in rows

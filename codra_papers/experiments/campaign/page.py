@@ -1,4 +1,4 @@
-"""Render a report as one HTML file that needs no network and no script, for any browser and for paper.
+"""Render a report as one HTML file. It needs no network and no script, and can be shown in any browser and printed.
 
 Drawings are embedded as images and not as SVG elements, so that names in different drawings cannot clash.
 """

@@ -57,7 +57,7 @@ def _read_picture(path: Path) -> NDArray[np.uint8]:
 def _detect_tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
     """Return the ids and corners of the tags in a picture whose colours are in OpenCV's order.
 
-    Detection uses only the pixels of a frame; the intrinsics and the pose here are dummies.
+    Detection uses only the pixels of a frame, so the intrinsics and the pose are placeholders.
     """
     height, width = picture.shape[:2]
     frame = Frame(

@@ -226,7 +226,7 @@ def _estimate_with_interval(statistic: Any, value: float | None, *samples: Seque
     """Return a value with its bootstrap interval.
 
     The interval is bias-corrected and accelerated (BCa), because the distribution of shares near 1 is skewed. The
-    interval is missing if there is only one run, and if a resample has no ratio because all of its totals are 0.
+    interval is missing if there is only one run, or if a resample has no ratio because all of its totals are 0.
     """
     if value is None or len(samples[0]) < 2:
         return Estimate(value=value, low=None, high=None)

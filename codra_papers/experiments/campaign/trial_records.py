@@ -82,7 +82,7 @@ class TrialRecord:
         under the old digest.
 
         Args:
-            staging: an empty folder for this run only, on the same disk.
+            staging: an empty folder for this run only, on the same disk as the record.
 
         Raises:
             ChangedMeanwhileError: if the inputs of the trial changed while it ran.

@@ -132,8 +132,8 @@ class _Worker:
 def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[AnyOutcome]:
     """Start trials in the given order, several at once. Yield each outcome as soon as its trial is done.
 
-    A failed trial ends all trials: a report needs every trial, and a correction of the code changes the digests of all
-    records.
+    A failed trial ends all trials, because a report needs every trial, and a correction of the code changes the digests
+    of all records.
 
     Args:
         records: the records of the trials to run.

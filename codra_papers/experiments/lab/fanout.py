@@ -60,7 +60,7 @@ class SkillSpan:
 
 
 class Fanout:
-    """Passes the skills of the main execution to the arms that follow skills, and values that it sets to all arms.
+    """Passes the skills of the main execution to the arms in `following_arms`, and its values to all arms.
 
     One arm answers the decisions. If no arm answers, the robot looks for every decision, as P1's robot did while
     observers only watched (section 4.1). In this case, the actions of the robot do not depend on any arm.

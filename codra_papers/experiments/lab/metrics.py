@@ -27,7 +27,7 @@ class Seconds:
     unknown_s: float = 0.0
 
     def __add__(self, other: Seconds) -> Seconds:
-        """Return the seconds of both together."""
+        """Return the sums of the right, wrong and unknown seconds of both."""
         return Seconds(
             right_s=self.right_s + other.right_s,
             wrong_s=self.wrong_s + other.wrong_s,
@@ -89,7 +89,7 @@ def in_window(outcome: Outcome, variable: str, arm: str) -> Seconds | None:
 
 
 def total(seconds_of_runs: Iterable[Seconds | None]) -> Seconds:
-    """Return the sum of an arm's seconds over runs. None for a run, in which the arm was left out, adds nothing."""
+    """Return the sum of an arm's seconds over runs. Runs in which the arm was left out (None) add nothing."""
     return sum((seconds_of_run for seconds_of_run in seconds_of_runs if seconds_of_run is not None), Seconds())
 
 

@@ -45,7 +45,7 @@ class Decision:
         instant_s: when the main execution asked.
         variable: the variable that the decision needed.
         skill: the skill that was running.
-        is_preview: True for a decision before an action; False for a decision after an action, which monitors it.
+        is_preview: True for a decision before an action; False for a decision after an action, to monitor the action.
         truth: the true value at `instant_s`.
         held: the value that each arm held at `instant_s`; None if the value was unknown.
         fresh: for each arm, whether the value was known from evidence after the action that the decision monitors; for
@@ -140,7 +140,7 @@ class Outcome:
         error: the error that ended the main execution early, or None.
         interruptions: the errors after which the main execution started again, as (instant in s, text).
         frames: how many frames were rendered for perception.
-        perceived: at how many instants perception took frames.
+        perceived: the number of instants at which perception took frames.
         truth: the true values of each variable.
         skills: the skills of the main execution as (name, start in s, end in s).
         kept: the frames that are stored to be analysed again.

@@ -67,14 +67,14 @@ class LabRun:
         error: the unrecoverable error that ended the main execution, or None.
         interruptions: the instants and texts of unrecoverable errors after which the main execution started again.
         frames: how many frames were rendered.
-        perceived: at how many instants perception functions took frames.
+        perceived: the number of instants at which perception functions took frames.
         looks_s: the instants of the frames that the main execution took by itself.
         truth: the true values of each variable.
         asked_decisions: the decisions of the main execution.
         skills: when each skill of the main execution was running.
-        decisions: for each variable, how many decisions were `answered` from context, and how many `fell_back`. The
-            number under `OBSERVED` is that of the answers that came from an observer's evidence and not from an earlier
-            look of the main execution. Empty if no arm answers.
+        decisions: for each variable, how many decisions were `answered` from context, and how many `fell_back`.
+            `OBSERVED` is the number of answers that came from an observer's evidence, and not from an earlier look of
+            the main execution. Empty if no arm answers.
         pictures: frames at notable moments. The key is a name that describes the moment.
     """
 

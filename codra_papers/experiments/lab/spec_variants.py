@@ -25,7 +25,7 @@ and described in a report."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithoutConditions:
-    """Remove all knowledge of when perception can be trusted (P1, section 4.1): calls have no conditions any more.
+    """Remove all knowledge of when perception can be trusted (P1, section 4.1): functions are called unconditionally.
 
     The functions, their arguments and results, and the meaning of the results for variables stay the same. All skills
     are removed, so every variable that has an algorithm gets its observer.
@@ -112,7 +112,7 @@ class WithoutChanges:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithConfirmation:
-    """Require several results to agree before a value is accepted, wherever a condition or a hysteresis identifies it.
+    """Require several results to agree before a value is accepted, for variables with a condition or a hysteresis.
 
     Attributes:
         needed_results: how many of the compared results have to agree.

@@ -1,4 +1,4 @@
-"""A run in the shop: one robot, its knowledge graph, and the people who order on its web page."""
+"""A run in the shop: one robot, its knowledge graph, and the people who order on the shop's web page."""
 
 from __future__ import annotations
 

@@ -87,14 +87,14 @@ EPISODES = (
         ),
     ),
 )
-"""The episodes, which are at the same instants in every run. Before the first, one or two failed actions can be
-repaired."""
+"""The episodes, which are at the same instants in every run. Before the first episode, there is time to repair one or
+two failed actions."""
 
 _NOTE = (
     "The robot opens the PCR-cycler, draws its arm back, and waits beside the machine, where its camera sees the "
     "complete machine. Then all arms of the experiment see the same disturbances. At the end the robot closes the "
     "machine if it is open. The robot looks by itself for each of its decisions. No arm is informed of a "
-    "disturbance. Each disturbance follows on another: an arm that never noticed that the lid was closed is right "
+    "disturbance. Disturbances follow one another, so an arm that never noticed that the lid was closed is right "
     "again, without a new observation, when somebody opens the lid."
 )
 

@@ -118,7 +118,7 @@ def _summary(comparisons: Sequence[ArmComparison]) -> Iterator[str]:
 
 EXPERIMENT = Experiment(
     name="lab-options",
-    question="What do validity, changes, confirmation and refresh on_event each do to what is known?",
+    question="Which effects do validity, changes, confirmation and refresh on_event have on what is known?",
     seeds=6,
     trials=trials,
     judge=judge,

@@ -96,7 +96,7 @@ _NOTE = (
 
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
-    """Return naive observers, the arm with the unchanged spec, and two arms with changed values for each number."""
+    """Return naive observers, the arm with the unchanged spec, and two arms with a changed value of each number."""
     spec = read_spec(settings.spec)
     changed_arms = [
         PRECONDITIONS.with_edit(f"{parameter.name} {times}", edit)

@@ -36,7 +36,7 @@ class ArmComparison:
     Attributes:
         seconds: the seconds in the common windows, over all variables and runs. A variable that the arm never
             identified in a run adds no seconds.
-        left_out: the sum, over all variables, of the runs in which the arm never identified the variable.
+        left_out: the sum, over all variables, of the number of runs in which the arm never identified the variable.
         paper_difference: the arm's ratio minus the ratio of the other arm; None if the arm is compared with itself.
         strict_difference: the same for the strict ratio.
         triggers: the number of jobs of all algorithms that need the vision slot.

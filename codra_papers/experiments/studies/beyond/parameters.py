@@ -34,7 +34,7 @@ class ScaledNumber:
     factor: float
 
     def __str__(self) -> str:
-        """Return the description of the variant in a report."""
+        """Return the description of the variant for a report."""
         return f"'{self.condition}' with {self.factor:g} times its numbers"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -75,7 +75,7 @@ class ScaledValidity:
     factor: float
 
     def __str__(self) -> str:
-        """Return the description of the variant in a report."""
+        """Return the description of the variant for a report."""
         return f"{self.factor:g} times each valid_for"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -95,7 +95,7 @@ class ScaledPeriod:
     factor: float
 
     def __str__(self) -> str:
-        """Return the description of the variant in a report."""
+        """Return the description of the variant for a report."""
         return f"{self.factor:g} times each period"
 
     def __call__(self, spec: Spec) -> Spec:

@@ -38,12 +38,12 @@ class Day:
 
     @property
     def per_check_s(self) -> float | None:
-        """Return the time that, as P1 counts, a check saves if context answers it; None if context answered none."""
+        """Return the time that P1 counts as saved by a check that context answered; None if there is no such check."""
         return None if self.answered_s is None else self.saving.look_s - self.answered_s
 
     @property
     def replaced_s(self) -> float:
-        """Return the time that, as P1 counts, all checks that context answered save: the mean saving for each check."""
+        """Return the time that P1 counts as saved by all checks that context answered: the mean saving for each."""
         return self.saving.answered * (self.per_check_s or 0.0)
 
 

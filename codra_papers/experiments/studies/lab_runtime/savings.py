@@ -124,7 +124,7 @@ class Scenario:
 def scenarios(measured_saving: Saving) -> Sequence[Scenario]:
     """Return the measured saving, and the savings under other assumptions.
 
-    The scenarios with other durations use the measured answers, because these depend on what observers see while the
+    The scenarios with other durations use the measured answers, because answers depend on what observers see while the
     robot acts, and not on the duration of the robot's own looks.
     """
     cost_s, without_s = measured_saving.waiting_s + measured_saving.asking_s, measured_saving.without_s

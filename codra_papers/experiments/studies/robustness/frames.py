@@ -1,4 +1,4 @@
-"""Detect tags in stored frames again. This uses the frames' files and the functions of the spec, but no simulator."""
+"""Detect tags in stored frames again, with the frames' files and the functions of the spec, but without a simulator."""
 
 from __future__ import annotations
 

@@ -219,8 +219,9 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
         if comparison.variable in LIDS
     ]
     caption = (
-        "Differences of the ratios of sums, arm minus the arm with which it is compared, over the further runs; in "
-        "brackets the 95 % interval of a paired bootstrap over runs (10,000 resamples, bias-corrected and accelerated)."
+        "Differences of the ratios of sums over the further runs: the arm minus the arm with which it is compared. In "
+        "brackets: the 95 % interval of a paired bootstrap over runs (10,000 resamples, bias-corrected and "
+        "accelerated)."
     )
     return plain_table(caption, ("variable", "arm", "against", "runs", "ratio", "strict ratio"), rows)
 

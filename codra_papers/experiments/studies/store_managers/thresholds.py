@@ -169,7 +169,7 @@ def _stage(
 
 
 def _rules(lists: Sequence[Sequence[Line]], outputs: Sequence[str]) -> Sequence[StageRuleModel]:
-    """Return lines as rules. Each rule concludes on all outputs of its list, as its line may exclude later lines."""
+    """Return lines as rules. Each rule concludes on all outputs of its list, because it can exclude later lines."""
     rules = []
     for lines in lists:
         concluded_outputs = {name for line in lines for name in line.output_values}

@@ -246,7 +246,7 @@ def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: 
 def test_a_change_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed: Outcome) -> None:
     for arm in (NAIVE.name, PRECONDITIONS.name):
         lid_belief = belief(disturbed, arm, 46.0, 62.0, 76.0)
-        assert lid_belief.during.wrong_s > 8.0
+        assert lid_belief.seconds_during.wrong_s > 8.0
         assert lid_belief.right_again_s[0] is None or lid_belief.right_again_s[0] > 14.0
 
 
