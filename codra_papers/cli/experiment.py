@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial, Experiment, Settings
     from codra_papers.experiments.campaign.workers import TrialError
 
-Name = Annotated[
+NameArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="NAME",
@@ -39,7 +39,7 @@ SpecOption = Annotated[
         show_default=False,
     ),
 ]
-Seeds = Annotated[
+SeedsOption = Annotated[
     int | None,
     typer.Option(
         "--seeds",
@@ -48,13 +48,13 @@ Seeds = Annotated[
         show_default=False,
     ),
 ]
-Processes = Annotated[
+ProcessesOption = Annotated[
     int | None,
     typer.Option(
         "--processes", min=1, help="How many trials run at once.  [default: one per core]", show_default=False
     ),
 ]
-Out = Annotated[
+OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="The folder of the results.  [default: runs/NAME]", show_default=False),
 ]
@@ -87,12 +87,12 @@ class _TrialProgress:
 
 
 def experiment_command(
-    name: Name = None,
+    name: NameArgument = None,
     *,
     spec: SpecOption = None,
-    seeds: Seeds = None,
-    processes: Processes = None,
-    out: Out = None,
+    seeds: SeedsOption = None,
+    processes: ProcessesOption = None,
+    out: OutOption = None,
     trial: TrialOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
@@ -186,7 +186,7 @@ def _trial_named(name: str, experiment: Experiment, settings: Settings, processe
     trials_by_name = {trial.name: trial for trial in _trials(experiment, settings)}
     if name not in trials_by_name and experiment.then is not None:
         outcomes = _outcomes([*trials_by_name.values()], settings.folder, processes, _TrialProgress())
-        trials_by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, outcomes)}
+        trials_by_name |= {trial.name: trial for trial in _further_trials(experiment, settings, outcomes)}
     if name not in trials_by_name:
         suggestion = suggest(name, trials_by_name)
         help_text = (
@@ -219,7 +219,7 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     process_count = processes or cores()
     outcomes = _outcomes(trials, settings.folder, process_count, trial_progress)
     reused_trial_count = trial_progress.reused_trial_count()
-    if further_trials := _more_trials(experiment, settings, outcomes):
+    if further_trials := _further_trials(experiment, settings, outcomes):
         trials = [*trials, *further_trials]
         outcomes = {**outcomes, **_outcomes(further_trials, settings.folder, process_count, trial_progress)}
         reused_trial_count += trial_progress.reused_trial_count()
@@ -248,7 +248,9 @@ def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
         return experiment.trials(settings)
 
 
-def _more_trials(experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
+def _further_trials(
+    experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]
+) -> Sequence[AnyTrial]:
     """Return the further trials, which depend on the outcomes of the first trials."""
     with _reporting_errors(settings.folder, _TrialProgress()):
         return [] if experiment.then is None else experiment.then(settings, outcomes)
@@ -318,9 +320,9 @@ def _progress_bar(trial_progress: _TrialProgress) -> Iterator[Callable[[Progress
 def _bar_text(progress: Progress, elapsed_s: float) -> str:
     """Return the text next to the progress bar: how many trials already had records, and the remaining time."""
     reused_text = f", {progress.reused_trial_count} kept from before" if progress.reused_trial_count else ""
-    new_trials, remaining_trials = progress.done - progress.reused_trial_count, progress.total - progress.done
+    new_trial_count, remaining_trial_count = progress.done - progress.reused_trial_count, progress.total - progress.done
     return (
-        f"{reused_text}, about {elapsed_s / new_trials * remaining_trials / 60.0:.0f} min left"
-        if new_trials and remaining_trials
+        f"{reused_text}, about {elapsed_s / new_trial_count * remaining_trial_count / 60.0:.0f} min left"
+        if new_trial_count and remaining_trial_count
         else reused_text
     )

@@ -16,7 +16,7 @@ from codra_dsl.cli.worlds import RunRequest
 
 if TYPE_CHECKING:
     from codra_dsl.language.model import Spec
-    from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings
+    from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings
 
 DEFAULT_DURATION_S = 600.0
 """The duration of a run without `--for` and without a page."""
@@ -64,11 +64,11 @@ def store(
         say(f"codra: 'run --page' needs {error.name}: pip install 'codra-papers[store]'")
         raise typer.Exit(ExitCode.FAILED) from error
     from codra_dsl.integrations.inspection import compile_and_load
-    from codra_papers.experiments.store.run import Compiled, store_text
+    from codra_papers.experiments.store.run import CompiledSpec, store_text
 
     spec, out_folder = request.spec, None if request.out is None else made_folder(request.out)
     with tempfile.TemporaryDirectory(prefix="codra-") as code_folder:
-        run = _run_spec(Compiled.of(compile_and_load(request.plan, Path(code_folder)).package), settings, spec.name)
+        run = _run_spec(CompiledSpec.of(compile_and_load(request.plan, Path(code_folder)).package), settings, spec.name)
     request.progress.clear()
     write_result(store_text(run))
     if out_folder is not None and not spec.metrics:
@@ -112,7 +112,7 @@ def _report_address(url: str) -> None:
     say(f"the picker's page is at {url}")
 
 
-def _run_spec(compiled: Compiled, settings: StoreRunSettings, name: str) -> StoreRun:
+def _run_spec(compiled: CompiledSpec, settings: StoreRunSettings, name: str) -> StoreRun:
     from codra_dsl.runtime import NotASourceError
     from codra_dsl.runtime.behavior_trees import TreeError
     from codra_papers.experiments.store.run import run_store

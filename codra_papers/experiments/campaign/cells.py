@@ -29,10 +29,10 @@ def interval(estimate: Estimate, digits: int = 3) -> str:
 
 def percent(estimate: Estimate) -> str:
     """Return an estimate of a share as text, in percent."""
-    return with_ends(estimate, lambda share: f"{100 * share:.1f}", "none")
+    return estimate_text(estimate, lambda share: f"{100 * share:.1f}", "none")
 
 
-def with_ends(estimate: Estimate, format_number: Callable[[float], str], absent_text: str) -> str:
+def estimate_text(estimate: Estimate, format_number: Callable[[float], str], absent_text: str) -> str:
     """Return an estimate as text: the value, and the ends of the interval if there is an interval.
 
     Args:
@@ -55,7 +55,7 @@ def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cel
     return Table(caption=caption, header=tuple(header), rows=tuple(tuple(row) for row in rows))
 
 
-def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
+def mark_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
     """Return a table with further marked cells: in the given rows, the decimal numbers below a limit."""
     low_cells = frozenset(
         (row, column)

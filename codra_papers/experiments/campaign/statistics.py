@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LEVEL = 0.95
+CONFIDENCE_LEVEL = 0.95
 """The confidence level: the share of intervals that contain the true value."""
 
-RESAMPLES = 10_000
+RESAMPLE_COUNT = 10_000
 SEED = 2026
 """The seed of all resampling. It is fixed, so the same outcomes give the same intervals."""
 
@@ -26,7 +26,7 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A value with its confidence interval at `LEVEL`.
+    """A value with its confidence interval at `CONFIDENCE_LEVEL`.
 
     Attributes:
         value: the value; None if the data give no value. For example, the ratio of the seconds with a right value to
@@ -118,10 +118,10 @@ def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estim
     value = float(values[_quantile_indices(np.ones((1, len(values_with_runs))), quantile)[0]])
     if len(runs) < 2:
         return Estimate(value=value, low=None, high=None)
-    drawn_runs = np.random.default_rng(SEED).integers(len(runs), size=(RESAMPLES, len(runs)))
+    drawn_runs = np.random.default_rng(SEED).integers(len(runs), size=(RESAMPLE_COUNT, len(runs)))
     counts = np.stack([(drawn_runs == run).sum(-1) for run in range(len(runs))], axis=-1)[:, runs_of_values]
     resampled_quantiles = np.sort(values[_quantile_indices(counts[counts.sum(-1) > 0].astype(float), quantile)])
-    tail_share = (1.0 - LEVEL) / 2.0
+    tail_share = (1.0 - CONFIDENCE_LEVEL) / 2.0
     low, high = (
         float(resampled_quantiles[int(share * (len(resampled_quantiles) - 1))])
         for share in (tail_share, 1.0 - tail_share)
@@ -180,7 +180,7 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
     if _variance(first) + _variance(second) == 0.0:
         return None
     t_test = stats.ttest_ind(first, second, equal_var=False)
-    interval = t_test.confidence_interval(LEVEL)
+    interval = t_test.confidence_interval(CONFIDENCE_LEVEL)
     difference = float(np.mean(first) - np.mean(second))
     return Welch(
         difference=Estimate(value=difference, low=float(interval.low), high=float(interval.high)),
@@ -200,7 +200,7 @@ def _hedges_g(difference: float, first: Sequence[float], second: Sequence[float]
     shares = [variance / mean_variance for variance in variances]
     spread = effect**2 / 8 * sum(share**2 / degree for share, degree in zip(shares, degrees, strict=True))
     deviation = math.sqrt(spread + sum(share / degree for share, degree in zip(shares, degrees, strict=True)))
-    half_width = float(stats.norm.ppf((1.0 + LEVEL) / 2)) * deviation
+    half_width = float(stats.norm.ppf((1.0 + CONFIDENCE_LEVEL) / 2)) * deviation
     correction = 1.0 - 3.0 / (4.0 * sum(degrees) - 1.0)
     return Estimate(value=correction * effect, low=effect - half_width, high=effect + half_width)
 
@@ -233,7 +233,7 @@ def _estimate_with_interval(statistic: Any, value: float | None, *samples: Seque
     columns = [
         np.array(column) for sample in samples for column in ([s.part for s in sample], [s.total for s in sample])
     ]
-    drawn_runs = np.random.default_rng(SEED).integers(len(columns[0]), size=(RESAMPLES, len(columns[0])))
+    drawn_runs = np.random.default_rng(SEED).integers(len(columns[0]), size=(RESAMPLE_COUNT, len(columns[0])))
     if any((column[drawn_runs].sum(-1) == 0.0).any() for column in columns[1::2]):
         return Estimate(value=value, low=None, high=None)
     low, high = _bootstrap_interval(statistic, columns)
@@ -258,8 +258,8 @@ def _bootstrap_interval(statistic: Any, columns: Sequence[_Array]) -> tuple[floa
             statistic,
             paired=True,
             vectorized=True,
-            n_resamples=RESAMPLES,
-            confidence_level=LEVEL,
+            n_resamples=RESAMPLE_COUNT,
+            confidence_level=CONFIDENCE_LEVEL,
             method="BCa",
             rng=np.random.default_rng(SEED),
         ).confidence_interval

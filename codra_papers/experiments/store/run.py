@@ -79,7 +79,7 @@ class StoreRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compiled:
+class CompiledSpec:
     """The compiled form of a spec with declarations for everything that the shop's agents write.
 
     Attributes:
@@ -91,12 +91,12 @@ class Compiled:
     loops: Loops | None = None
 
     @classmethod
-    def of(cls, package: ModuleType) -> Compiled:
+    def of(cls, package: ModuleType) -> CompiledSpec:
         """Return the compiled form of the spec of a generated package."""
         return cls(start=package.start, loops=getattr(package, "loops", None))
 
 
-def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
+def run_store(compiled: CompiledSpec, settings: StoreRunSettings) -> StoreRun:
     """Let the robot serve orders until time is up, with the loops of its spec or in the fixed sequence.
 
     Args:
@@ -124,7 +124,7 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
 
 
 def _serve_function(
-    compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
+    compiled: CompiledSpec, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
 ) -> Callable[[], None]:
     """Return a function that serves orders until the time of the clock is up."""
     if compiled.loops is None:

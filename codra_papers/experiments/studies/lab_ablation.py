@@ -46,7 +46,7 @@ _NOTE = (
 def condition_removals(spec: Spec) -> Sequence[WithoutCondition]:
     """Return an edit for each condition. A condition that algorithms of several machines share has one edit."""
     removals = (
-        WithoutCondition(algorithm=_name_end(algorithm), condition=_without_machine(condition.text))
+        WithoutCondition(algorithm=_name_end(algorithm), condition=_text_without_machine(condition.text))
         for algorithm in spec.perception
         for condition in (*algorithm.observable_when, *algorithm.accept_when)
     )
@@ -62,7 +62,7 @@ def _name_end(algorithm: Algorithm) -> str:
     return algorithm.name
 
 
-def _without_machine(text: str) -> str:
+def _text_without_machine(text: str) -> str:
     return next((text.removeprefix(machine) for machine in _MACHINES if text.startswith(machine)), text)
 
 
@@ -86,9 +86,10 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
+    runs, slot_algorithms = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
     lid_comparisons, view_comparisons = (
-        arm_comparisons(runs, names, PRECONDITIONS.name, vision) for names in (LIDS_AND_LATCHES, VIEW_VARIABLES)
+        arm_comparisons(runs, names, PRECONDITIONS.name, slot_algorithms)
+        for names in (LIDS_AND_LATCHES, VIEW_VARIABLES)
     )
     caption = (
         "{}, over all runs. Differences are relative to the arm with all conditions, with 95 % intervals over paired "
@@ -127,7 +128,7 @@ def _summary(group: str, comparisons: Sequence[ArmComparison]) -> Iterator[str]:
     relevant_comparisons = [
         comparison
         for comparison in ablated_comparisons
-        if comparison.paper_difference is not None and _matters(comparison.paper_difference)
+        if comparison.paper_difference is not None and _is_relevant(comparison.paper_difference)
     ]
     worse_comparisons = [
         comparison
@@ -148,7 +149,7 @@ def _summary(group: str, comparisons: Sequence[ArmComparison]) -> Iterator[str]:
     )
 
 
-def _matters(difference: Estimate) -> bool:
+def _is_relevant(difference: Estimate) -> bool:
     return difference.value is not None and abs(difference.value) >= _LEAST_DIFFERENCE
 
 

@@ -69,14 +69,14 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         SpecError: if the spec has errors, or no block of lines under `use`.
         OSError: if a spec cannot be written.
     """
-    vision = {trial.name: vision_algorithms(read_spec(trial.spec)) for trial in trials(settings)}
+    slot_algorithms = {trial.name: vision_algorithms(read_spec(trial.spec)) for trial in trials(settings)}
     outcomes_by_count = {
         count: [outcome for name, outcome in outcomes.items() if name.startswith(f"machines-{count}-")]
         for count in MACHINE_COUNTS
     }
     lid_comparisons, view_comparisons = (
         {
-            count: arm_comparisons(runs, names, NAIVE.name, vision[runs[0].name])
+            count: arm_comparisons(runs, names, NAIVE.name, slot_algorithms[runs[0].name])
             for count, runs in outcomes_by_count.items()
         }
         for names in (LIDS_AND_LATCHES, VIEW_VARIABLES)

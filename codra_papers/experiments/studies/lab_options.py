@@ -73,9 +73,10 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
+    runs, slot_algorithms = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
     lid_comparisons, view_comparisons = (
-        arm_comparisons(runs, names, UNCHANGED_ARM.name, vision) for names in (LIDS_AND_LATCHES, VIEW_VARIABLES)
+        arm_comparisons(runs, names, UNCHANGED_ARM.name, slot_algorithms)
+        for names in (LIDS_AND_LATCHES, VIEW_VARIABLES)
     )
     caption = "{}, over all runs. Differences are relative to the unchanged spec, with 95 % intervals over paired runs."
     return Document(

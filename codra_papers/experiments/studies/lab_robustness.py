@@ -96,13 +96,13 @@ class _Findings:
     Attributes:
         runs: the runs of the tables.
         further_runs: the runs of the intervals.
-        vision: the algorithms that need the vision slot.
+        slot_algorithms: the algorithms that need the vision slot.
         wrong_values: wrong values at decisions, in the runs of the tables.
     """
 
     runs: Runs
     further_runs: Runs
-    vision: Sequence[str]
+    slot_algorithms: Sequence[str]
     comparisons: Sequence[Comparison]
     wrong_values: Sequence[Mistake]
     repeated_detections: Sequence[RepeatedDetection]
@@ -115,7 +115,7 @@ def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     return _Findings(
         runs=runs,
         further_runs=further_runs,
-        vision=vision_algorithms(spec),
+        slot_algorithms=vision_algorithms(spec),
         comparisons=[
             compare(further_runs, name, arm, other_arm) for name in VARIABLES for arm, other_arm in COMPARED_ARMS
         ],
@@ -127,7 +127,7 @@ def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
 def _summary(findings: _Findings) -> Iterator[str]:
     yield from summary.ratio_sentences(findings.runs, findings.comparisons)
     yield from summary.cause_sentences(findings.runs)
-    yield from summary.trigger_sentences(findings.runs, findings.vision)
+    yield from summary.trigger_sentences(findings.runs, findings.slot_algorithms)
     yield from summary.decision_sentences(findings.runs, findings.wrong_values)
     yield from summary.frame_sentences(findings.runs, findings.repeated_detections)
 
@@ -138,19 +138,22 @@ def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
     for name in LIDS:
         parts = (tables.table_2(runs, name), tables.table_2_of_the_paper(name))
         yield Section(title=f"Table 2: {label(name)}", parts=parts)
-    yield _all_variables(runs)
-    yield _intervals(findings)
+    yield _variables_section(runs)
+    yield _intervals_section(findings)
     yield Section(
         title="Triggers",
         parts=(
-            tables.triggers_table(runs, findings.vision),
-            tables.reduction_table(runs, findings.further_runs, (NAIVE.name, NAIVE_PACED.name), findings.vision),
+            tables.triggers_table(runs, findings.slot_algorithms),
+            tables.reduction_table(
+                runs, findings.further_runs, (NAIVE.name, NAIVE_PACED.name), findings.slot_algorithms
+            ),
         ),
     )
     yield Section(title="First knowledge and lag", parts=(tables.knowledge_table(runs),))
-    yield _over_time(runs)
+    yield _timeline_section(runs)
     yield Section(
-        title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, findings.wrong_values))
+        title="When decisions needed a value",
+        parts=(tables.answers_table(runs), *_ring_drawings(runs, findings.wrong_values)),
     )
     yield Section(
         title="Decisions on wrong values",
@@ -162,7 +165,7 @@ def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
     )
 
 
-def _all_variables(runs: Runs) -> Section:
+def _variables_section(runs: Runs) -> Section:
     return Section(
         title="All fourteen variables",
         parts=(
@@ -182,7 +185,7 @@ def _all_variables(runs: Runs) -> Section:
     )
 
 
-def _intervals(findings: _Findings) -> Section:
+def _intervals_section(findings: _Findings) -> Section:
     table = tables.comparison_table(findings.comparisons)
     if not findings.further_runs.outcomes:
         return Section(title="How sure differences are", parts=(Words(text="No further seeds were run."),))
@@ -190,7 +193,7 @@ def _intervals(findings: _Findings) -> Section:
     return Section(title="How sure differences are", parts=(drawings.forest(findings.comparisons, caption), table))
 
 
-def _over_time(runs: Runs) -> Section:
+def _timeline_section(runs: Runs) -> Section:
     caption = (
         "The true value and the value that each arm held over one run, as in P1's Figure 6. The background is "
         "red while the value is wrong."
@@ -201,7 +204,7 @@ def _over_time(runs: Runs) -> Section:
     )
 
 
-def _rings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
+def _ring_drawings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
     """Draw decisions, as P1's Figure 7 does, for each lid in the run with the most wrong values."""
     for name in LIDS:
         counts = [

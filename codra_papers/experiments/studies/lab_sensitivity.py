@@ -70,15 +70,15 @@ _AXIS_LABELS = {
     LAYOUT: "layout: 0 as it is, 1 side by side, 2 turned",
 }
 
-_SIDE_BY_SIDE = LABORATORY.with_machine_at(PCR_CYCLER, 4.2, 5.2, -pi / 2)
-_TURNED = LABORATORY.with_machine_at(PCR_CYCLER, 5.3, 1.6, pi).with_machine_at(CENTRIFUGE, 0.7, 4.0, 0.0)
+_SIDE_BY_SIDE_LABORATORY = LABORATORY.with_machine_at(PCR_CYCLER, 4.2, 5.2, -pi / 2)
+_TURNED_LABORATORY = LABORATORY.with_machine_at(PCR_CYCLER, 5.3, 1.6, pi).with_machine_at(CENTRIFUGE, 0.7, 4.0, 0.0)
 
 VARIATIONS = (
     *(Variation(axis=TAGS, value=scale, laboratory=LABORATORY.with_tags(scale)) for scale in (0.5, 0.75)),
     *(Variation(axis=NOISE, value=greys, laboratory=replace(LABORATORY, noise_greys=greys)) for greys in (10.0, 25.0)),
     *(Variation(axis=LIGHT, value=light, laboratory=replace(LABORATORY, light=light)) for light in (0.1, 0.3)),
-    Variation(axis=LAYOUT, value=1.0, laboratory=_SIDE_BY_SIDE),
-    Variation(axis=LAYOUT, value=2.0, laboratory=_TURNED),
+    Variation(axis=LAYOUT, value=1.0, laboratory=_SIDE_BY_SIDE_LABORATORY),
+    Variation(axis=LAYOUT, value=2.0, laboratory=_TURNED_LABORATORY),
 )
 
 _UNCHANGED_NAME = "as it is"
@@ -101,13 +101,13 @@ def arms(settings: Settings) -> tuple[Arm, ...]:
     changed_arms = [
         PRECONDITIONS.with_edit(f"{parameter.name} {times}", edit)
         for parameter in parameters(spec, excluded_suffix=_ROTOR_SUFFIX)
-        for times, edit in _changes(parameter)
+        for times, edit in _edits_by_factor(parameter)
         if edit(spec) != spec
     ]
     return (NAIVE, PRECONDITIONS, *changed_arms)
 
 
-def _changes(parameter: Parameter) -> Sequence[tuple[str, SpecEdit]]:
+def _edits_by_factor(parameter: Parameter) -> Sequence[tuple[str, SpecEdit]]:
     return (("x 0.5", parameter.smaller_edit), ("x 1.5", parameter.larger_edit))
 
 
@@ -177,12 +177,12 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
 
 def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     spec = read_spec(settings.spec)
-    vision = vision_algorithms(spec)
+    slot_algorithms = vision_algorithms(spec)
     comparisons_by_laboratory: dict[str, Sequence[ArmComparison]] = {}
     for name in (_UNCHANGED_NAME, *(variation.name for variation in VARIATIONS)):
         runs = [outcome for key, outcome in outcomes.items() if key.rpartition(" ")[0] == name]
         comparisons_by_laboratory[name] = [
-            arm_comparison(runs, LIDS_AND_LATCHES, arm, NAIVE.name, vision) for arm in runs[0].arms
+            arm_comparison(runs, LIDS_AND_LATCHES, arm, NAIVE.name, slot_algorithms) for arm in runs[0].arms
         ]
     all_findings = _Findings(comparisons_by_laboratory=comparisons_by_laboratory, strongest_parameters=())
     ordered_parameters = sorted(
@@ -193,9 +193,13 @@ def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
 
 def _strength(findings: _Findings, parameter: Parameter) -> float:
     """Return the largest change of the advantage that a parameter causes."""
-    nominal = _value(findings.advantage(_UNCHANGED_NAME))
-    advantages = (findings.advantage(_UNCHANGED_NAME, f"{parameter.name} {times}") for times, _ in _changes(parameter))
-    return max((abs(_value(advantage) - nominal) for advantage in advantages if advantage is not None), default=0.0)
+    nominal_advantage = _value(findings.advantage(_UNCHANGED_NAME))
+    advantages = (
+        findings.advantage(_UNCHANGED_NAME, f"{parameter.name} {times}") for times, _ in _edits_by_factor(parameter)
+    )
+    return max(
+        (abs(_value(advantage) - nominal_advantage) for advantage in advantages if advantage is not None), default=0.0
+    )
 
 
 def _value(estimate: Estimate | None) -> float:
@@ -203,9 +207,12 @@ def _value(estimate: Estimate | None) -> float:
 
 
 def _summary(findings: _Findings) -> Iterator[str]:
-    nominal = findings.advantage(_UNCHANGED_NAME)
-    if nominal is not None:
-        yield f"In the unchanged laboratory, preconditions minus naive, ratio of lids and latches: {interval(nominal)}."
+    nominal_advantage = findings.advantage(_UNCHANGED_NAME)
+    if nominal_advantage is not None:
+        yield (
+            "In the unchanged laboratory, preconditions minus naive, ratio of lids and latches:"
+            f" {interval(nominal_advantage)}."
+        )
     for kind, estimates in (
         ("laboratories", _laboratory_advantages(findings)),
         ("numbers of the spec", _number_advantages(findings)),
@@ -224,7 +231,9 @@ def _laboratory_advantages(findings: _Findings) -> Sequence[tuple[str, Estimate]
 
 def _number_advantages(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
     names = (
-        f"{parameter.name} {times}" for parameter in findings.strongest_parameters for times, _ in _changes(parameter)
+        f"{parameter.name} {times}"
+        for parameter in findings.strongest_parameters
+        for times, _ in _edits_by_factor(parameter)
     )
     advantages = ((name, findings.advantage(_UNCHANGED_NAME, name)) for name in names)
     return [(name, estimate) for name, estimate in advantages if estimate is not None]
@@ -247,7 +256,7 @@ def _curves(findings: _Findings) -> Drawing:
         Panel(
             title=axis,
             x_label=_AXIS_LABELS[axis],
-            nominal=_NOMINAL_VALUES[axis],
+            nominal_x=_NOMINAL_VALUES[axis],
             curves=[
                 Curve(
                     name="preconditions minus naive",

@@ -88,9 +88,9 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         SpecError: if the spec has errors, or no block of lines under `use`.
         OSError: if a file cannot be written.
     """
-    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(write_extended_spec(settings)))
+    runs, slot_algorithms = list(outcomes.values()), vision_algorithms(read_spec(write_extended_spec(settings)))
     comparisons = {
-        machine: arm_comparisons(runs, (f"{machine}_open", f"{machine}_locked"), NAIVE.name, vision)
+        machine: arm_comparisons(runs, (f"{machine}_open", f"{machine}_locked"), NAIVE.name, slot_algorithms)
         for machine in _MACHINES
     }
     return Document(

@@ -70,7 +70,7 @@ def reported_seeds(settings: Settings) -> range:
 
 
 def arm_comparisons(
-    outcomes: Sequence[Outcome], variables: Sequence[str], other_arm: str, vision: Sequence[str]
+    outcomes: Sequence[Outcome], variables: Sequence[str], other_arm: str, slot_algorithms: Sequence[str]
 ) -> Sequence[ArmComparison]:
     """Return a comparison for each arm of some runs.
 
@@ -78,13 +78,13 @@ def arm_comparisons(
         outcomes: the outcomes of at least one run, all with the same arms.
         variables: the variables over which seconds, changes and decisions are added up.
         other_arm: the arm with which the arms are compared.
-        vision: the algorithms that need the vision slot.
+        slot_algorithms: the algorithms that need the vision slot.
     """
-    return [arm_comparison(outcomes, variables, arm, other_arm, vision) for arm in outcomes[0].arms]
+    return [arm_comparison(outcomes, variables, arm, other_arm, slot_algorithms) for arm in outcomes[0].arms]
 
 
 def arm_comparison(
-    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, other_arm: str, vision: Sequence[str]
+    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, other_arm: str, slot_algorithms: Sequence[str]
 ) -> ArmComparison:
     """Return the comparison of one arm with another."""
     runs = Runs(outcomes)
@@ -100,7 +100,7 @@ def arm_comparison(
         strict_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, strict_share),
         answers=answers(decisions, arm),
         lags=sum(lags_of_variables, Lags()),
-        triggers=sum(runs.triggers(arm, vision)),
+        triggers=sum(runs.triggers(arm, slot_algorithms)),
         slot_share=runs.slot_s(arm) / runs.duration_s,
     )
 

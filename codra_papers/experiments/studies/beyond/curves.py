@@ -41,13 +41,13 @@ class Panel:
 
     Attributes:
         x_label: the label of the horizontal axis.
-        nominal: the number of the unchanged laboratory. The picture marks this number; None for no mark.
+        nominal_x: the number of the unchanged laboratory. The picture marks this number; None for no mark.
     """
 
     title: str
     x_label: str
     curves: Sequence[Curve]
-    nominal: float | None = None
+    nominal_x: float | None = None
 
 
 def _style() -> AbstractContextManager[None]:
@@ -81,8 +81,8 @@ def panels(plotted_panels: Sequence[Panel], y_label: str, caption: str) -> Drawi
 
 
 def _draw(panel: Panel, axes: Axes) -> None:
-    if panel.nominal is not None:
-        axes.axvline(panel.nominal, color="#cccccc", linewidth=1.0)
+    if panel.nominal_x is not None:
+        axes.axvline(panel.nominal_x, color="#cccccc", linewidth=1.0)
     for curve, colour in zip(panel.curves, _COLOURS, strict=False):
         drawn_points = [(point, point.y) for point in curve.points if point.y is not None]
         axes.plot(

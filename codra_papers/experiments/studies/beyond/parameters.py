@@ -149,11 +149,11 @@ def parameters(spec: Spec, excluded_suffix: str) -> Sequence[Parameter]:
         for text, variables in conditions
     ]
     if any(variable.valid_for_s < FOREVER_S for variable in spec.context):
-        smaller, larger = (ScaledValidity(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
-        all_parameters.append(Parameter(name="valid_for", smaller_edit=smaller, larger_edit=larger))
+        smaller_edit, larger_edit = (ScaledValidity(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
+        all_parameters.append(Parameter(name="valid_for", smaller_edit=smaller_edit, larger_edit=larger_edit))
     if spec.observers:
-        shorter, longer = (ScaledPeriod(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
-        all_parameters.append(Parameter(name="period of observers", smaller_edit=shorter, larger_edit=longer))
+        shorter_edit, longer_edit = (ScaledPeriod(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
+        all_parameters.append(Parameter(name="period of observers", smaller_edit=shorter_edit, larger_edit=longer_edit))
     return all_parameters
 
 

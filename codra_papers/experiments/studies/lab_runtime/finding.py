@@ -8,7 +8,7 @@ from statistics import fmean, stdev
 from typing import Any
 
 from codra_papers.experiments.campaign.document import Section
-from codra_papers.experiments.campaign.statistics import LEVEL, Estimate
+from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, Estimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,4 +62,4 @@ def interval_text(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) ->
 
 def estimate_as_data(estimate: Estimate) -> Mapping[str, float | None]:
     """Return an estimate as plain data."""
-    return {**asdict(estimate), "level": LEVEL}
+    return {**asdict(estimate), "level": CONFIDENCE_LEVEL}

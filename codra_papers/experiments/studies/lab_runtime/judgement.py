@@ -31,7 +31,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     return Document(
         title="lab-runtime: reduced runtime through observers",
         summary=[sentence for finding in findings for sentence in finding.summary],
-        sections=[_protocol(settings), *(finding.section for finding in findings), _ended_early(runs)],
+        sections=[_protocol_section(settings), *(finding.section for finding in findings), _early_ends_section(runs)],
         results={
             "decision_s": DECISION_S,
             "wait_up_to_s": WAIT_S,
@@ -41,7 +41,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     )
 
 
-def _protocol(settings: Settings) -> Section:
+def _protocol_section(settings: Settings) -> Section:
     return Section(
         title="Runs",
         parts=[
@@ -63,7 +63,7 @@ def _protocol(settings: Settings) -> Section:
     )
 
 
-def _ended_early(outcomes: Sequence[Outcome]) -> Section:
+def _early_ends_section(outcomes: Sequence[Outcome]) -> Section:
     rows = [
         (outcome.name, rounded(outcome.duration_s, 1), outcome.error)
         for outcome in outcomes

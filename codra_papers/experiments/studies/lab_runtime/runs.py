@@ -62,12 +62,12 @@ def trials(settings: Settings) -> Sequence[Trial]:
 
 def tending_trials(settings: Settings, seed: int, times: int = EXECUTION_COUNT) -> Sequence[Trial]:
     """Return the two runs in which the PCR-cycler is opened and closed (P1, section 4.2)."""
-    return list(_both(settings, f"tending-{seed}", seed, OpenAndClose(times)))
+    return list(_trial_pair(settings, f"tending-{seed}", seed, OpenAndClose(times)))
 
 
 def day_trials(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
     """Return the two runs of a day at the fair: the robot processes sample after sample, and continues after errors."""
-    return list(_both(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
+    return list(_trial_pair(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
 
 
 def tending_pairs(settings: Settings, outcomes: Mapping[str, Outcome]) -> Sequence[Pair]:
@@ -89,7 +89,7 @@ def _pair(name: str, outcomes: Mapping[str, Outcome]) -> Pair:
     return Pair(seed=without.seed, without=without, observed=observed)
 
 
-def _both(
+def _trial_pair(
     settings: Settings,
     name: str,
     seed: int,

@@ -141,11 +141,11 @@ def _sentence(task: Task, pairs: Sequence[Pair]) -> str:
         f"{task.capitalize()} the PCR-cycler: perception takes {perception} less time with observers (P1:"
         f" {100 * paper.perception_share:.0f} %), the whole task {task_share} less (P1:"
         f" {100 * paper.task_share:.0f} %), and a perception task {saved_s} s less (P1: {paper.saved_per_check_s} s)."
-        f"{_over_seeds(task, pairs[1:])}"
+        f"{_further_seeds_text(task, pairs[1:])}"
     )
 
 
-def _over_seeds(task: Task, pairs: Sequence[Pair]) -> str:
+def _further_seeds_text(task: Task, pairs: Sequence[Pair]) -> str:
     if not pairs:
         return ""
     perception, task_share = (
@@ -204,7 +204,7 @@ def _figure_8_table(pairs: Sequence[Pair], caption: str) -> Table:
 
 def _welch_table(pairs: Sequence[Pair]) -> Table:
     rows: list[Sequence[Cell]] = []
-    for sample, sample_pairs in _samples(pairs).items():
+    for sample, sample_pairs in _pairs_by_sample(pairs).items():
         for task in Task:
             for level, duration_of in LEVELS.items():
                 without, observed = _durations(task, sample_pairs, duration_of)
@@ -223,7 +223,7 @@ def _welch_table(pairs: Sequence[Pair]) -> Table:
     )
 
 
-def _samples(pairs: Sequence[Pair]) -> Mapping[str, Sequence[Pair]]:
+def _pairs_by_sample(pairs: Sequence[Pair]) -> Mapping[str, Sequence[Pair]]:
     pairs_by_sample = {"first seed": pairs[:1], "further seeds": pairs[1:]}
     return {name: sample_pairs for name, sample_pairs in pairs_by_sample.items() if sample_pairs}
 
@@ -298,7 +298,10 @@ def _bars(task: Task, pairs: Sequence[Pair]) -> Bars:
 def _results(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
     return {
         "p1": asdict(PAPER[task]),
-        **{sample.replace(" ", "_"): _sample(task, sample_pairs) for sample, sample_pairs in _samples(pairs).items()},
+        **{
+            sample.replace(" ", "_"): _sample(task, sample_pairs)
+            for sample, sample_pairs in _pairs_by_sample(pairs).items()
+        },
         "executions": [
             _execution(pair.seed, condition, execution)
             for pair in pairs

@@ -175,7 +175,9 @@ def _difference(pairs: Sequence[tuple[Seconds, Seconds]], share_of: ShareFunctio
 def fewer_triggers(runs: Runs, arm: str, other_arm: str, algorithms: Sequence[str]) -> Estimate:
     """Return the share of another arm's triggers that an arm saves (P1, section 4.1: 79.4 %), with its interval."""
     counts = zip(runs.triggers(arm, algorithms), runs.triggers(other_arm, algorithms), strict=True)
-    return ratio_interval([Share(float(other - own), float(other)) for own, other in counts])
+    return ratio_interval(
+        [Share(float(other_count - own_count), float(other_count)) for own_count, other_count in counts]
+    )
 
 
 def estimate_as_data(estimate: Estimate) -> Mapping[str, float | None]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from codra_papers.experiments.campaign.statistics import LEVEL, RESAMPLES, ratio_of_sums
+from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, RESAMPLE_COUNT, ratio_of_sums
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.robustness import paper
 from codra_papers.experiments.studies.robustness.findings import (
@@ -90,7 +90,7 @@ def comparisons_as_data(comparisons: Sequence[Comparison]) -> Mapping[str, Any]:
         }
         for comparison in comparisons
     ]
-    return {"level": LEVEL, "resamples": RESAMPLES, "differences": differences}
+    return {"level": CONFIDENCE_LEVEL, "resamples": RESAMPLE_COUNT, "differences": differences}
 
 
 def mistakes_as_data(wrong_values: Sequence[Mistake]) -> Sequence[Mapping[str, Any]]:

@@ -84,29 +84,29 @@ def _not_worse_text(difference: Estimate) -> str:
     )
 
 
-def trigger_sentences(runs: Runs, vision: Sequence[str]) -> Iterator[str]:
+def trigger_sentences(runs: Runs, slot_algorithms: Sequence[str]) -> Iterator[str]:
     """Answer how many triggers each arm with preconditions saves, and which algorithm has most remaining triggers."""
     for arm in CONTEXT_DRIVEN_ARMS:
         lid_share, vision_share = (
-            fewer_triggers(runs, arm, NAIVE.name, names) for names in (PCR_CYCLER_LID_ALGORITHMS, vision)
+            fewer_triggers(runs, arm, NAIVE.name, names) for names in (PCR_CYCLER_LID_ALGORITHMS, slot_algorithms)
         )
         yield (
             f"{arm} triggers the PCR-cycler's lid {percent(lid_share)} % less often than {NAIVE.name} (P1: 79.4 %), "
             f"and all perception that needs the vision slot {percent(vision_share)} % less often."
         )
-    yield _trigger_hope_sentence(runs, vision)
+    yield _trigger_hope_sentence(runs, slot_algorithms)
 
 
-def _trigger_hope_sentence(runs: Runs, vision: Sequence[str]) -> str:
+def _trigger_hope_sentence(runs: Runs, slot_algorithms: Sequence[str]) -> str:
     arm = NEED_ON_EVENT.name
-    saved_share = fewer_triggers(runs, arm, NAIVE.name, vision).value
-    counts = {name: sum(runs.triggers(arm, (name,))) for name in vision}
-    most = max(counts, key=lambda name: counts[name])
+    saved_share = fewer_triggers(runs, arm, NAIVE.name, slot_algorithms).value
+    counts = {name: sum(runs.triggers(arm, (name,))) for name in slot_algorithms}
+    top_algorithm = max(counts, key=lambda name: counts[name])
     if saved_share is not None and saved_share >= HOPED_REDUCTION:
         return f"Hoped for: {100 * HOPED_REDUCTION:.0f} % fewer triggers with need and on event; this is reached."
     return (
         f"Hoped for: {100 * HOPED_REDUCTION:.0f} % fewer triggers with need and on event; this is not reached. Of the "
-        f"{sum(counts.values())} remaining triggers, {counts[most]} are of {most}."
+        f"{sum(counts.values())} remaining triggers, {counts[top_algorithm]} are of {top_algorithm}."
     )
 
 
@@ -116,9 +116,10 @@ def cause_sentences(runs: Runs) -> Iterator[str]:
         duration_texts = []
         for arm in runs.arms:
             causes = runs.causes((variable,), arm)
-            seen, changed = causes.seen_wrongly_s, causes.changed_since_s
+            wrong_from_start_s, changed_later_s = causes.seen_wrongly_s, causes.changed_since_s
             duration_texts.append(
-                f"{arm} {seen + changed:.0f} s ({seen:.0f} s seen wrongly, {changed:.0f} s changed since)"
+                f"{arm} {wrong_from_start_s + changed_later_s:.0f} s ({wrong_from_start_s:.0f} s seen wrongly,"
+                f" {changed_later_s:.0f} s changed since)"
             )
         yield f"Seconds with a wrong {label(variable)}: {'; '.join(duration_texts)}."
         yield _ratio_without_lag_sentence(runs, variable)
@@ -158,10 +159,10 @@ def decision_sentences(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[
 def frame_sentences(runs: Runs, repeated_detections: Sequence[RepeatedDetection]) -> Iterator[str]:
     """Report whether the detections in stored frames can be reproduced."""
     counts = [(outcome.frames, outcome.perceived) for outcome in runs.outcomes]
-    rendered, perceived = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
+    rendered_count, perceived_count = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
     is_equal = all(left == right for left, right in counts)
     yield (
-        f"{rendered} frames were rendered and {perceived} perceived, "
+        f"{rendered_count} frames were rendered and {perceived_count} perceived, "
         f"{'equal in each run' if is_equal else 'not equal in each run'}. Tags were detected again in "
         f"{_count(len(repeated_detections), 'stored frame')}, from the files alone: "
         f"{sum(frame.agrees for frame in repeated_detections)} gave exactly the recorded evidence."
@@ -172,5 +173,5 @@ def _number(value: float | None) -> str:
     return "none" if value is None else f"{value:.3f}"
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

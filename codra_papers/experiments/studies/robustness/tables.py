@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from codra_papers.experiments.campaign.cells import interval, marked_below, percent, plain_table, ratio, rounded
+from codra_papers.experiments.campaign.cells import interval, mark_below, percent, plain_table, ratio, rounded
 from codra_papers.experiments.campaign.document import Cell, Table
 from codra_papers.experiments.campaign.statistics import Share
 from codra_papers.experiments.lab.arms import Arm
@@ -70,7 +70,7 @@ def table_2(runs: Runs, variable: str) -> Table:
         f"identified the variable in this run, and is left out of the window of this run."
     )
     ratio_rows = [index for index, row in enumerate(rows) if row[1] in ("ratio", "strict ratio")]
-    return marked_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratio_rows)
+    return mark_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratio_rows)
 
 
 def _arm_rows(runs: Runs, variable: str, arm: str) -> Iterator[Sequence[Cell]]:
@@ -122,7 +122,7 @@ def table_2_of_the_paper(variable: str) -> Table:
             f"in run 9 (printed: {paper.PRINTED_RUN_9_AGREEMENT_S})."
         )
     ratio_rows = range(2, len(rows), 3)
-    return marked_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratio_rows)
+    return mark_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratio_rows)
 
 
 def _paper_rows(row: paper.TableRow) -> Iterator[Sequence[Cell]]:
@@ -140,7 +140,7 @@ def ratio_table(runs: Runs, share_of: ShareFunction, caption: str) -> Table:
     """Return a table with a ratio for each variable and arm."""
     rows = [(label(name), *(ratio(share_of(runs.total(name, arm))) for arm in runs.arms)) for name in VARIABLES]
     caption = f"{caption} {_MARKED_NOTE} A dash: the arm was left out of the window of every run."
-    return marked_below(plain_table(caption, ("variable", *runs.arms), rows), paper.LOW_RATIO, range(len(rows)))
+    return mark_below(plain_table(caption, ("variable", *runs.arms), rows), paper.LOW_RATIO, range(len(rows)))
 
 
 def seconds_table(runs: Runs) -> Table:
@@ -198,10 +198,10 @@ def knowledge_table(runs: Runs) -> Table:
 
 
 def _median(values: Sequence[float]) -> float | None:
-    ordered = sorted(values)
-    if not ordered:
+    ordered_values = sorted(values)
+    if not ordered_values:
         return None
-    return (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+    return (ordered_values[(len(ordered_values) - 1) // 2] + ordered_values[len(ordered_values) // 2]) / 2
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
@@ -229,23 +229,23 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
 # Triggers
 
 
-def triggers_table(runs: Runs, vision: Sequence[str]) -> Table:
+def triggers_table(runs: Runs, slot_algorithms: Sequence[str]) -> Table:
     """Return how many jobs of each algorithm each arm started, and how long the arm's slot was in use."""
     algorithms = sorted({name for outcome in runs.outcomes for arm in outcome.arms.values() for name in arm.triggers})
     rows: list[Sequence[Cell]] = [
         (name, *(sum(runs.triggers(arm, (name,))) for arm in runs.arms)) for name in algorithms
     ]
-    rows.append(("all that need the vision slot", *(sum(runs.triggers(arm, vision)) for arm in runs.arms)))
+    rows.append(("all that need the vision slot", *(sum(runs.triggers(arm, slot_algorithms)) for arm in runs.arms)))
     rows.append(("seconds in the vision slot", *(round(runs.slot_s(arm), 1) for arm in runs.arms)))
     rows.append(("share of the runs", *(rounded(runs.slot_s(arm) / runs.duration_s, 3) for arm in runs.arms)))
     return plain_table("Jobs started, by algorithm and arm, over all runs.", ("algorithm", *runs.arms), rows)
 
 
-def reduction_table(runs: Runs, further_runs: Runs, naive_arms: Sequence[str], vision: Sequence[str]) -> Table:
+def reduction_table(runs: Runs, further_runs: Runs, naive_arms: Sequence[str], slot_algorithms: Sequence[str]) -> Table:
     """Return by how much each arm reduces the triggers of the naive arms, and P1's 79.4 %."""
     algorithm_groups = (
         ("the PCR-cycler's lid, as P1 counts", PCR_CYCLER_LID_ALGORITHMS),
-        ("all that need the vision slot", vision),
+        ("all that need the vision slot", slot_algorithms),
     )
     rows = [
         (
@@ -288,8 +288,11 @@ def answers_table(runs: Runs) -> Table:
     """Return the values that the arms held at decisions, for each variable on which decisions are made."""
     decided_variables = {decision.variable for outcome in runs.outcomes for decision in outcome.decisions}
     groups = [(label(name), (name,)) for name in VARIABLES if name in decided_variables]
-    preview, monitoring = ("preview: right", "wrong", "fell back"), ("monitoring: right", "wrong", "fell back")
-    header = ("variable", "arm", *preview, *monitoring, "on fresh evidence")
+    preview_columns, monitoring_columns = (
+        ("preview: right", "wrong", "fell back"),
+        ("monitoring: right", "wrong", "fell back"),
+    )
+    header = ("variable", "arm", *preview_columns, *monitoring_columns, "on fresh evidence")
     rows: list[Sequence[Cell]] = [
         (group, arm, *_answer_cells(runs, names, arm))
         for group, names in [*groups, ("all", VARIABLES)]
@@ -306,9 +309,16 @@ def answers_table(runs: Runs) -> Table:
 
 
 def _answer_cells(runs: Runs, variables: Sequence[str], arm: str) -> Iterator[int]:
-    preview, monitor = (runs.answers(variables, arm, previews=previews) for previews in (True, False))
-    yield from (preview.right, preview.wrong, preview.fell_back)
-    yield from (monitor.right, monitor.wrong, monitor.fell_back, monitor.fresh)
+    preview_answers, monitoring_answers = (
+        runs.answers(variables, arm, previews=previews) for previews in (True, False)
+    )
+    yield from (preview_answers.right, preview_answers.wrong, preview_answers.fell_back)
+    yield from (
+        monitoring_answers.right,
+        monitoring_answers.wrong,
+        monitoring_answers.fell_back,
+        monitoring_answers.fresh,
+    )
 
 
 def causes_table(runs: Runs) -> Table:

@@ -101,7 +101,7 @@ def _compare_measure(
 ) -> MeasureComparison:
     values = [measure.value_of(run) for run in runs[name]]
     our_values = [measure.value_of(run) for run in runs[ours]]
-    differences = [value - other for value, other in zip(values, our_values, strict=True)]
+    differences = [value - our_value for value, our_value in zip(values, our_values, strict=True)]
     return MeasureComparison(
         measure=measure,
         manager=name,

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from codra_papers.experiments.campaign.cells import interval, percent, plain_table, rounded, with_ends
+from codra_papers.experiments.campaign.cells import estimate_text, interval, percent, plain_table, rounded
 from codra_papers.experiments.campaign.document import Document, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Settings
 from codra_papers.experiments.campaign.statistics import Estimate
@@ -152,7 +152,7 @@ def _is_sure(difference: Estimate) -> bool:
 
 def _means(table: Sequence[MeasureComparison]) -> Table:
     rows = [
-        (measure.name, *(with_ends(row.mean, "{:.2f}".format, "-") for row in _measure_rows(table, measure)))
+        (measure.name, *(estimate_text(row.mean, "{:.2f}".format, "-") for row in _measure_rows(table, measure)))
         for measure in MEASURES
     ]
     header = ("Of a run", *dict.fromkeys(row.manager for row in table))
@@ -198,7 +198,7 @@ def _reactions_table(reaction_rows: Sequence[Reactions]) -> Table:
             row.count,
             row.answered,
             percent(row.share),
-            *(with_ends(row.quantiles_s[q], _quantile_text, "-") for q in QUANTILES),
+            *(estimate_text(row.quantiles_s[q], _quantile_text, "-") for q in QUANTILES),
         )
         for row in reaction_rows
     ]

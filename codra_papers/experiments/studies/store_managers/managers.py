@@ -37,8 +37,8 @@ NOMINAL_COURSE = "pick"
 SLOW_M_S, NORMAL_M_S = 0.3, 1.2
 """The maximum speeds of the spec."""
 
-Types = Mapping[str, ValueType]
-Overrule = Callable[[Plan], Plan]
+VariableTypes = Mapping[str, ValueType]
+PlanEdit = Callable[[Plan], Plan]
 
 
 class Manager(Protocol):
@@ -77,7 +77,7 @@ class ThresholdManager:
         """Return the factory of the planners. These planners use no random numbers."""
         del seed
 
-        def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
+        def make(model: MapeModel, loop: LoopModel, types: VariableTypes) -> Planner:
             return _OverruledPlanner(Planning(with_thresholds(model, self.thresholds), loop, types), _keep_plan)
 
         return make
@@ -92,7 +92,7 @@ class RandomManager:
     def planners(self, seed: int) -> Planners:
         """Return the factory of the planners, which draw from the seed of the run."""
 
-        def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
+        def make(model: MapeModel, loop: LoopModel, types: VariableTypes) -> Planner:
             overrule = _RandomReplacement(Random(f"{seed} manager {loop.name}"), model.courses)
             return _OverruledPlanner(Planning(model, loop, types), overrule)
 
@@ -119,7 +119,7 @@ class _OverruledPlanner:
     The planner does not explain its decisions, because explanations take long and have no influence on decisions.
     """
 
-    def __init__(self, planning: Planning, overrule: Overrule) -> None:
+    def __init__(self, planning: Planning, overrule: PlanEdit) -> None:
         self._planning = planning
         self._overrule = overrule
         self.model = planning.model

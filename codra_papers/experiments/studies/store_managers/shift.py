@@ -13,7 +13,7 @@ from codra_papers.store.simulator.situations import OrderKind, Situation, StoreS
 from codra_papers.store.simulator.state import Load, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 
-DRAIN = 4.0
+DRAIN_FACTOR = 4.0
 """The factor by which the battery is drained faster than usual."""
 
 _SPARE_CONTAINER = "container_3"
@@ -65,7 +65,7 @@ class Shift:
             situation=Situation.QUIET,
             area=self.areas[0],
             battery_percent=self.battery_percent,
-            drain=DRAIN,
+            drain=DRAIN_FACTOR,
         )
 
 
@@ -105,29 +105,29 @@ class Staging:
         """
         self._shift = shift
         self._store = store
-        self._acts = sorted(self._schedule(), key=lambda act: act[0])
+        self._pending_acts = sorted(self._schedule(), key=lambda act: act[0])
         place = AREAS[shift.areas[2]].places[1 if shift.is_hidden else 0]
         store.world.move_container(_SPARE_CONTAINER, place, Whereabouts.FLOOR)
         store.world.set_load(_SPARE_CONTAINER, Load.FULL)
-        self._load(Load.LOADING)
+        self._set_load(Load.LOADING)
         store.world.watch(self._carry_out_due_acts)
 
     def _schedule(self) -> Iterator[tuple[float, Callable[[], object]]]:
         shift, order = self._shift, self._store.page.order
-        moved_from, moved_to, collected, provided = shift.areas
-        yield shift.move_s, lambda: order(OrderKind.MOVE, moved_from, moved_to)
-        yield shift.full_s, lambda: self._load(Load.FULL)
-        yield shift.collect_s, lambda: self._collect(collected)
-        yield shift.provide_s, lambda: order(OrderKind.PROVIDE, SUPPLY.name, provided)
+        source_area, target_area, collect_area, provide_area = shift.areas
+        yield shift.move_s, lambda: order(OrderKind.MOVE, source_area, target_area)
+        yield shift.full_s, lambda: self._set_load(Load.FULL)
+        yield shift.collect_s, lambda: self._collect(collect_area)
+        yield shift.provide_s, lambda: order(OrderKind.PROVIDE, SUPPLY.name, provide_area)
         for number, visit in enumerate(shift.visits, 1):
             yield visit.at_s, partial(self._add_visitor, number, visit)
 
     def _carry_out_due_acts(self, state: StoreState) -> None:
-        while self._acts and state.instant_s >= self._acts[0][0]:
-            _, act = self._acts.pop(0)
+        while self._pending_acts and state.instant_s >= self._pending_acts[0][0]:
+            _, act = self._pending_acts.pop(0)
             act()
 
-    def _load(self, load: Load) -> None:
+    def _set_load(self, load: Load) -> None:
         self._store.world.set_load(_FIRST_CONTAINER, load)
         self._store.page.set_load(load)
 

@@ -12,7 +12,7 @@ from codra_dsl.runtime.loops.fuzzy import BoundedInference, Bounds, Inference
 VariableValues = Mapping[str, float]
 """The value of each variable. NaN stands for an unknown value; no comparison with NaN is true."""
 
-_SAFE, _HALF_SAFE, _UNSAFE = 1.0, 0.5, 0.0
+_FULL_SAFETY, _HALF_SAFETY, _NO_SAFETY = 1.0, 0.5, 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,15 +71,18 @@ def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
     return (
         (
             Line(
-                text="bumped", reads=("bumped",), output_values={"safety": _UNSAFE}, holds=lambda n: n["bumped"] > 0.5
+                text="bumped",
+                reads=("bumped",),
+                output_values={"safety": _NO_SAFETY},
+                holds=lambda n: n["bumped"] > 0.5,
             ),
             Line(
                 text=f"person_distance < {near_m:g} and picking_up",
                 reads=("person_distance", "picking_up"),
-                output_values={"safety": _HALF_SAFE},
+                output_values={"safety": _HALF_SAFETY},
                 holds=lambda n: n["person_distance"] < near_m and n["picking_up"] > 0.5,
             ),
-            _otherwise({"safety": _SAFE}),
+            _default_line({"safety": _FULL_SAFETY}),
         ),
         (
             Line(
@@ -94,7 +97,7 @@ def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
                 output_values={"mission_completion": 0.5},
                 holds=lambda n: n["order_open"] > 0.5,
             ),
-            _otherwise({"mission_completion": 1.0}),
+            _default_line({"mission_completion": 1.0}),
         ),
         (
             Line(
@@ -103,7 +106,7 @@ def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
                 output_values={"power_autonomy": 0.0},
                 holds=lambda n: n["battery_level"] < low_percent,
             ),
-            _otherwise({"power_autonomy": 1.0}),
+            _default_line({"power_autonomy": 1.0}),
         ),
     )
 
@@ -142,11 +145,11 @@ def _action_lines(load: int) -> tuple[Line, ...]:
             output_values={"pick": 1.0},
             holds=lambda n: n["mission_completion"] < 0.75,
         ),
-        _otherwise({"start": 1.0}),
+        _default_line({"start": 1.0}),
     )
 
 
-def _otherwise(output_values: Mapping[str, float]) -> Line:
+def _default_line(output_values: Mapping[str, float]) -> Line:
     return Line(text="otherwise", reads=(), output_values=output_values, holds=lambda _: True)
 
 

@@ -15,7 +15,7 @@ from codra_dsl.integrations.inspection import SpecError, compile_and_load
 from codra_dsl.runtime.journal import EventLog, Kind
 from codra_dsl.runtime.loops import Mape
 from codra_papers.experiments.store.curves import curves
-from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings, run_store
+from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings, run_store
 from codra_papers.experiments.studies.store_managers.managers import Manager
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
@@ -164,7 +164,7 @@ class StoreTrial:
         )
 
 
-def managed_spec(package: ModuleType, manager: Manager, seed: int) -> Compiled:
+def managed_spec(package: ModuleType, manager: Manager, seed: int) -> CompiledSpec:
     """Return a compiled spec in which the loops use a manager's planners.
 
     Raises:
@@ -172,7 +172,7 @@ def managed_spec(package: ModuleType, manager: Manager, seed: int) -> Compiled:
     """
     if not hasattr(package, "MAPE"):
         raise SpecError("the spec has no loops, so no managers can be compared")
-    return Compiled(start=package.start, loops=partial(_loops, package.MAPE, manager, seed))
+    return CompiledSpec(start=package.start, loops=partial(_loops, package.MAPE, manager, seed))
 
 
 def _loops(model: Any, manager: Manager, seed: int, codra: Any, **options: Any) -> Mape:

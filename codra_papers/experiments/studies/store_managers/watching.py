@@ -12,8 +12,8 @@ from codra_papers.store.simulator.driving import STEP_S
 from codra_papers.store.simulator.state import Load, StoreState
 from codra_papers.store.simulator.truth import is_unsafe, nearest_person_m
 
-LOW_PERCENT = 20.0
-NEAR_M = 1.5
+LOW_BATTERY_PERCENT = 20.0
+NEAR_PERSON_M = 1.5
 MAX_GAP_S = 1.0
 """Spans of one cause that are less than this apart are merged."""
 
@@ -23,7 +23,7 @@ MIN_UNANSWERED_S = 3.0
 STEPS_PER_DISTANCE = 10
 """For pictures, the distance to people is stored once in this many steps."""
 
-FAR_M = 10.0
+MAX_DISTANCE_M = 10.0
 
 
 class Cause(StrEnum):
@@ -77,11 +77,11 @@ def cause_of(state: StoreState, *, is_fetching: bool) -> Cause | None:
         is_fetching: whether the robot fetches a container.
     """
     robot, carried = state.robot, state.carried()
-    if robot.battery_percent < LOW_PERCENT and not robot.is_charging:
+    if robot.battery_percent < LOW_BATTERY_PERCENT and not robot.is_charging:
         return Cause.BATTERY
     if carried is not None and carried.load is Load.FULL:
         return Cause.FULL
-    if is_fetching and any(robot.at.distance_m(Pose2D(*at_m)) < NEAR_M for _, at_m in state.people_m):
+    if is_fetching and any(robot.at.distance_m(Pose2D(*at_m)) < NEAR_PERSON_M for _, at_m in state.people_m):
         return Cause.PERSON
     return None
 
@@ -110,7 +110,7 @@ class Watch:
         if is_unsafe(state):
             self._add_unsafe_step(state.instant_s)
         if state.step % STEPS_PER_DISTANCE == 0:
-            self.gaps_m.append((state.instant_s, round(min(nearest_person_m(state), FAR_M), 2)))
+            self.gaps_m.append((state.instant_s, round(min(nearest_person_m(state), MAX_DISTANCE_M), 2)))
 
     def _add_unsafe_step(self, now_s: float) -> None:
         """Record the step that ends now as unsafe."""
