@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial, Experiment, Settings
     from codra_papers.experiments.campaign.workers import TrialError
 
-Name = Annotated[
+NameArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="NAME",
-        help="The experiment, or 'module:CONSTANT' for one of your own. Without NAME, all experiments are listed.",
+        help="The experiment, or 'module:CONSTANT' for your own experiment. Without NAME, all experiments are listed.",
         show_default=False,
     ),
 ]
@@ -39,7 +39,7 @@ SpecOption = Annotated[
         show_default=False,
     ),
 ]
-Seeds = Annotated[
+SeedsOption = Annotated[
     int | None,
     typer.Option(
         "--seeds",
@@ -48,13 +48,13 @@ Seeds = Annotated[
         show_default=False,
     ),
 ]
-Processes = Annotated[
+ProcessesOption = Annotated[
     int | None,
     typer.Option(
         "--processes", min=1, help="How many trials run at once.  [default: one per core]", show_default=False
     ),
 ]
-Out = Annotated[
+OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="The folder of the results.  [default: runs/NAME]", show_default=False),
 ]
@@ -66,7 +66,7 @@ TrialOption = Annotated[
 
 @dataclass(slots=True)
 class _TrialProgress:
-    """The progress of the trials. It is reported if they end early."""
+    """The progress of the trials. It is reported if the trials end early."""
 
     progress: Progress | None = None
     start_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  only for display
@@ -77,9 +77,9 @@ class _TrialProgress:
             return "run the same command again to continue"
         return f"{self.progress.done} of {self.progress.total} trials are kept: run the same command again to continue"
 
-    def reused_trials(self) -> int:
-        """Return how many trials had records before."""
-        return 0 if self.progress is None else self.progress.reused_trials
+    def reused_trial_count(self) -> int:
+        """Return how many trials already had records."""
+        return 0 if self.progress is None else self.progress.reused_trial_count
 
     def elapsed_s(self) -> float:
         """Return the time since the start."""
@@ -87,12 +87,12 @@ class _TrialProgress:
 
 
 def experiment_command(
-    name: Name = None,
+    name: NameArgument = None,
     *,
     spec: SpecOption = None,
-    seeds: Seeds = None,
-    processes: Processes = None,
-    out: Out = None,
+    seeds: SeedsOption = None,
+    processes: ProcessesOption = None,
+    out: OutOption = None,
     trial: TrialOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
@@ -127,7 +127,7 @@ def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -
 
 
 def _known_experiments() -> Mapping[str, Experiment]:
-    """Return the experiments by name, after importing everything that experiments and reports need."""
+    """Return a mapping from names to experiments, after importing everything that experiments and reports need."""
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     try:
@@ -186,7 +186,7 @@ def _trial_named(name: str, experiment: Experiment, settings: Settings, processe
     trials_by_name = {trial.name: trial for trial in _trials(experiment, settings)}
     if name not in trials_by_name and experiment.then is not None:
         outcomes = _outcomes([*trials_by_name.values()], settings.folder, processes, _TrialProgress())
-        trials_by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, outcomes)}
+        trials_by_name |= {trial.name: trial for trial in _further_trials(experiment, settings, outcomes)}
     if name not in trials_by_name:
         suggestion = suggest(name, trials_by_name)
         help_text = (
@@ -218,11 +218,11 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     trial_progress = _TrialProgress()
     process_count = processes or cores()
     outcomes = _outcomes(trials, settings.folder, process_count, trial_progress)
-    reused_trials = trial_progress.reused_trials()
-    if further_trials := _more_trials(experiment, settings, outcomes):
+    reused_trial_count = trial_progress.reused_trial_count()
+    if further_trials := _further_trials(experiment, settings, outcomes):
         trials = [*trials, *further_trials]
         outcomes = {**outcomes, **_outcomes(further_trials, settings.folder, process_count, trial_progress)}
-        reused_trials += trial_progress.reused_trials()
+        reused_trial_count += trial_progress.reused_trial_count()
     provenance = Provenance(
         command=shlex.join(("codra", *sys.argv[1:])),
         spec=settings.spec.absolute().relative_to(root).as_posix(),
@@ -233,7 +233,7 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
         cores=cores(),
         processes=process_count,
         elapsed_s=trial_progress.elapsed_s(),
-        reused_trials=reused_trials,
+        reused_trial_count=reused_trial_count,
     )
     with _reporting_errors(settings.folder, trial_progress):
         document = experiment.judge(settings, outcomes)
@@ -243,12 +243,14 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
 
 
 def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
-    """Return the first trials of an experiment. To do so, some experiments write specs for their trials."""
+    """Return the first trials of an experiment. Some experiments write specs for these trials."""
     with _reporting_errors(settings.folder, _TrialProgress()):
         return experiment.trials(settings)
 
 
-def _more_trials(experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
+def _further_trials(
+    experiment: Experiment, settings: Settings, outcomes: Mapping[str, AnyOutcome]
+) -> Sequence[AnyTrial]:
     """Return the further trials, which depend on the outcomes of the first trials."""
     with _reporting_errors(settings.folder, _TrialProgress()):
         return [] if experiment.then is None else experiment.then(settings, outcomes)
@@ -316,11 +318,11 @@ def _progress_bar(trial_progress: _TrialProgress) -> Iterator[Callable[[Progress
 
 
 def _bar_text(progress: Progress, elapsed_s: float) -> str:
-    """Return the text next to the progress bar: how many trials had records before, and the remaining time."""
-    reused_text = f", {progress.reused_trials} kept from before" if progress.reused_trials else ""
-    new_trials, remaining_trials = progress.done - progress.reused_trials, progress.total - progress.done
+    """Return the text next to the progress bar: how many trials already had records, and the remaining time."""
+    reused_text = f", {progress.reused_trial_count} kept from before" if progress.reused_trial_count else ""
+    new_trial_count, remaining_trial_count = progress.done - progress.reused_trial_count, progress.total - progress.done
     return (
-        f"{reused_text}, about {elapsed_s / new_trials * remaining_trials / 60.0:.0f} min left"
-        if new_trials and remaining_trials
+        f"{reused_text}, about {elapsed_s / new_trial_count * remaining_trial_count / 60.0:.0f} min left"
+        if new_trial_count and remaining_trial_count
         else reused_text
     )

@@ -21,7 +21,7 @@ NaiveOption = Annotated[
     typer.Option(
         "--naive",
         help="Add an arm without conditions, which looks again at once after each look. With --journal FILE, the arm "
-        "writes another journal, whose name is that of FILE with .naive before the suffix.",
+        "writes another journal, which is named like FILE with .naive before the suffix.",
     ),
 ]
 
@@ -52,7 +52,7 @@ def lab(request: RunRequest, *, naive: NaiveOption = False) -> None:
         seed=request.seed,
         duration_s=request.duration_s,
         work=run.OneLoop() if request.duration_s is None else run.Loops(),
-        answering=CONTEXT_DRIVEN,
+        answering_arm=CONTEXT_DRIVEN,
         pace=pacing.Pace(request.pace.value),
         progress=request.progress,
         journal=None if journal is None else writable_journal(journal),

@@ -16,7 +16,7 @@ from codra_dsl.cli.worlds import RunRequest
 
 if TYPE_CHECKING:
     from codra_dsl.language.model import Spec
-    from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings
+    from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings
 
 DEFAULT_DURATION_S = 600.0
 """The duration of a run without `--for` and without a page."""
@@ -42,7 +42,7 @@ SituationOption = Annotated[
 PageOption = Annotated[bool, typer.Option("--page", help="Serve the picker's page, on this machine only.")]
 PortOption = Annotated[
     int | None,
-    typer.Option("--port", min=1, max=65535, help="The port of the page.  [default: a free one]"),
+    typer.Option("--port", min=1, max=65535, help="The port of the page.  [default: a free port]"),
 ]
 
 
@@ -56,7 +56,7 @@ def store(
     from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 
     if port is not None and not page:
-        raise typer.BadParameter("the port is that of the page; add --page", param_hint="--port")
+        raise typer.BadParameter("this is the port of the page; add --page", param_hint="--port")
     try:
         with interrupts_held_back():  # some extension modules lose an interrupt while they are loaded
             settings = _settings(request, situation, (port or 0) if page else None)
@@ -64,11 +64,11 @@ def store(
         say(f"codra: 'run --page' needs {error.name}: pip install 'codra-papers[store]'")
         raise typer.Exit(ExitCode.FAILED) from error
     from codra_dsl.integrations.inspection import compile_and_load
-    from codra_papers.experiments.store.run import Compiled, store_text
+    from codra_papers.experiments.store.run import CompiledSpec, store_text
 
     spec, out_folder = request.spec, None if request.out is None else made_folder(request.out)
     with tempfile.TemporaryDirectory(prefix="codra-") as code_folder:
-        run = _run_spec(Compiled.of(compile_and_load(request.plan, Path(code_folder)).package), settings, spec.name)
+        run = _run_spec(CompiledSpec.of(compile_and_load(request.plan, Path(code_folder)).package), settings, spec.name)
     request.progress.clear()
     write_result(store_text(run))
     if out_folder is not None and not spec.metrics:
@@ -78,7 +78,7 @@ def store(
 
 
 def _draw_curves(run: StoreRun, spec: Spec, folder: Path) -> Path:
-    """Draw the metrics of a run and the weights of its actions over time; return the path of the picture."""
+    """Draw the metrics and the weights of actions of a run over time, and return the path of the picture."""
     from codra_papers.experiments.store.curves import draw_adaptation
 
     path = folder / "metrics-and-weights.svg"
@@ -104,7 +104,7 @@ def _settings(request: RunRequest, name: SituationName | None, port: int | None)
         pace=Pace(request.pace.value),
         progress=request.progress,
         journal=None if request.journal is None else writable_journal(request.journal),
-        page=None if port is None else PageSettings(port=port, opened=_report_address),
+        page=None if port is None else PageSettings(port=port, on_opened=_report_address),
     )
 
 
@@ -112,7 +112,7 @@ def _report_address(url: str) -> None:
     say(f"the picker's page is at {url}")
 
 
-def _run_spec(compiled: Compiled, settings: StoreRunSettings, name: str) -> StoreRun:
+def _run_spec(compiled: CompiledSpec, settings: StoreRunSettings, name: str) -> StoreRun:
     from codra_dsl.runtime import NotASourceError
     from codra_dsl.runtime.behavior_trees import TreeError
     from codra_papers.experiments.store.run import run_store

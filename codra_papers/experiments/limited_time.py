@@ -1,4 +1,4 @@
-"""The limited time of a main execution, which ends at a given instant, even in the middle of a sleep or wait."""
+"""A clock that ends a main execution at a given instant, even in the middle of a sleep or wait."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ class TimeIsUp(Exception):  # noqa: N818 - it is the planned end of a run
 class LimitedClock(Clock):
     """A clock that ends every sleep and wait at a given instant; events and work continue as on the original clock."""
 
-    def __init__(self, clock: Clock, end_s: float, passed: Callable[[float], None]) -> None:
+    def __init__(self, clock: Clock, end_s: float, report_instant: Callable[[float], None]) -> None:
         """Limit a clock.
 
         Args:
             clock: the original clock.
             end_s: the instant from which every sleep or wait raises `TimeIsUp`; infinity for never.
-            passed: called with the present instant after each sleep.
+            report_instant: a function that is called with the present instant after each sleep.
         """
         self._clock = clock
         self._end_s = end_s
-        self._passed = passed
+        self._report_instant = report_instant
 
     def now_s(self) -> float:
         """Return the present instant."""
         return self._clock.now_s()
 
     def sleep(self, duration_s: float) -> None:
-        """Let time pass, until the end at most.
+        """Let this duration pass, or the time that is left if it is shorter.
 
         Raises:
             TimeIsUp: if the end was reached.
         """
         left_s = self._left_s()
         self._clock.sleep(min(duration_s, left_s))
-        self._passed(self.now_s())
+        self._report_instant(self.now_s())
         if duration_s >= left_s:
             raise TimeIsUp
 
@@ -48,7 +48,7 @@ class LimitedClock(Clock):
         return self._clock.call_at(instant_s, callback)
 
     def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Let time pass until `ready()` holds, until the end at most.
+        """Let time pass until `ready()` is true, and return True. Return False if `timeout_s` passes first.
 
         Raises:
             TimeIsUp: if the end was reached first.

@@ -34,13 +34,13 @@ class Progress:
     Attributes:
         done: how many trials are complete.
         total: how many trials there are.
-        reused: how many of the complete trials already had a valid record at the start.
+        reused_trial_count: how many of the complete trials already had a valid record at the start.
         latest: the name of the trial that was completed last; empty at the start.
     """
 
     done: int
     total: int
-    reused_trials: int
+    reused_trial_count: int
     latest: str
 
 
@@ -54,7 +54,7 @@ def run_campaign(
 
     Args:
         trials: the trials; their names must differ and be valid file names.
-        folder: the folder of the experiment; records go to a folder within it.
+        folder: the folder of the experiment; the records are written to its subfolder `trials`.
         processes: how many trials run at once; None for one per core.
         progress: a function that is called at the start and after each trial.
 
@@ -62,7 +62,7 @@ def run_campaign(
         ValueError: if a name is not a valid file name, or occurs twice.
         SpecError: if a spec has errors.
         CampaignBusyError: if another program runs trials in the same folder.
-        TrialError: if a trial fails; trials that were completed before it keep their records.
+        TrialError: if a trial fails; the records of the trials that were completed before this trial are kept.
         OSError: if a file cannot be written.
     """
     _check_names([trial.name for trial in trials])
@@ -71,12 +71,16 @@ def run_campaign(
     with _locked_folder(trials_folder):
         records = records_of(trials, trials_folder)
         outcomes = {record.trial.name: outcome for record in records if (outcome := record.read()) is not None}
-        reused_trials = len(outcomes)
-        progress(Progress(done=reused_trials, total=len(trials), reused_trials=reused_trials, latest=""))
+        reused_trial_count = len(outcomes)
+        progress(Progress(done=reused_trial_count, total=len(trials), reused_trial_count=reused_trial_count, latest=""))
         missing_records = [record for record in records if record.trial.name not in outcomes]
-        for outcome in _run_missing(missing_records, trials_folder, processes or cores()):
+        for outcome in _run_missing_trials(missing_records, trials_folder, processes or cores()):
             outcomes[outcome.name] = outcome
-            progress(Progress(done=len(outcomes), total=len(trials), reused_trials=reused_trials, latest=outcome.name))
+            progress(
+                Progress(
+                    done=len(outcomes), total=len(trials), reused_trial_count=reused_trial_count, latest=outcome.name
+                )
+            )
     return {trial.name: outcomes[trial.name] for trial in trials}
 
 
@@ -85,8 +89,10 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _run_missing(missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int) -> Iterator[AnyOutcome]:
-    """Run trials with a temporary folder, which is removed at the end, also after an error."""
+def _run_missing_trials(
+    missing_records: Sequence[TrialRecord], trials_folder: Path, processes: int
+) -> Iterator[AnyOutcome]:
+    """Run trials, and yield each outcome. A temporary folder of the trials is removed at the end, or after an error."""
     if not missing_records:
         return
     with tempfile.TemporaryDirectory(prefix=_STAGING, dir=trials_folder) as staging:
@@ -100,7 +106,7 @@ def _check_names(names: Sequence[str]) -> None:
     for name in names:
         is_hidden = not name or name.startswith(".") or not name.isprintable()
         if is_hidden or Path(name).name != name or Path(name).suffix in (".json", ".error") or len(name.encode()) > 200:
-            raise ValueError(f"the trial {name!r} has a name that no folder can have")
+            raise ValueError(f"{name!r} is not a valid name for a trial")
 
 
 @contextmanager

@@ -9,17 +9,17 @@ from codra_papers.experiments.campaign.statistics import Estimate, Share, ratio_
 
 
 def rounded(value: float | None, digits: int) -> float | None:
-    """Return a number rounded for display; None stays None."""
+    """Return a number rounded for display. Return None for None."""
     return None if value is None else round(value, digits)
 
 
 def ratio(share: Share) -> float | None:
-    """Return the ratio of a share, rounded to three digits as in P1; None for 0 / 0."""
+    """Return the ratio of a share, rounded to three digits as in P1. Return None for 0 / 0."""
     return rounded(ratio_of_sums([share]), 3)
 
 
 def interval(estimate: Estimate, digits: int = 3) -> str:
-    """Return an estimate as text with signs: the value, and the ends of its interval if it has one."""
+    """Return an estimate as text with signs: the value, and the ends of the interval if there is an interval."""
     if estimate.value is None:
         return "none"
     if estimate.low is None or estimate.high is None:
@@ -29,11 +29,11 @@ def interval(estimate: Estimate, digits: int = 3) -> str:
 
 def percent(estimate: Estimate) -> str:
     """Return an estimate of a share as text, in percent."""
-    return with_ends(estimate, lambda share: f"{100 * share:.1f}", "none")
+    return estimate_text(estimate, lambda share: f"{100 * share:.1f}", "none")
 
 
-def with_ends(estimate: Estimate, format_number: Callable[[float], str], absent_text: str) -> str:
-    """Return an estimate as text: the value, and the ends of its interval if it has one.
+def estimate_text(estimate: Estimate, format_number: Callable[[float], str], absent_text: str) -> str:
+    """Return an estimate as text: the value, and the ends of the interval if there is an interval.
 
     Args:
         estimate: the estimate to format.
@@ -55,8 +55,8 @@ def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cel
     return Table(caption=caption, header=tuple(header), rows=tuple(tuple(row) for row in rows))
 
 
-def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
-    """Return a table in which the decimal numbers of the given rows are also marked if they are below a limit."""
+def mark_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
+    """Return a table with further marked cells: in the given rows, the decimal numbers below a limit."""
     low_cells = frozenset(
         (row, column)
         for row in rows

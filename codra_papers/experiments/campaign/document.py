@@ -26,7 +26,8 @@ class Table:
         caption: a description in one or two sentences.
         header: the titles of the columns.
         rows: the rows, each with one cell per column.
-        marked: the (row, column) numbers, from 0, of the highlighted cells, e.g. of ratios below 0.9 (P1, Table 2).
+        marked: the highlighted cells as pairs (row, column) with indices from 0, e.g. the cells of ratios below 0.9
+            (P1, Table 2).
     """
 
     caption: str

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 from codra_papers.experiments.campaign.document import Document
 
 FIRST_REPORTED_SEED = 301
-"""The first seed of reports. Thresholds were tuned on seeds 1 to 5, and the outcomes of seeds 101 to 130 are known
-(docs/papers/protocol.md)."""
+"""The first seed of reports. Thresholds were tuned on seeds 1 to 5, and the outcomes of seeds 101 to 130 were already
+known (docs/papers/protocol.md)."""
 
 
 class World(StrEnum):
@@ -88,7 +88,7 @@ class AnyTrial(Protocol):
         ...
 
     def run(self, folder: Path) -> AnyOutcome:
-        """Run the trial and write the files to be stored into the folder, which is created if there are any files."""
+        """Run the trial. Write the files to be stored into the folder, which is created if there are such files."""
         ...
 
     def outcome(self, text: str) -> AnyOutcome:
@@ -123,7 +123,7 @@ class Experiment:
         judge: a function that makes the report from the outcomes. If it uses random numbers, their seeds are fixed, so
             that a report can be reproduced.
         then: a function that returns further trials, which depend on the outcomes of the first trials, e.g. trials that
-            use the result of a search; or None.
+            use the result of a search; None if there are no further trials.
         world: the world in which the trials run.
     """
 

@@ -12,7 +12,7 @@ def interrupts_held_back() -> Iterator[None]:
     """Deliver interrupts only after the `with` block.
 
     A process that is started within the block never receives interrupts. Ctrl-C at a terminal goes to all processes,
-    but such a process ignores it: the process that started it has to end it.
+    but a process that was started in the block ignores Ctrl-C. The parent process has to end such a process.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -1,4 +1,4 @@
-"""Render a report as one HTML file that needs no network and no script, for any browser and for paper.
+"""Render a report as one HTML file. It needs no network and no script, and can be shown in any browser and printed.
 
 Drawings are embedded as images and not as SVG elements, so that names in different drawings cannot clash.
 """
@@ -20,7 +20,7 @@ from codra_papers.experiments.campaign.experiment import AnyOutcome, Experiment
 from codra_papers.experiments.campaign.photographs import NoPictureError, annotated_jpeg
 from codra_papers.experiments.campaign.provenance import Provenance
 
-_NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
+_NOT_IN_ANCHORS = re.compile(r"[^a-z0-9]+")
 
 
 class _Kind(StrEnum):
@@ -89,7 +89,9 @@ def render_page(
             experiment=experiment,
             document=document,
             sections=_sections(document.sections),
-            made=_sections([_provenance_section(provenance), _trials_section(outcomes)], first=len(document.sections)),
+            last_sections=_sections(
+                [_provenance_section(provenance), _trials_section(outcomes)], first=len(document.sections)
+            ),
         )
     )
 
@@ -114,7 +116,7 @@ def _sections(sections: Sequence[Section], first: int = 0) -> Sequence[_ShownSec
 
 
 def _anchor(number: int, title: str) -> str:
-    return f"{number}-{_NOT_IN_NAMES.sub('-', title.lower()).strip('-')}"
+    return f"{number}-{_NOT_IN_ANCHORS.sub('-', title.lower()).strip('-')}"
 
 
 def _blocks(parts: Sequence[Part]) -> Sequence[_Block]:
@@ -154,30 +156,34 @@ def _uri(kind: str, data: bytes) -> str:
 
 
 def _table(table: Table) -> _ShownTable:
-    """Return a table whose numeric columns are aligned to the right. If it has no rows, show one row: "none"."""
+    """Return a table with the numeric columns aligned to the right. A table without rows gets the row "none"."""
     shown_rows = table.rows or [("none", *[""] * (len(table.header) - 1))]
-    column_cells = [
-        [row[column] for row in shown_rows if row[column] not in _ABSENT] for column in range(len(table.header))
+    cells_by_column = [
+        [row[column] for row in shown_rows if row[column] not in _ABSENT_CELLS] for column in range(len(table.header))
     ]
-    is_numeric = [bool(column) and all(map(_is_number, column)) for column in column_cells]
+    is_numeric_by_column = [bool(cells) and all(map(_is_number, cells)) for cells in cells_by_column]
     rows = [
         [
-            _ShownCell(text=_cell_text(cell), is_number=is_numeric[column], is_marked=(number, column) in table.marked)
+            _ShownCell(
+                text=_cell_text(cell),
+                is_number=is_numeric_by_column[column],
+                is_marked=(row_index, column) in table.marked,
+            )
             for column, cell in enumerate(row)
         ]
-        for number, row in enumerate(shown_rows)
+        for row_index, row in enumerate(shown_rows)
     ]
     header = [
         _ShownCell(text=text, is_number=is_number, is_marked=False)
-        for text, is_number in zip(table.header, is_numeric, strict=True)
+        for text, is_number in zip(table.header, is_numeric_by_column, strict=True)
     ]
     return _ShownTable(caption=table.caption, header=header, rows=rows, has_marks=bool(table.marked))
 
 
-_ABSENT = (None, "", "-", "\u2013")
+_ABSENT_CELLS = (None, "", "-", "\u2013")
 _BETWEEN_DIGITS = r"([-+\u2212\u2013\u00b1\d\s.,%()\[\]/]|\bto\b|(?<=\d)e(?=[-+]?\d))*"
 _FIGURE = re.compile(rf"{_BETWEEN_DIGITS}\d{_BETWEEN_DIGITS}")
-"""A number, a share or an interval, rounded to text."""
+"""Text that shows a rounded number, a share or an interval."""
 
 
 def _is_number(cell: Cell) -> bool:
@@ -201,7 +207,7 @@ def _cell_text(cell: Cell) -> str:
 
 
 def _provenance_section(provenance: Provenance) -> Section:
-    reused_text = f"; {provenance.reused_trials} had been run before" if provenance.reused_trials else ""
+    reused_text = f"; {provenance.reused_trial_count} had been run before" if provenance.reused_trial_count else ""
     revision = "in no git repository"
     if provenance.revision is not None:
         state = "no uncommitted changes" if provenance.revision.is_clean else "with uncommitted changes"
@@ -235,6 +241,7 @@ def _trials_section(outcomes: Mapping[str, AnyOutcome]) -> Section:
     header = ("Trial", "Seed", "Simulated s", "Loops", "Frames", "Ended by an error")
     marked = frozenset((number, 5) for number, outcome in enumerate(outcomes.values()) if outcome.error)
     caption = (
-        "All trials. Loops: completed by the main execution; in the store, missions. Frames: rendered for perception."
+        "All trials. Loops are those that the main execution completed; in the store, they are missions."
+        " Frames are those rendered for perception."
     )
     return Section(title="Trials", parts=[Table(caption=caption, header=header, rows=rows, marked=marked)])

@@ -12,12 +12,12 @@ from codra_papers.lab.perception.frame import Frame, Intrinsics
 from codra_papers.lab.perception.poses import Pose
 from codra_papers.lab.perception.tags import detect
 
-_OUTLINE = (0, 200, 0)
-_TEXT = (0, 0, 255)
-_QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 80)
+_OUTLINE_BGR = (0, 200, 0)
+_TEXT_BGR = (0, 0, 255)
+_JPEG_QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 80)
 _COLOURS_OF_EVERY_PIXEL = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
 _FRACTION_BITS = 4
-"""`cv2.polylines` takes coordinates in sixteenths of a pixel."""
+"""The number of fraction bits in coordinates for `cv2.polylines`: the coordinates are in sixteenths of a pixel."""
 
 
 class NoPictureError(Exception):
@@ -31,13 +31,15 @@ def annotated_jpeg(path: Path) -> bytes:
         NoPictureError: if the file cannot be read or is not a picture.
     """
     picture = _read_picture(path)
-    annotated = picture.copy()
+    annotated_picture = picture.copy()
     for tag_id, corners_px in _detect_tags(picture):
         corners = np.round(corners_px * 2**_FRACTION_BITS).astype(np.int32).reshape(-1, 1, 2)
-        cv2.polylines(annotated, [corners], True, _OUTLINE, 1, cv2.LINE_AA, _FRACTION_BITS)
-        text_place = (int(corners_px[:, 0].min()), int(corners_px[:, 1].max()) + 14)
-        cv2.putText(annotated, str(tag_id), text_place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _TEXT, 1, cv2.LINE_AA)
-    _, data = cv2.imencode(".jpg", annotated, (*_QUALITY, *_COLOURS_OF_EVERY_PIXEL))
+        cv2.polylines(annotated_picture, [corners], True, _OUTLINE_BGR, 1, cv2.LINE_AA, _FRACTION_BITS)
+        text_origin = (int(corners_px[:, 0].min()), int(corners_px[:, 1].max()) + 14)
+        cv2.putText(
+            annotated_picture, str(tag_id), text_origin, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _TEXT_BGR, 1, cv2.LINE_AA
+        )
+    _, data = cv2.imencode(".jpg", annotated_picture, (*_JPEG_QUALITY, *_COLOURS_OF_EVERY_PIXEL))
     return bytes(data)
 
 
@@ -55,7 +57,7 @@ def _read_picture(path: Path) -> NDArray[np.uint8]:
 def _detect_tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
     """Return the ids and corners of the tags in a picture whose colours are in OpenCV's order.
 
-    Detection uses only the pixels of a frame; the intrinsics and the pose here are dummies.
+    Detection uses only the pixels of a frame, so the intrinsics and the pose are placeholders.
     """
     height, width = picture.shape[:2]
     frame = Frame(

@@ -36,14 +36,14 @@ class Provenance:
     Attributes:
         command: the command line.
         spec: the file of the spec, relative to the project.
-        versions: the versions of codra, Python and libraries, by name.
+        versions: a mapping from the names of codra, Python and libraries to their versions.
         code: a digest of the code of codra.
         revision: the state of the project's working tree; None if the project is in no repository.
         seeds: the seeds of all trials.
         cores: how many cores the machine offers.
         processes: how many trials ran at once.
-        elapsed_s: how long this call took, without judging the outcomes and rendering the page.
-        reused: how many trials had been run before this call.
+        elapsed_s: the duration of this call, without the time for judging the outcomes and rendering the page.
+        reused_trial_count: how many trials had been run before this call.
     """
 
     command: str
@@ -55,11 +55,11 @@ class Provenance:
     cores: int
     processes: int
     elapsed_s: float
-    reused_trials: int
+    reused_trial_count: int
 
 
 def versions() -> Mapping[str, str]:
-    """Return the versions of the programs and libraries that outcomes and reports depend on, by name."""
+    """Return a mapping from the programs and libraries that outcomes and reports depend on to their versions."""
     return {
         "codra": __version__,
         "Python": platform.python_version(),

@@ -1,4 +1,4 @@
-"""Find experiments: the experiments of this package by name, and the experiments in a project's own modules."""
+"""Find the experiments of this package, and experiments in a project's own modules."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ class NoExperimentError(LookupError):
 
 
 def experiments() -> Mapping[str, Experiment]:
-    """Return the experiments of this package by name: the constants `EXPERIMENT` of the modules of `studies`.
+    """Return a mapping from the names of this package's experiments to the experiments.
 
-    Their order is that of the module names.
+    They are the constants `EXPERIMENT` of the modules of `studies`, in the order of the module names.
     """
     package = importlib.import_module(_STUDIES_PACKAGE)
-    names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
-    modules = [importlib.import_module(f"{_STUDIES_PACKAGE}.{name}") for name in names]
-    found_experiments = [
+    module_names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
+    modules = [importlib.import_module(f"{_STUDIES_PACKAGE}.{name}") for name in module_names]
+    package_experiments = [
         value for module in modules if isinstance(value := getattr(module, _CONSTANT_NAME, None), Experiment)
     ]
-    return {experiment.name: experiment for experiment in found_experiments}
+    return {experiment.name: experiment for experiment in package_experiments}
 
 
 def experiment_in(reference: str) -> Experiment:
@@ -37,11 +37,11 @@ def experiment_in(reference: str) -> Experiment:
         reference: the module and the constant, as `module:CONSTANT`.
 
     Raises:
-        NoExperimentError: if it cannot be imported or is not an `Experiment`.
+        NoExperimentError: if the constant cannot be imported or is not an `Experiment`.
     """
-    module, _, constant = reference.partition(":")
+    module_name, _, constant_name = reference.partition(":")
     try:
-        experiment = getattr(importlib.import_module(module), constant)
+        experiment = getattr(importlib.import_module(module_name), constant_name)
     except (ImportError, ValueError, AttributeError) as error:
         raise NoExperimentError(f"'{reference}' cannot be imported: {error}") from error
     if not isinstance(experiment, Experiment):

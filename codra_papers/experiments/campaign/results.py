@@ -29,7 +29,8 @@ def write_results(
 ) -> Sequence[Path]:
     """Write the page and the data into a folder and return their paths.
 
-    Both files are first written to a temporary folder. So if one of them cannot be written there, neither changes.
+    Both files are first written to a temporary folder. If a file cannot be written there, the existing files of an
+    earlier report stay unchanged.
 
     Raises:
         OSError: if a file cannot be written.

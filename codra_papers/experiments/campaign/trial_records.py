@@ -38,7 +38,7 @@ class TrialRecord:
 
     Attributes:
         folder: the folder of the record.
-        digest: the digest of everything that the trial is made from now.
+        digest: the present digest of everything that the trial is made from.
     """
 
     trial: AnyTrial
@@ -56,7 +56,7 @@ class TrialRecord:
         return self.folder / f"{self.trial.name}.error"
 
     @property
-    def frames(self) -> Path:
+    def frames_folder(self) -> Path:
         """Return the folder of the frames."""
         return self.folder / self.trial.name
 
@@ -73,7 +73,7 @@ class TrialRecord:
             outcome = self.trial.outcome(text)
         except (OSError, ValueError, TypeError, LookupError, AttributeError):
             return None
-        return outcome if all((self.frames / name).is_file() for name in outcome.files()) else None
+        return outcome if all((self.frames_folder / name).is_file() for name in outcome.files()) else None
 
     def make(self, staging: Path) -> None:
         """Run the trial and write its record, completely or not at all.
@@ -82,7 +82,7 @@ class TrialRecord:
         under the old digest.
 
         Args:
-            staging: an empty folder for this run only, on the same disk.
+            staging: an empty folder for this run only, on the same disk as the record.
 
         Raises:
             ChangedMeanwhileError: if the inputs of the trial changed while it ran.
@@ -92,9 +92,9 @@ class TrialRecord:
             raise ChangedMeanwhileError("its spec, or code that it depends on, was changed while it ran")
         (staging / "record").write_text(f"{self._first_line(text)}\n{text}", encoding="utf-8")
         self.path.unlink(missing_ok=True)
-        shutil.rmtree(self.frames, ignore_errors=True)
+        shutil.rmtree(self.frames_folder, ignore_errors=True)
         if (staging / "frames").exists():
-            (staging / "frames").replace(self.frames)
+            (staging / "frames").replace(self.frames_folder)
         (staging / "record").replace(self.path)
         self.error_path.unlink(missing_ok=True)
 

@@ -2,7 +2,7 @@
 
 A fresh process has no state of another trial. The process also writes the trial's record, so that outcomes are always
 read from the disk, no matter which call of the command ran the trial. Trial processes block interrupts, so Ctrl-C is
-reported only once. They also watch the program that started them: if that program is killed, they end too.
+reported only once. If the program that started the trial processes is killed, they end as well.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _EXPLAINED_ERRORS = (
     NotDeclaredError,
     UnknownNameError,
 )
-"""Errors in the input of a trial. Their message is enough; no traceback is stored."""
+"""Errors in the input of a trial. The message of such an error explains the failure, so no traceback is stored."""
 
 
 _DISK_ERROR_NUMBERS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -49,7 +49,7 @@ _MEMORY_TUNABLES = ":".join(
     f"glibc.malloc.{name}={setting}"
     for name, setting in (("trim_threshold", 512 << 20), ("mmap_threshold", 32 << 20), ("tcache_count", 5000))
 )
-"""Settings of GNU's memory allocation: how much free memory a process keeps, from which size on a freed block is
+"""Settings of GNU's memory allocation: how much free memory a process keeps, the size from which a freed block is
 returned to the system at once, and how many small blocks are cached."""
 
 
@@ -59,7 +59,7 @@ class TrialError(Exception):
     Attributes:
         trial: the trial that failed.
         reason: why the trial failed, in one line.
-        details: the file with the traceback; None if the reason is enough.
+        details: the file with the traceback; None if the reason explains the failure.
     """
 
     def __init__(self, trial: AnyTrial, reason: str, details: Path | None) -> None:
@@ -81,8 +81,8 @@ class _Failure:
 
     Attributes:
         reason: why the trial failed.
-        error_number: the `errno` of an operating system error while the record was written; 0 for any other error.
-        traceback: the traceback; empty if the reason is enough.
+        error_number: the `errno` if the operating system refused to write the record; 0 for any other error.
+        traceback: the traceback; empty if the reason explains the failure.
     """
 
     reason: str
@@ -112,7 +112,7 @@ class _Worker:
             report = self.report_connection.recv()
         except EOFError:
             self.process.join()
-            raise TrialError(self.record.trial, _end_of(self.process.exitcode or 0), None) from None
+            raise TrialError(self.record.trial, _exit_text(self.process.exitcode or 0), None) from None
         self.process.join()
         if isinstance(report, _Failure):
             raise _error_of(self.record, report)
@@ -132,8 +132,8 @@ class _Worker:
 def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[AnyOutcome]:
     """Start trials in the given order, several at once. Yield each outcome as soon as its trial is done.
 
-    A failed trial ends all trials: a report needs every trial, and a correction of the code changes the digests of all
-    records.
+    A failed trial ends all trials, because a report needs every trial, and a correction of the code changes the digests
+    of all records.
 
     Args:
         records: the records of the trials to run.
@@ -147,10 +147,10 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
     backend = _backend([record.trial for record in records])
     waiting_records = list(reversed(records))
     running_workers: dict[connection.Connection, _Worker] = {}
-    resource_tracker.ensure_running()  # if it started later, it would unblock interrupts
+    resource_tracker.ensure_running()  # if the tracker started within the block below, it would unblock interrupts
     try:
         while waiting_records or running_workers:
-            with interrupts_held_back():  # until the worker is in `running_workers`, where `finally` ends it
+            with interrupts_held_back():  # `finally` ends only the workers in `running_workers`
                 while waiting_records and len(running_workers) < processes:
                     worker = _start_worker(waiting_records.pop(), staging / str(len(waiting_records)), backend)
                     running_workers[worker.report_connection] = worker
@@ -165,7 +165,7 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
 
 
 def _backend(trials: Sequence[AnyTrial]) -> str | None:
-    """Return the graphics backend that draws the frames of trials; None if no trial draws any.
+    """Return the graphics backend that draws the frames of trials. Return None if no trial draws frames.
 
     The backend is determined once here, so that the processes of trials need not try backends again.
 
@@ -193,9 +193,9 @@ def _start_worker(record: TrialRecord, staging: Path, backend: str | None) -> _W
 def _memory_kept() -> Iterator[None]:
     """Let a process that is started within the block keep the memory that it frees.
 
-    Perception allocates and frees pictures of one megabyte all the time. By default, GNU's C library returns each of
-    them to the system, and the system clears every page at the next allocation. Clearing takes as long as the work on
-    the picture.
+    Perception allocates and frees pictures of one megabyte all the time. By default, GNU's C library returns the memory
+    of each picture to the system, and the system clears every page at the next allocation. Clearing takes as long as
+    the work on the picture.
     """
     before = os.environ.get(_TUNABLES_VARIABLE)
     os.environ[_TUNABLES_VARIABLE] = _MEMORY_TUNABLES if before is None else f"{_MEMORY_TUNABLES}:{before}"
@@ -217,7 +217,7 @@ def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
     return TrialError(record.trial, failure.reason, record.error_path)
 
 
-def _end_of(code: int) -> str:
+def _exit_text(code: int) -> str:
     if code >= 0:
         return f"its process ended with exit code {code} and reported nothing"
     hint = ": perhaps there was too little memory" if -code == signal.SIGKILL else ""
@@ -237,7 +237,7 @@ def _run_trial(
     tempfile.tempdir = str(staging)
     report_connection.send(_make_record(record, staging))
     report_connection.close()
-    gc.freeze()  # all memory is freed when the process ends; a last search for reference cycles would take long
+    gc.freeze()  # a last search for reference cycles would take long, and all memory is freed when the process ends
 
 
 def _make_record(record: TrialRecord, staging: Path) -> _Report:
@@ -257,8 +257,8 @@ def _make_record(record: TrialRecord, staging: Path) -> _Report:
 def _is_record_error(error: OSError, folder: Path) -> bool:
     """Return whether an error means that the record could not be written.
 
-    This is so if the file of the error is in the folder of records. An error without a file counts if the disk is full
-    or defective.
+    This is the case if the file of the error is in the folder of records. If the error has no file, it is the case if
+    the disk is full or defective.
     """
     if error.filename is None:
         return error.errno in _DISK_ERROR_NUMBERS

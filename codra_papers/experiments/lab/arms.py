@@ -11,10 +11,10 @@ from typing import Any
 from codra_dsl.integrations.inspection import compile_and_load
 from codra_dsl.language.model import Refresh, Spec
 from codra_dsl.runtime import ContextManager
-from codra_papers.experiments.lab.spec_variants import Naive, Refreshed, SpecEdit
+from codra_papers.experiments.lab.spec_variants import SpecEdit, WithoutConditions, WithRefresh
 
-P1_TRIGGER_S = 7.2
-"""P1, section 4.1: a naive observer's 5006 triggers in 35,806 s of operation."""
+P1_TRIGGER_PERIOD_S = 7.2
+"""The mean time between two triggers of a naive observer in P1, section 4.1: 5006 triggers in 35,806 s of operation."""
 
 
 class Need(StrEnum):
@@ -38,8 +38,8 @@ class Arm:
     need: Need
     edits: tuple[SpecEdit, ...] = ()
 
-    def edited(self, name: str, edit: SpecEdit) -> Arm:
-        """Return an arm with this name that differs from this arm only in one more edit."""
+    def with_edit(self, name: str, edit: SpecEdit) -> Arm:
+        """Return a copy of this arm with another name and one more edit."""
         return replace(self, name=name, edits=(*self.edits, edit))
 
 
@@ -51,12 +51,16 @@ class Observers:
     start: Callable[..., ContextManager[Any, Any]]
 
 
-_PERIODICALLY = Refreshed(refresh=Refresh.PERIODIC)
+_PERIODIC_REFRESH = WithRefresh(refresh=Refresh.PERIODIC)
 
-NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(_PERIODICALLY, Naive()))
-NAIVE_PACED = Arm(name="naive, every 7.2 s", need=Need.EVERYTHING, edits=(_PERIODICALLY, Naive(pause_s=P1_TRIGGER_S)))
-PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=(_PERIODICALLY,))
-NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=(_PERIODICALLY,))
+NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(_PERIODIC_REFRESH, WithoutConditions()))
+NAIVE_PACED = Arm(
+    name="naive, every 7.2 s",
+    need=Need.EVERYTHING,
+    edits=(_PERIODIC_REFRESH, WithoutConditions(pause_s=P1_TRIGGER_PERIOD_S)),
+)
+PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=(_PERIODIC_REFRESH,))
+NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=(_PERIODIC_REFRESH,))
 NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED)
 """The arm with the unchanged spec, which declares how each variable is refreshed."""
 

@@ -1,4 +1,4 @@
-"""Connect the main execution to the arms of an experiment. At most one arm answers; the others only listen."""
+"""Connect the main execution to the arms of an experiment. At most one arm answers; the other arms only observe."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ Manager = ContextManager[Any, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class AskedDecision:
     """A decision of the main execution (P1, Figure 7: the rings).
 
-    From `instant_s` to `answered_s` the main execution asks, waits for observers, and looks if context has no answer.
+    From `instant_s` to `answered_s` the main execution asks and waits for observers. If context has no answer, the
+    main execution looks by itself.
 
     Attributes:
         instant_s: when the main execution needed the variable.
         variable: the variable that the decision needs.
         skill: the skill that was running; empty if there was none.
-        since_s: evidence from before this instant does not count: 0 or less for a preview, the end of the action for a
-            decision that monitors the action.
+        since_s: the earliest instant of evidence that can answer the decision: 0 or less for a preview, the end of the
+            action for a decision that monitors the action.
         held: the reading that each arm held at `instant_s`. The key is the name of the arm.
         answer: the value on which the decision was based.
         answered_s: when the main execution had the answer.
         waited_s: how long the main execution waited for the arm that answers.
         looked_s: how long the robot looked by itself; 0 if context answered.
-        last: the reading of the arm that answers, when it answered or when the robot began to look instead; None if no
-            arm answers.
+        last_reading: the reading of the arm that answers, at the instant when the arm answered or when the robot began
+            to look instead; None if no arm answers.
         has_looked: whether the robot looked by itself.
     """
 
@@ -45,7 +46,7 @@ class Asked:
     answered_s: float
     waited_s: float
     looked_s: float
-    last: Reading[Any] | None
+    last_reading: Reading[Any] | None
     has_looked: bool
 
 
@@ -59,13 +60,13 @@ class SkillSpan:
 
 
 class Fanout:
-    """Passes the skills of the main execution to every arm that follows them, and its values to all arms.
+    """Passes the skills of the main execution to the arms in `following_arms`, and its values to all arms.
 
     One arm answers the decisions. If no arm answers, the robot looks for every decision, as P1's robot did while
-    observers only watched (section 4.1). The actions of the robot then do not depend on any arm.
+    observers only watched (section 4.1). In this case, the actions of the robot do not depend on any arm.
 
     Attributes:
-        asked: the decisions, in order of time.
+        asked_decisions: the decisions, in order of time.
         skills: the skills that ended, in order of time.
     """
 
@@ -74,8 +75,8 @@ class Fanout:
         clock: Clock,
         arms: Mapping[str, Manager],
         *,
-        following: Sequence[str],
-        answering: str | None,
+        following_arms: Sequence[str],
+        answering_arm: str | None,
         decision_s: float = 0.0,
     ) -> None:
         """Connect the arms.
@@ -83,24 +84,24 @@ class Fanout:
         Args:
             clock: the clock of all arms.
             arms: the context managers of the arms. The key is the name of the arm.
-            following: the names of the arms that are notified of skills and of the skills that come next.
-            answering: the name of the arm that answers; None if no arm answers.
+            following_arms: the names of the arms that are notified of skills and of the skills that come next.
+            answering_arm: the name of the arm that answers; None if no arm answers.
             decision_s: how long it takes to ask the arm that answers.
         """
-        self.asked: list[Asked] = []
+        self.asked_decisions: list[AskedDecision] = []
         self.skills: list[SkillSpan] = []
         self._clock = clock
         self._arms = arms
-        self._following = [arms[name] for name in following]
-        self._answering = None if answering is None else arms[answering]
+        self._following_managers = [arms[name] for name in following_arms]
+        self._answering_manager = None if answering_arm is None else arms[answering_arm]
         self._decision_s = decision_s
         self._running_skills: list[str] = []
 
     @contextmanager
     def skill(self, name: str) -> Iterator[ActingSkill]:
-        """Begin a skill with every arm that follows."""
+        """Begin a skill in every arm that follows skills, and end it after the `with` block."""
         with ExitStack() as stack:
-            skills = [stack.enter_context(manager.skill(name)) for manager in self._following]
+            skills = [stack.enter_context(manager.skill(name)) for manager in self._following_managers]
             start_s = self._clock.now_s()
             self._running_skills.append(name)
             try:
@@ -111,7 +112,7 @@ class Fanout:
 
     def expect(self, *skills: str) -> None:
         """Announce which skills come next."""
-        for manager in self._following:
+        for manager in self._following_managers:
             manager.expect(*skills)
 
     def set(self, name: str, value: Any) -> None:
@@ -122,24 +123,27 @@ class Fanout:
     def decide(
         self, name: str, otherwise: Callable[[], Any], *, since_s: float = 0.0, wait_up_to_s: float = 0.0
     ) -> Any:
-        """Let the answering arm decide, or look if no arm answers. Record the reading of every arm at the request."""
+        """Return the answer of the arm that answers, or of a look if no arm answers.
+
+        Record the reading of every arm at the instant of the request.
+        """
         asked_s, held = self._clock.now_s(), {arm: manager.get(name) for arm, manager in self._arms.items()}
-        self._clock.sleep(0.0 if self._answering is None else self._decision_s)
-        waits_from_s = self._clock.now_s()
+        self._clock.sleep(0.0 if self._answering_manager is None else self._decision_s)
+        wait_start_s = self._clock.now_s()
         look_starts: list[tuple[float, Reading[Any] | None]] = []
 
         def look() -> Any:
             look_starts.append((self._clock.now_s(), self._last_reading(name)))
             return otherwise()
 
-        if self._answering is None:
+        if self._answering_manager is None:
             answer = look()
         else:
-            answer = self._answering.decide(name, look, since_s=since_s, wait_up_to_s=wait_up_to_s)
+            answer = self._answering_manager.decide(name, look, since_s=since_s, wait_up_to_s=wait_up_to_s)
         answered_s = self._clock.now_s()
-        looks_from_s, last = look_starts[0] if look_starts else (answered_s, self._last_reading(name))
-        self.asked.append(
-            Asked(
+        look_start_s, last_reading = look_starts[0] if look_starts else (answered_s, self._last_reading(name))
+        self.asked_decisions.append(
+            AskedDecision(
                 instant_s=asked_s,
                 variable=name,
                 skill=self._running_skills[-1] if self._running_skills else "",
@@ -147,24 +151,24 @@ class Fanout:
                 held=held,
                 answer=answer,
                 answered_s=answered_s,
-                waited_s=looks_from_s - waits_from_s,
-                looked_s=answered_s - looks_from_s,
-                last=last,
+                waited_s=look_start_s - wait_start_s,
+                looked_s=answered_s - look_start_s,
+                last_reading=last_reading,
                 has_looked=bool(look_starts),
             )
         )
         return answer
 
     def _last_reading(self, name: str) -> Reading[Any] | None:
-        return None if self._answering is None else self._answering.get(name)
+        return None if self._answering_manager is None else self._answering_manager.get(name)
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:
-        """Hold slots of the answering arm, if there is one. Arms that only listen have their own slots."""
-        return nullcontext() if self._answering is None else self._answering.slot(*resources)
+        """Hold slots of the arm that answers, if there is such an arm. Arms that only observe have their own slots."""
+        return nullcontext() if self._answering_manager is None else self._answering_manager.slot(*resources)
 
 
 class _SharedSkill:
-    """One skill that is running in several arms."""
+    """A skill that is running in several arms."""
 
     def __init__(self, skills: Sequence[ActingSkill]) -> None:
         self._skills = skills

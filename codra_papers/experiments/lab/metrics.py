@@ -27,7 +27,7 @@ class Seconds:
     unknown_s: float = 0.0
 
     def __add__(self, other: Seconds) -> Seconds:
-        """Return the sums of the seconds of both."""
+        """Return the sums of the right, wrong and unknown seconds of both."""
         return Seconds(
             right_s=self.right_s + other.right_s,
             wrong_s=self.wrong_s + other.wrong_s,
@@ -35,13 +35,13 @@ class Seconds:
         )
 
     @property
-    def paper(self) -> Share:
+    def paper_share(self) -> Share:
         """Return the seconds with a right value as a share of the seconds with any value: P1's ratio."""
         return Share(self.right_s, self.right_s + self.wrong_s)
 
     @property
-    def strict(self) -> Share:
-        """Return the seconds with a right value as a share of all seconds: an unknown value counts like a wrong one."""
+    def strict_share(self) -> Share:
+        """Return the seconds with a right value as a share of all seconds, including those with an unknown value."""
         return Share(self.right_s, self.right_s + self.wrong_s + self.unknown_s)
 
 
@@ -62,8 +62,8 @@ class Window:
     """The part of a run in which its arms are compared on a variable.
 
     Attributes:
-        start_s: the instant from which on all arms that are not left out have identified the variable; None if no arm
-            identified it.
+        start_s: the first instant at which every arm that is not left out has identified the variable; None if no arm
+            identified the variable.
         left_out: the arms that never identified the variable.
     """
 
@@ -81,7 +81,7 @@ def window(outcome: Outcome, variable: str) -> Window:
 
 
 def in_window(outcome: Outcome, variable: str, arm: str) -> Seconds | None:
-    """Return the seconds of an arm in the window of a variable; None if there is no window or the arm is left out."""
+    """Return the seconds of an arm in the window of a variable, or None if the arm is left out of the window."""
     common = window(outcome, variable)
     if common.start_s is None or arm in common.left_out:
         return None
@@ -89,8 +89,8 @@ def in_window(outcome: Outcome, variable: str, arm: str) -> Seconds | None:
 
 
 def total(seconds_of_runs: Iterable[Seconds | None]) -> Seconds:
-    """Return the sum of an arm's seconds over runs. A run with None, in which the arm was left out, adds nothing."""
-    return sum((run_seconds for run_seconds in seconds_of_runs if run_seconds is not None), Seconds())
+    """Return the sum of an arm's seconds over runs. Runs in which the arm was left out (None) add nothing."""
+    return sum((seconds_of_run for seconds_of_run in seconds_of_runs if seconds_of_run is not None), Seconds())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,8 +98,8 @@ class Causes:
     """How long held values were wrong, by cause.
 
     Attributes:
-        seen_wrongly_s: the value was already wrong at the instant of its evidence.
-        changed_since_s: the value was true at the instant of its evidence.
+        seen_wrongly_s: the time with values that were already wrong at the instant of their evidence.
+        changed_since_s: the time with values that were true at the instant of their evidence.
     """
 
     seen_wrongly_s: float
@@ -128,7 +128,7 @@ class Lags:
     unseen: int = 0
 
     def __add__(self, other: Lags) -> Lags:
-        """Return the delays and the unseen changes of both."""
+        """Return the delays of both, and the sum of the unseen changes."""
         return Lags(seen_s=self.seen_s + other.seen_s, unseen=self.unseen + other.unseen)
 
     def quantile_s(self, share: float) -> float | None:
@@ -137,7 +137,7 @@ class Lags:
 
 
 def lags(held: Sequence[Piece], truth: Sequence[Piece]) -> Lags:
-    """Return the delays between changes of the truth and the instants at which the held value was the new one."""
+    """Return the delays between changes of the truth and the first instants at which the new value was held."""
     seen_s: list[float] = []
     for change in truth[1:]:
         lags_s = (
@@ -151,14 +151,14 @@ def lags(held: Sequence[Piece], truth: Sequence[Piece]) -> Lags:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """The number of decisions by what an arm held when they needed a variable.
+    """Numbers of decisions, distinguished by the value that an arm held when the decision needed a variable.
 
     Attributes:
         right: decisions for which the held value was true.
         wrong: decisions for which the held value was not true.
         fell_back: decisions for which the value was unknown, so that the main execution would look by itself.
-        fresh: decisions for which the value was known from evidence after the monitored action. For a preview, any
-            evidence counts.
+        fresh: decisions for which the value was known from evidence after the monitored action; previews for which the
+            value was known from any evidence.
     """
 
     right: int
@@ -168,12 +168,12 @@ class Answers:
 
 
 def answers(decisions: Iterable[Decision], arm: str) -> Answers:
-    """Return how often an arm held the truth when a decision needed a variable."""
-    needed_decisions = list(decisions)
-    held = [(decision.held[arm], decision.truth) for decision in needed_decisions]
+    """Return how often an arm held a right, wrong or unknown value when a decision needed a variable."""
+    all_decisions = list(decisions)
+    held = [(decision.held[arm], decision.truth) for decision in all_decisions]
     return Answers(
         right=sum(value == fact for value, fact in held if value is not None),
         wrong=sum(value != fact for value, fact in held if value is not None),
         fell_back=sum(value is None for value, _ in held),
-        fresh=sum(decision.fresh[arm] for decision in needed_decisions),
+        fresh=sum(decision.fresh[arm] for decision in all_decisions),
     )

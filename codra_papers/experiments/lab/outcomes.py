@@ -19,14 +19,14 @@ BEFORE_THE_ACTION = "before_the_action"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Basis:
-    """The evidence for a value that was not true when a decision needed it.
+    """The evidence for a value that was not true when a decision needed the value.
 
     Attributes:
         algorithm: the algorithm that took the evidence; `OWN_LOOK` if the main execution looked by itself.
         evidence_s: when the evidence was taken.
         values: the values that the algorithm returned.
-        was_true: whether the value was true at the instant of the evidence. If so, the truth has changed since; if not,
-            the value was seen wrongly.
+        was_true: whether the value was true at the instant of the evidence. If so, the truth has changed since then; if
+            not, the value was seen wrongly.
         frame: the file of the picture, relative to the folder of the trial's frames; empty if there is no picture.
     """
 
@@ -45,13 +45,13 @@ class Decision:
         instant_s: when the main execution asked.
         variable: the variable that the decision needed.
         skill: the skill that was running.
-        is_preview: whether the decision was made before an action, not after it to monitor the action.
+        is_preview: True for a decision before an action; False for a decision after an action, to monitor the action.
         truth: the true value at `instant_s`.
-        held: the value that each arm held at `instant_s`; None if it was unknown.
-        fresh: for each arm, whether its value was known from evidence after the action that the decision monitors. For
-            a preview, any evidence counts.
+        held: the value that each arm held at `instant_s`; None if the value was unknown.
+        fresh: for each arm, whether the value was known from evidence after the action that the decision monitors; for
+            a preview, whether the value was known.
         answer: the value that the main execution used.
-        answered_s: when the main execution had the answer. From `instant_s` to this instant it waited and looked.
+        answered_s: when the main execution had the answer, after it had waited and looked.
         waited_s: how long the main execution waited for the arm that answers.
         looked_s: how long the robot looked by itself.
         has_looked: whether the robot looked by itself, because context had no answer or was not asked.
@@ -104,8 +104,8 @@ class WrongSpan:
     """A span of time in which an arm held a value that was not true.
 
     Attributes:
-        was_true: whether the value was true at the instant of its evidence. If so, the truth has changed since; if not,
-            the value was seen wrongly.
+        was_true: whether the value was true at the instant of its evidence. If so, the truth has changed since then; if
+            not, the value was seen wrongly.
     """
 
     start_s: float
@@ -138,9 +138,9 @@ class Outcome:
 
     Attributes:
         error: the error that ended the main execution early, or None.
-        interruptions: the instants, in s, and the texts of errors after which the main execution started again.
+        interruptions: the errors after which the main execution started again, as (instant in s, text).
         frames: how many frames were rendered for perception.
-        perceived: at how many instants perception took frames.
+        perceived: the number of instants at which perception took frames.
         truth: the true values of each variable.
         skills: the skills of the main execution as (name, start in s, end in s).
         kept: the frames that are stored to be analysed again.

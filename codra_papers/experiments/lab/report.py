@@ -14,20 +14,22 @@ from codra_papers.experiments.lab.tables import score_table, text_table
 from codra_papers.lab.detection.drawing import draw_detections
 
 _JOB_ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
-_TIMES = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot-seconds"})
-_ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these, by observers", "fell_back": "fell back"})
+_TIME_LABELS = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot-seconds"})
+_ANSWER_LABELS = MappingProxyType(
+    {"answered": "from context", OBSERVED: "of these, by observers", "fell_back": "fell back"}
+)
 
 
 def run_text(run: LabRun) -> str:
     """Return the tables of a run."""
-    tables = (_jobs_text(run), _spent_text(run), _decisions_text(run))
+    tables = (_jobs_text(run), _costs_text(run), _decisions_text(run))
     return "\n".join((_summary(run), *(f"{arm.name}\n{score_table(arm.scores)}" for arm in run.arms), *tables))
 
 
 def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iterator[Path]:
     """Write the event log of each arm, the frames with the detected tags drawn into them, and the timeline.
 
-    Yield the path of each file after it was written.
+    Yield the path of each file after the file was written.
 
     Args:
         run: the run to show.
@@ -61,20 +63,20 @@ def _jobs_text(run: LabRun) -> str:
     return text_table(("jobs started", *(arm.name for arm in run.arms)), [*rows, total])
 
 
-def _spent_text(run: LabRun) -> str:
+def _costs_text(run: LabRun) -> str:
     total_cost = sum(run.arms[0].spent.values(), Cost())
     rows = [
         (
             name,
             *(str(getattr(cost, job_end)) for job_end in _JOB_ENDS),
-            *(f"{getattr(cost, time_name):.1f}" for time_name in _TIMES),
+            *(f"{getattr(cost, time_name):.1f}" for time_name in _TIME_LABELS),
         )
         for name, cost in {**run.arms[0].spent, "all": total_cost}.items()
     ]
-    return text_table((f"spent by {run.arms[0].name}", *_JOB_ENDS, *_TIMES.values()), rows)
+    return text_table((f"spent by {run.arms[0].name}", *_JOB_ENDS, *_TIME_LABELS.values()), rows)
 
 
 def _decisions_text(run: LabRun) -> str:
     counts_by_variable = {**run.decisions, "all": sum(run.decisions.values(), Counter())}
-    rows = [(name, *(str(counts[answer]) for answer in _ANSWERS)) for name, counts in counts_by_variable.items()]
-    return text_table(("decisions", *_ANSWERS.values()), rows)
+    rows = [(name, *(str(counts[answer]) for answer in _ANSWER_LABELS)) for name, counts in counts_by_variable.items()]
+    return text_table(("decisions", *_ANSWER_LABELS.values()), rows)

@@ -13,7 +13,7 @@ from random import Random
 from codra_dsl.runtime import MAIN, Clock, Cost, EventLog, Journal, SimClock, WallClock
 from codra_dsl.runtime.journal import Kind
 from codra_papers.experiments.lab.arms import Need, Observers
-from codra_papers.experiments.lab.fanout import Asked, Fanout, Manager, SkillSpan
+from codra_papers.experiments.lab.fanout import AskedDecision, Fanout, Manager, SkillSpan
 from codra_papers.experiments.lab.scoring import Piece, Score, held_pieces, pieces, score
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_papers.experiments.pacing import Pace
@@ -31,7 +31,7 @@ from codra_papers.lab.simulator.world import LabWorld
 OBSERVED = "observed"
 
 PICTURED_VARIABLES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
-"""The variables for which the first frame that was judged wrongly is shown."""
+"""For each of these variables, the first frame that was judged wrongly is shown."""
 
 Work = Callable[[Mission], None]
 """The work of the main execution. It is a frozen value, so that it can be sent to a process and described in a
@@ -60,21 +60,21 @@ class ArmRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabRun:
-    """Everything that a run showed.
+    """The results of a run.
 
     Attributes:
         loops: how many sample-processing loops were completed.
         error: the unrecoverable error that ended the main execution, or None.
         interruptions: the instants and texts of unrecoverable errors after which the main execution started again.
         frames: how many frames were rendered.
-        perceived: at how many instants perception functions took frames.
+        perceived: the number of instants at which perception functions took frames.
         looks_s: the instants of the frames that the main execution took by itself.
         truth: the true values of each variable.
-        asked: the decisions of the main execution.
+        asked_decisions: the decisions of the main execution.
         skills: when each skill of the main execution was running.
-        decisions: for each variable, how many decisions were `answered` from context, how many of the answers came from
-            an observer's evidence (`OBSERVED`) and not from an earlier look of the main execution, and how many
-            decisions `fell_back`. Empty if no arm answers.
+        decisions: for each variable, how many decisions were `answered` from context, and how many `fell_back`.
+            `OBSERVED` is the number of answers that came from an observer's evidence, and not from an earlier look of
+            the main execution. Empty if no arm answers.
         pictures: frames at notable moments. The key is a name that describes the moment.
     """
 
@@ -87,7 +87,7 @@ class LabRun:
     looks_s: Sequence[float]
     arms: Sequence[ArmRun]
     truth: Mapping[str, Sequence[Piece]]
-    asked: Sequence[Asked]
+    asked_decisions: Sequence[AskedDecision]
     skills: Sequence[SkillSpan]
     decisions: Mapping[str, Counter[str]]
     pictures: Mapping[str, Frame]
@@ -116,7 +116,7 @@ class Loops:
 
 
 def notable_moments(run: LabRun) -> Mapping[str, float]:
-    """Return the instants that are worth a picture. The key is a name that gives the reason."""
+    """Return the instants of the frames that are worth a picture. The key is a name that gives the reason."""
     moments: dict[str, float] = {}
     for arm in run.arms:
         moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_marker_instants(arm).items()}
@@ -128,16 +128,18 @@ def notable_moments(run: LabRun) -> Mapping[str, float]:
 
 def _most_marker_instants(arm: ArmRun) -> Mapping[str, float]:
     """Return, for each algorithm, the instant of the evidence with the most markers."""
-    best: dict[str, tuple[int, float]] = {}
+    best_by_algorithm: dict[str, tuple[int, float]] = {}
     for event in arm.record.of(Kind.JOB):
         markers = event.details.get("values", {}).get("markers")
         if event.what == "returned" and isinstance(markers, int):
-            best[event.name] = max(best.get(event.name, (-1, 0.0)), (markers, event.details["evidence_s"][1]))
-    return {name: instant_s for name, (_, instant_s) in sorted(best.items())}
+            best_by_algorithm[event.name] = max(
+                best_by_algorithm.get(event.name, (-1, 0.0)), (markers, event.details["evidence_s"][1])
+            )
+    return {name: instant_s for name, (_, instant_s) in sorted(best_by_algorithm.items())}
 
 
 def _misjudged_instants(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
-    """Return, for each variable, the instant of the first evidence that gave a value which was not true then."""
+    """Return, for each variable, the instant of the first evidence for a value that was not true at this instant."""
     evidence_s_by_variable: dict[str, float] = {}
     for event in arm.record.of(Kind.VARIABLE):
         if event.what == "identified" and event.name in PICTURED_VARIABLES and event.name not in evidence_s_by_variable:
@@ -157,14 +159,15 @@ class LabSettings:
         laboratory: the laboratory in which the robot works.
         duration_s: the maximum duration; None if the run lasts as long as the work takes.
         work: the work of the main execution.
-        answering: the arm that answers the main execution's decisions; None if the robot looks for each decision.
+        answering_arm: the arm that answers the main execution's decisions; None if the robot looks for each decision.
         decision_s: how long it takes the main execution to ask the arm that answers.
-        repair_s: how long someone takes to repair the situation after an unrecoverable error; the work then starts
-            again. None if such an error ends the run (P1, section 4.1). If you set it, also set `duration_s`.
+        repair_s: how long someone takes to repair the situation after an unrecoverable error; after the repair, the
+            work starts again. None if such an error ends the run (P1, section 4.1). If you set `repair_s`, set
+            `duration_s` as well.
         pace: whether simulated time runs as fast as possible or like real time.
         expect: whether the main execution announces the skill that comes next.
-        moments: a function that returns the instants of the frames in `LabRun.pictures`, by name.
-        progress: a function that is called with the present instant now and then.
+        moments: a function that returns a mapping from names to the instants of the frames in `LabRun.pictures`.
+        progress: a function that is called repeatedly with the present instant.
         journal: the journal of the answering arm; None for no journal. The journals of other arms are in the same
             folder, with the name of the arm in the file name.
     """
@@ -173,7 +176,7 @@ class LabSettings:
     laboratory: Laboratory = LABORATORY
     duration_s: float | None = None
     work: Work = ONE_LOOP
-    answering: str | None = None
+    answering_arm: str | None = None
     decision_s: float = 0.0
     repair_s: float | None = None
     pace: Pace = Pace.FAST
@@ -220,7 +223,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             manager.close()  # in real time, jobs would otherwise continue while the run is scored
         truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), list(managers.values()))
         arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
-        answering_manager = managers.get(settings.answering or "")
+        answering_manager = managers.get(settings.answering_arm or "")
         run = LabRun(
             duration_s=end_s,
             loops=mission.loops,
@@ -231,7 +234,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             looks_s=sorted(own_camera.instants_s),
             arms=arms,
             truth=truth,
-            asked=tuple(fanout.asked),
+            asked_decisions=tuple(fanout.asked_decisions),
             skills=tuple(fanout.skills),
             decisions={} if answering_manager is None else _count_decisions(answering_manager.record),
             pictures={},
@@ -245,7 +248,7 @@ class WatchedCamera:
     """A camera that records the instants at which frames are taken.
 
     Attributes:
-        instants_s: the instants so far.
+        instants_s: the instants at which frames were taken until now.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -266,7 +269,7 @@ class WatchedCamera:
 def _make_fanout(
     clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings
 ) -> Fanout:
-    """Declare all variables with the arms that need everything, and connect the main execution to all arms."""
+    """Declare all variables in the arms that need everything, and connect the main execution to all arms."""
     for arm_observers in observers:
         if arm_observers.arm.need is Need.EVERYTHING:
             manager = managers[arm_observers.arm.name]
@@ -275,8 +278,10 @@ def _make_fanout(
     return Fanout(
         clock,
         managers,
-        following=[arm_observers.arm.name for arm_observers in observers if arm_observers.arm.need is Need.ANNOUNCED],
-        answering=settings.answering,
+        following_arms=[
+            arm_observers.arm.name for arm_observers in observers if arm_observers.arm.need is Need.ANNOUNCED
+        ],
+        answering_arm=settings.answering_arm,
         decision_s=settings.decision_s,
     )
 
@@ -291,7 +296,9 @@ def _make_event_log(arm: str, settings: LabSettings) -> EventLog:
     """Return a new event log for an arm. The log keeps all events, because they are scored at the end."""
     if settings.journal is None:
         return EventLog(math.inf)
-    return Journal(settings.journal if arm == settings.answering else arm_journal_path(settings.journal, arm), math.inf)
+    return Journal(
+        settings.journal if arm == settings.answering_arm else arm_journal_path(settings.journal, arm), math.inf
+    )
 
 
 def arm_journal_path(journal: Path, arm: str) -> Path:
@@ -318,10 +325,10 @@ def _execute(
 
 
 def _truth_pieces(spans: Sequence[TruthSpan], managers: Sequence[Manager]) -> Mapping[str, Sequence[Piece]]:
-    """Return the true values of all variables that the spec of some arm models. Without arms, return all values."""
-    variables = tuple(spans[0].values) if spans else ()
-    modelled_variables = {name for manager in managers for name in manager.modelled()} if managers else set(variables)
-    names = [name for name in variables if name in modelled_variables]
+    """Return the true values of the variables that at least one arm's spec models; without arms, of all variables."""
+    all_names = tuple(spans[0].values) if spans else ()
+    modelled_names = {name for manager in managers for name in manager.modelled()} if managers else set(all_names)
+    names = [name for name in all_names if name in modelled_names]
     return {name: pieces([(span.start_s, span.values[name]) for span in spans], spans[-1].end_s) for name in names}
 
 

@@ -1,4 +1,7 @@
-"""Score the held values of an arm against the truth: seconds right, wrong and unknown (P1, section 4.1 and Table 2)."""
+"""Compare the values that an arm held with the truth: how long they were right, wrong and unknown.
+
+P1 does so in section 4.1 and Table 2.
+"""
 
 from __future__ import annotations
 
@@ -62,15 +65,18 @@ def held_pieces(record: EventLog, names: Sequence[str], end_s: float) -> Mapping
 
 
 def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple[Piece, ...]:
-    """Return the pieces between changes, which must be in order of time. Neighbours with equal values are merged."""
-    merged: list[Piece] = []
+    """Return the pieces between `changes`, which must be in order of time.
+
+    Neighbouring pieces with equal values are merged.
+    """
+    merged_pieces: list[Piece] = []
     starts = [start_s for start_s, _ in changes]
     for (start_s, value), next_s in zip(changes, [*starts[1:], end_s], strict=True):
-        if merged and merged[-1].value is value:
-            merged[-1] = Piece(merged[-1].start_s, next_s, value)
+        if merged_pieces and merged_pieces[-1].value is value:
+            merged_pieces[-1] = Piece(merged_pieces[-1].start_s, next_s, value)
         elif next_s > start_s:
-            merged.append(Piece(start_s, next_s, value))
-    return tuple(merged)
+            merged_pieces.append(Piece(start_s, next_s, value))
+    return tuple(merged_pieces)
 
 
 def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: EventLog) -> Score:
@@ -96,7 +102,7 @@ def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: Even
 
 def overlaps(left: Sequence[Piece], right: Sequence[Piece]) -> list[tuple[Piece, Piece, float]]:
     """Return the pairs of pieces that overlap, with the duration of their overlap in s, in order of time."""
-    pairs: list[tuple[Piece, Piece, float]] = []
+    overlapping_pieces: list[tuple[Piece, Piece, float]] = []
     position = 0
     for piece in left:
         while position < len(right) and right[position].end_s <= piece.start_s:
@@ -105,5 +111,5 @@ def overlaps(left: Sequence[Piece], right: Sequence[Piece]) -> list[tuple[Piece,
             other = right[index]
             if other.start_s >= piece.end_s:
                 break
-            pairs.append((piece, other, min(piece.end_s, other.end_s) - max(piece.start_s, other.start_s)))
-    return pairs
+            overlapping_pieces.append((piece, other, min(piece.end_s, other.end_s) - max(piece.start_s, other.start_s)))
+    return overlapping_pieces

@@ -19,13 +19,13 @@ from codra_dsl.language.model import (
 )
 
 SpecEdit = Callable[[Spec], Spec]
-"""Turns a spec into another spec. It is a frozen value, so that it can be sent to a process and described in a
-report."""
+"""A function that turns a spec into another spec. The function is a frozen value, so that it can be sent to a process
+and described in a report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Naive:
-    """Remove all knowledge of when perception can be trusted (P1, section 4.1): the same calls without any condition.
+class WithoutConditions:
+    """Remove all knowledge of when perception can be trusted (P1, section 4.1): functions are called unconditionally.
 
     The functions, their arguments and results, and the meaning of the results for variables stay the same. All skills
     are removed, so every variable that has an algorithm gets its observer.
@@ -37,14 +37,14 @@ class Naive:
     pause_s: float = 0.0
 
     def __str__(self) -> str:
-        """Return the description of the edit in a report."""
+        """Return the description of the edit for a report."""
         pause = f", {self.pause_s} s between two jobs of the vision slot" if self.pause_s else ""
         return f"no conditions{pause}"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec without conditions and skills."""
         algorithms = tuple(self._without_conditions(algorithm) for algorithm in spec.perception)
-        return replace(spec, perception=algorithms, skills=(), observers=_without_pause(spec, algorithms))
+        return replace(spec, perception=algorithms, skills=(), observers=_settings_without_pause(spec, algorithms))
 
     def _without_conditions(self, algorithm: Algorithm) -> Algorithm:
         needs_slot = any(usage.access is Access.SLOT for usage in algorithm.uses)
@@ -52,17 +52,17 @@ class Naive:
         return replace(algorithm, observable_when=(), accept_when=(), min_interval_s=pause_s)
 
 
-def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
+def _settings_without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
     """Return settings that give every tree a period of 0 s and the same priority. Every tree keeps its name."""
-    named_variables = {reference.name for setting in spec.observers for reference in setting.identifies}
+    variables_with_setting = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
     # A tree has the name of its first alternative.
     for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):
         variables = tuple(
             Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
         )
-        if not named_variables & {reference.name for reference in variables}:
-            named_variables |= {reference.name for reference in variables}
+        if not variables_with_setting & {reference.name for reference in variables}:
+            variables_with_setting |= {reference.name for reference in variables}
             settings.append(
                 ObserverSetting(name=algorithm.name, place=algorithm.place, identifies=variables, period_s=0.0)
             )
@@ -70,13 +70,13 @@ def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[Obser
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Refreshed:
+class WithRefresh:
     """Set `refresh` of all variables: `periodic` or `on_event`."""
 
     refresh: Refresh
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the edit for a report."""
         return f"refresh: {self.refresh.value}"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -89,7 +89,7 @@ class WithoutValidity:
     """Let every value stay valid for ever, as P1's flag `known` does (section 3.3)."""
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the edit for a report."""
         return "no valid_for"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -102,7 +102,7 @@ class WithoutChanges:
     """Remove `changes` from all skills: a value that an action makes out of date stays known."""
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the edit for a report."""
         return "no changes"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -111,36 +111,39 @@ class WithoutChanges:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Confirmed:
-    """Require several results to agree before a value is believed, wherever a single condition identifies it.
+class WithConfirmation:
+    """Require several results to agree before a value is accepted, for variables with a condition or a hysteresis.
 
     Attributes:
-        needed: how many of the latest results have to agree.
-        of: how many of the latest results are compared. 1 of 1 removes confirmation.
-        variables: the ends of the names of the variables that need confirmation.
+        needed_results: how many of the compared results have to agree.
+        compared_results: how many of the latest results are compared. 1 of 1 removes confirmation.
+        variables: the suffixes of the names of the variables that need confirmation.
     """
 
-    needed: int
-    of: int
+    needed_results: int
+    compared_results: int
     variables: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Return its description in a report."""
-        return f"confirm: {self.needed} of {self.of} for {', '.join(f'*{name}' for name in self.variables)}"
+        """Return the description of the edit for a report."""
+        return (
+            f"confirm: {self.needed_results} of {self.compared_results} for"
+            f" {', '.join(f'*{name}' for name in self.variables)}"
+        )
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with this `confirm`."""
-        return replace(spec, perception=tuple(map(self._confirmed_algorithm, spec.perception)))
+        return replace(spec, perception=tuple(map(self._with_confirmations, spec.perception)))
 
-    def _confirmed_algorithm(self, algorithm: Algorithm) -> Algorithm:
+    def _with_confirmations(self, algorithm: Algorithm) -> Algorithm:
         entries = (
-            self._with_confirmation(entry) if entry.variable.name.endswith(self.variables) else entry
+            self._confirmed_entry(entry) if entry.variable.name.endswith(self.variables) else entry
             for entry in algorithm.identifies
         )
         return replace(algorithm, identifies=tuple(entries))
 
-    def _with_confirmation(self, entry: Identification) -> Identification:
-        confirm = (self.needed, self.of) if self.of > 1 else None
+    def _confirmed_entry(self, entry: Identification) -> Identification:
+        confirm = (self.needed_results, self.compared_results) if self.compared_results > 1 else None
         if isinstance(entry.by, Hysteresis):
             return replace(entry, by=replace(entry.by, confirm=confirm))
         if isinstance(entry.by, Condition) and confirm:
@@ -150,34 +153,34 @@ class Confirmed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Without:
+class WithoutCondition:
     """Remove a condition from `observable_when` (a precondition) and from `accept_when` (a refinement).
 
     Attributes:
-        algorithm: the end of the names of the algorithms that lose the condition, e.g. `_lid` for the lids of all
+        algorithm: the suffix of the names of the algorithms that lose the condition, e.g. `_lid` for the lids of all
             machines.
-        condition: the end of the text of the condition, e.g. `_lid_in_FOV`.
+        condition: the suffix of the text of the condition, e.g. `_lid_in_FOV`.
     """
 
     algorithm: str
     condition: str
 
     def __str__(self) -> str:
-        """Return its description in a report."""
+        """Return the description of the edit for a report."""
         return f"*{self.algorithm} without *{self.condition}"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec without the condition.
 
         Raises:
-            ValueError: if no algorithm with such a name has the condition.
+            ValueError: if no algorithm with this suffix has the condition.
         """
-        changed = tuple(map(self._without, spec.perception))
-        if changed == spec.perception:
+        algorithms = tuple(map(self._edited_algorithm, spec.perception))
+        if algorithms == spec.perception:
             raise ValueError(f"no algorithm *{self.algorithm} has a condition *{self.condition}")
-        return replace(spec, perception=changed)
+        return replace(spec, perception=algorithms)
 
-    def _without(self, algorithm: Algorithm) -> Algorithm:
+    def _edited_algorithm(self, algorithm: Algorithm) -> Algorithm:
         if not algorithm.name.endswith(self.algorithm):
             return algorithm
         return replace(

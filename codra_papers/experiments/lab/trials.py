@@ -16,7 +16,7 @@ from codra_dsl.runtime import EventLog, Reading
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.lab.arms import Arm, observers
-from codra_papers.experiments.lab.fanout import Asked
+from codra_papers.experiments.lab.fanout import AskedDecision
 from codra_papers.experiments.lab.outcomes import (
     BEFORE_THE_ACTION,
     OWN_LOOK,
@@ -43,7 +43,7 @@ class Trial:
         seed: the seed of all random numbers.
         arms: the arms, which all see the same frames.
         laboratory: the laboratory in which the robot works.
-        answering: the arm that answers the main execution's decisions; None if the robot looks for each decision.
+        answering_arm: the arm that answers the main execution's decisions; None if the robot looks for each decision.
         decision_s: how long it takes to ask the arm that answers.
         repair_s: how long a repair takes after an unrecoverable error; None if such an error ends the run.
         work: the work of the main execution.
@@ -56,7 +56,7 @@ class Trial:
     seed: int
     arms: tuple[Arm, ...]
     laboratory: Laboratory = LABORATORY
-    answering: str | None = None
+    answering_arm: str | None = None
     decision_s: float = 0.0
     repair_s: float | None = None
     work: Work = ONE_LOOP
@@ -84,7 +84,7 @@ def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = la
     Args:
         trial: the trial to run.
         folder: the folder for frames, which is created if there are any frames.
-        progress: a function that is called with the present simulated instant now and then.
+        progress: a function that is called repeatedly with the present simulated instant.
 
     Raises:
         SpecError: if the spec, or the edited spec of an arm, has errors.
@@ -95,7 +95,7 @@ def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = la
         laboratory=trial.laboratory,
         duration_s=trial.duration_s,
         work=trial.work,
-        answering=trial.answering,
+        answering_arm=trial.answering_arm,
         decision_s=trial.decision_s,
         repair_s=trial.repair_s,
         moments=lambda run: _moments(run, trial),
@@ -124,9 +124,9 @@ def store_frame(frame: Frame, path: Path) -> None:
 
 
 def _moments(run: LabRun, trial: Trial) -> Mapping[str, float]:
-    """Return the instants of the frames to store: of evidence for wrong decisions, and evenly spread over the run.
+    """Return the instants of the frames to store. The key is the name of the frame's file.
 
-    The key is the name of the frame's file.
+    These are the frames with the evidence for wrong decisions, and frames that are evenly spread over the run.
     """
     instants = {
         basis.evidence_s
@@ -153,7 +153,7 @@ class _Evidence:
 
 
 def _evenly_spread_evidence(run: LabRun, count: int) -> Sequence[_Evidence]:
-    """Return this number of pieces of evidence from frames, of all arms, evenly spread over a run."""
+    """Return `count` pieces of evidence from frames, evenly spread over a run and from all arms."""
     evidence = [
         _Evidence(arm=arm.name, algorithm=event.name, evidence_s=event.details["evidence_s"][1], values=values)
         for arm in run.arms
@@ -243,11 +243,13 @@ def _kept_frames(run: LabRun, count: int) -> Iterator[KeptFrame]:
 
 def _decisions(run: LabRun, trial: Trial) -> Sequence[Decision]:
     values_by_arm = {arm.name: _returned_values(arm) for arm in run.arms}
-    answering_values = values_by_arm.get(trial.answering or "", {})
+    answering_values = values_by_arm.get(trial.answering_arm or "", {})
     return [
-        _decision(asked, truth, values_by_arm, _wrong_answer(asked, truth, answering_values, run.looks_s))
-        for asked in run.asked
-        if (truth := run.truth.get(asked.variable)) is not None
+        _decision(
+            asked_decision, truth, values_by_arm, _wrong_answer(asked_decision, truth, answering_values, run.looks_s)
+        )
+        for asked_decision in run.asked_decisions
+        if (truth := run.truth.get(asked_decision.variable)) is not None
     ]
 
 
@@ -264,67 +266,75 @@ def _returned_values(arm: ArmRun) -> _ReturnedValues:
 
 
 def _decision(
-    asked: Asked, truth: Sequence[Piece], returned_values: Mapping[str, _ReturnedValues], wrong_answer: Basis | None
+    asked_decision: AskedDecision,
+    truth: Sequence[Piece],
+    returned_values: Mapping[str, _ReturnedValues],
+    wrong_answer: Basis | None,
 ) -> Decision:
-    true_value = value_at(truth, asked.instant_s)
-    held = {arm: reading.content for arm, reading in asked.held.items()}
+    true_value = value_at(truth, asked_decision.instant_s)
+    held = {arm: reading.content for arm, reading in asked_decision.held.items()}
     return Decision(
-        instant_s=asked.instant_s,
-        variable=asked.variable,
-        skill=asked.skill,
-        is_preview=asked.since_s <= 0.0,
+        instant_s=asked_decision.instant_s,
+        variable=asked_decision.variable,
+        skill=asked_decision.skill,
+        is_preview=asked_decision.since_s <= 0.0,
         truth=true_value,
         held=held,
-        fresh={arm: reading.known and reading.evidence_s >= asked.since_s for arm, reading in asked.held.items()},
-        answer=asked.answer,
-        answered_s=asked.answered_s,
-        waited_s=asked.waited_s,
-        looked_s=asked.looked_s,
-        has_looked=asked.has_looked,
-        unanswered=_unanswered_reason(asked),
+        fresh={
+            arm: reading.known and reading.evidence_s >= asked_decision.since_s
+            for arm, reading in asked_decision.held.items()
+        },
+        answer=asked_decision.answer,
+        answered_s=asked_decision.answered_s,
+        waited_s=asked_decision.waited_s,
+        looked_s=asked_decision.looked_s,
+        has_looked=asked_decision.has_looked,
+        unanswered=_unanswered_reason(asked_decision),
         wrong={
             arm: _basis(reading, truth, returned_values[arm])
-            for arm, reading in asked.held.items()
+            for arm, reading in asked_decision.held.items()
             if reading.known and reading.content != true_value
         },
         wrong_answer=wrong_answer,
     )
 
 
-def _unanswered_reason(asked: Asked) -> str:
-    if not asked.has_looked or asked.last is None:
+def _unanswered_reason(asked_decision: AskedDecision) -> str:
+    if not asked_decision.has_looked or asked_decision.last_reading is None:
         return ""
-    return BEFORE_THE_ACTION if asked.last.reason is None else asked.last.reason.value
+    return BEFORE_THE_ACTION if asked_decision.last_reading.reason is None else asked_decision.last_reading.reason.value
 
 
 def _wrong_answer(
-    asked: Asked, truth: Sequence[Piece], returned_values: _ReturnedValues, looks_s: Sequence[float]
+    asked_decision: AskedDecision, truth: Sequence[Piece], returned_values: _ReturnedValues, looks_s: Sequence[float]
 ) -> Basis | None:
     """Return the basis of an answer that was not true when it was given; None if the answer was true or missing."""
-    if asked.answer is None or asked.answer == value_at(truth, asked.answered_s):
+    if asked_decision.answer is None or asked_decision.answer == value_at(truth, asked_decision.answered_s):
         return None
-    if asked.last is not None and not asked.has_looked:
-        return _basis(asked.last, truth, returned_values)
-    own_looks_s = [instant_s for instant_s in looks_s if asked.instant_s <= instant_s <= asked.answered_s]
-    evidence_s = own_looks_s[-1] if own_looks_s else asked.answered_s
+    if asked_decision.last_reading is not None and not asked_decision.has_looked:
+        return _basis(asked_decision.last_reading, truth, returned_values)
+    own_looks_s = [
+        instant_s for instant_s in looks_s if asked_decision.instant_s <= instant_s <= asked_decision.answered_s
+    ]
+    evidence_s = own_looks_s[-1] if own_looks_s else asked_decision.answered_s
     return Basis(
         algorithm=OWN_LOOK,
         evidence_s=evidence_s,
         values={},
-        was_true=value_at(truth, evidence_s) == asked.answer,
+        was_true=value_at(truth, evidence_s) == asked_decision.answer,
         frame=_frame_file(evidence_s) if own_looks_s else "",
     )
 
 
 def _basis(reading: Reading[Any], truth: Sequence[Piece], returned_values: _ReturnedValues) -> Basis:
     values = returned_values.get((reading.source, reading.evidence_s))
-    is_frame = values is not None and "distance" not in values
+    is_from_frame = values is not None and "distance" not in values
     return Basis(
         algorithm=reading.source,
         evidence_s=reading.evidence_s,
         values=dict(values or {}),
         was_true=value_at(truth, reading.evidence_s) == reading.content,
-        frame=_frame_file(reading.evidence_s) if is_frame else "",
+        frame=_frame_file(reading.evidence_s) if is_from_frame else "",
     )
 
 

@@ -25,22 +25,22 @@ def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str],
         weights: the context-variables that the lower half shows.
     """
     run_events = list(events)
-    chosen = [(event.instant_s, str(event.details["action"])) for event in run_events if event.what == _CHOSEN]
+    choices = [(event.instant_s, str(event.details["action"])) for event in run_events if event.what == _CHOSEN]
     figure = Figure(figsize=(10, 6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     _draw(upper, curves(run_events, metrics), "metrics")
     _draw(lower, curves(run_events, weights), "weights of actions")
     for axes in (upper, lower):
-        for instant_s, _ in chosen:
+        for instant_s, _ in choices:
             axes.axvline(instant_s, color="#5a6b75", linewidth=0.8, linestyle=":")
-    for instant_s, action in chosen:
+    for instant_s, action in choices:
         upper.annotate(action, (instant_s, 1.06), fontsize=8, rotation=40, annotation_clip=False)
     lower.set_xlabel("time in s")
     figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
 def curves(events: Iterable[Event], names: Iterable[str]) -> Mapping[str, Curve]:
-    """Return the values of variables, as pairs of an instant and a value; an unknown value is nan."""
+    """Return the values of each variable, as pairs of an instant and a value; an unknown value is NaN."""
     values: dict[str, Curve] = {name: [] for name in names}
     for event in events:
         if event.kind is Kind.VARIABLE and event.name in values:
@@ -50,8 +50,8 @@ def curves(events: Iterable[Event], names: Iterable[str]) -> Mapping[str, Curve]
     return values
 
 
-def _draw(axes: Axes, shown: Mapping[str, Curve], title: str) -> None:
-    for name, curve in shown.items():
+def _draw(axes: Axes, curve_by_name: Mapping[str, Curve], title: str) -> None:
+    for name, curve in curve_by_name.items():
         if curve:
             axes.step(*zip(*curve, strict=True), where="post", label=name.removeprefix("weight_of_"))
     axes.set_ylim(0.0, 1.0)

@@ -1,4 +1,4 @@
-"""A run in the shop: one robot, its knowledge graph, and the people who order at its page."""
+"""A run in the shop: one robot, its knowledge graph, and the people who order on the shop's web page."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class PageSettings:
     """The settings of the picker's page in a run.
 
     Attributes:
-        port: the port of the page; 0 for a free one.
-        opened: called with the URL of the page.
+        port: the port of the page; 0 for a free port.
+        on_opened: a function that is called with the URL of the page when the page is open.
     """
 
     port: int = 0
-    opened: Callable[[str], None] = lambda _: None
+    on_opened: Callable[[str], None] = lambda _: None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,10 +47,11 @@ class StoreRunSettings:
     Attributes:
         shop: the situation and the seed of the shop.
         duration_s: how long the run lasts; infinite for a run that lasts until it is interrupted.
-        progress: called repeatedly with the present instant.
+        progress: a function that is called repeatedly with the present instant.
         journal: the file of the journal; None for no journal.
         page: the settings of the picker's page; None for no page.
-        opened: called with the shop before anything happens there, e.g. to observe the shop or to schedule more events.
+        on_opened: a function that is called with the shop before anything happens there, e.g. to observe the shop or to
+            schedule more events.
     """
 
     shop: StoreSettings = field(default_factory=StoreSettings)
@@ -59,7 +60,7 @@ class StoreRunSettings:
     progress: Callable[[float], None] = lambda _: None
     journal: Path | None = None
     page: PageSettings | None = None
-    opened: Callable[[Store], None] = lambda _: None
+    on_opened: Callable[[Store], None] = lambda _: None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +69,7 @@ class StoreRun:
 
     Attributes:
         orders: how many orders ended in each state.
-        record: the events of the run; of a very long run, only the latest.
+        record: the events of the run; for a very long run, only the latest events.
     """
 
     duration_s: float
@@ -78,32 +79,33 @@ class StoreRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compiled:
+class CompiledSpec:
     """The compiled form of a spec with declarations for everything that the shop's agents write.
 
     Attributes:
-        loops: starts the loops; None if the spec has no loops, so that orders are served in the fixed sequence.
+        loops: a function that starts the loops; None if the spec has no loops, so that orders are served in the fixed
+            sequence.
     """
 
     start: Start
     loops: Loops | None = None
 
     @classmethod
-    def of(cls, package: ModuleType) -> Compiled:
-        """Return the compiled form that is in a generated package."""
+    def of(cls, package: ModuleType) -> CompiledSpec:
+        """Return the compiled form of the spec of a generated package."""
         return cls(start=package.start, loops=getattr(package, "loops", None))
 
 
-def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
+def run_store(compiled: CompiledSpec, settings: StoreRunSettings) -> StoreRun:
     """Let the robot serve orders until time is up, with the loops of its spec or in the fixed sequence.
 
     Args:
-        compiled: the spec.
-        settings: how to run.
+        compiled: the compiled spec.
+        settings: the settings of the run.
 
     Raises:
         LookupError: if the spec does not declare an element that the shop's agents use.
-        PermissionError: if the spec lets others write what belongs to the shop's agents.
+        PermissionError: if, according to the spec, only other agents may write an element that the shop's agents write.
         OSError: if the page's port is in use.
     """
     with ExitStack() as stack:
@@ -111,8 +113,8 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
         record = EventLog() if settings.journal is None else Journal(settings.journal)
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
         store = Store(clock, settings.shop, codra.knowledge)
-        settings.opened(store)
-        serve = _make_serve(compiled, codra, clock, stack)
+        settings.on_opened(store)
+        serve = _serve_function(compiled, codra, clock, stack)
         act = _open_page(store, codra, settings.page, stack)
         real_clock = stack.enter_context(WallClock(start_s=0.0)) if settings.pace is Pace.REAL else None
         Beat(clock, real_clock, lambda: _beat(act, settings.progress, clock))
@@ -121,8 +123,8 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
         return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_order_counts(store), record=record)
 
 
-def _make_serve(
-    compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
+def _serve_function(
+    compiled: CompiledSpec, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
 ) -> Callable[[], None]:
     """Return a function that serves orders until the time of the clock is up."""
     if compiled.loops is None:
@@ -135,13 +137,13 @@ def _make_serve(
 def _open_page(
     store: Store, codra: ContextManager[Any, Any], settings: PageSettings | None, stack: ExitStack
 ) -> Callable[[], None]:
-    """Open the page if there are settings for it, and return a function that serves the page."""
+    """Open the page if there are settings for the page, and return a function that serves it."""
     if settings is None:
         return lambda: None
     from codra_papers.store.page.server import PageServer  # noqa: PLC0415 - its libraries are an optional extra
 
     server = stack.enter_context(PageServer(store, port=settings.port, variables=codra.model.variables))
-    settings.opened(server.url)
+    settings.on_opened(server.url)
     return server.desk.serve
 
 

@@ -1,1 +1,1 @@
-"""The experiments that `codra experiment` lists: each module or package here with an `EXPERIMENT`."""
+"""The experiments that `codra experiment` lists: each module or package in this folder that has an `EXPERIMENT`."""

@@ -1,4 +1,4 @@
-"""`lab-budgets`: how much knowledge is left to each arm if more and more machines share one vision slot?"""
+"""`lab-budgets`: how much knowledge does each arm keep if more and more machines share one vision slot?"""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from codra_papers.experiments.lab.arms import NAIVE, NEED, PRECONDITIONS
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
-    IN_VIEW,
     LIDS_AND_LATCHES,
+    VIEW_VARIABLES,
     ArmComparison,
     arm_comparison_tables,
     arm_comparisons,
@@ -22,7 +22,7 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
     runs_sentence,
 )
 from codra_papers.experiments.studies.beyond.curves import Curve, Point, curves
-from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with, use_line
+from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHINES, spec_with, use_line
 from codra_papers.experiments.studies.beyond.workloads import Tending
 from codra_papers.experiments.studies.robustness.findings import vision_algorithms
 from codra_papers.experiments.studies.robustness.tables import arms_table
@@ -31,33 +31,33 @@ from codra_papers.lab.simulator.laboratory import LABORATORY
 
 ARMS = (NAIVE, PRECONDITIONS, NEED)
 
-MACHINES = (2, 4, 8)
-"""The numbers of machines, including the two of the protocol."""
+MACHINE_COUNTS = (2, 4, 8)
+"""The numbers of machines. The protocol has two machines."""
 
 _NOTE = (
-    "Two machines are those of the protocol; the others are in free places of the same room, each added to the "
-    "spec by one line under 'use'. The robot always tends the PCR-cycler and the centrifuge, and looks by itself for "
-    "each of its decisions. All observers of an arm share the one vision slot of the arm."
+    "Two machines are those of the protocol. The others are in free places of the same room; each of them is added to "
+    "the spec by one line under 'use'. The robot always tends the PCR-cycler and the centrifuge, and looks by itself "
+    "for each of its decisions. All observers of an arm share the one vision slot of the arm."
 )
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run for each number of machines and seed.
+    """Return one run for each number of machines and each seed.
 
     Raises:
-        SpecError: if the spec has errors, or no block for the lines.
+        SpecError: if the spec has errors, or no block of lines under `use`.
         OSError: if a spec cannot be written.
     """
     return [
         Trial(
             name=f"machines-{count}-run-{seed}",
-            spec=spec_with(settings.spec, FURTHER[: count - 2], settings.folder / "specs" / str(count)),
+            spec=spec_with(settings.spec, FURTHER_MACHINES[: count - 2], settings.folder / "specs" / str(count)),
             seed=seed,
             arms=ARMS,
-            laboratory=LABORATORY.with_machines(*FURTHER[: count - 2]),
+            laboratory=LABORATORY.with_machines(*FURTHER_MACHINES[: count - 2]),
             work=Tending(machines=(PCR_CYCLER, CENTRIFUGE)),
         )
-        for count in MACHINES
+        for count in MACHINE_COUNTS
         for seed in reported_seeds(settings)
     ]
 
@@ -66,37 +66,42 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """Return the report on the outcomes of `trials`.
 
     Raises:
-        SpecError: if the spec has errors, or no block for the lines.
+        SpecError: if the spec has errors, or no block of lines under `use`.
         OSError: if a spec cannot be written.
     """
-    vision = {trial.name: vision_algorithms(read_spec(trial.spec)) for trial in trials(settings)}
-    by_count = {
+    slot_algorithms = {trial.name: vision_algorithms(read_spec(trial.spec)) for trial in trials(settings)}
+    outcomes_by_count = {
         count: [outcome for name, outcome in outcomes.items() if name.startswith(f"machines-{count}-")]
-        for count in MACHINES
+        for count in MACHINE_COUNTS
     }
-    lids, views = (
-        {count: arm_comparisons(runs, names, NAIVE.name, vision[runs[0].name]) for count, runs in by_count.items()}
-        for names in (LIDS_AND_LATCHES, IN_VIEW)
+    lid_comparisons, view_comparisons = (
+        {
+            count: arm_comparisons(runs, names, NAIVE.name, slot_algorithms[runs[0].name])
+            for count, runs in outcomes_by_count.items()
+        }
+        for names in (LIDS_AND_LATCHES, VIEW_VARIABLES)
     )
     return Document(
         title="lab-budgets: more machines, one vision slot",
-        summary=(*_summary(lids), runs_sentence(list(outcomes.values()))),
-        sections=tuple(_sections(lids, views)),
+        summary=(*_summary(lid_comparisons), runs_sentence(list(outcomes.values()))),
+        sections=tuple(_sections(lid_comparisons, view_comparisons)),
         results={
-            "lines": [use_line(machine) for machine in FURTHER],
+            "lines": [use_line(machine) for machine in FURTHER_MACHINES],
             "lids_and_latches": {
-                str(count): arm_comparisons_as_data(comparisons) for count, comparisons in lids.items()
+                str(count): arm_comparisons_as_data(comparisons) for count, comparisons in lid_comparisons.items()
             },
-            "in_view": {str(count): arm_comparisons_as_data(comparisons) for count, comparisons in views.items()},
+            "in_view": {
+                str(count): arm_comparisons_as_data(comparisons) for count, comparisons in view_comparisons.items()
+            },
         },
     )
 
 
-_ByCount = Mapping[int, Sequence[ArmComparison]]
+_ComparisonsByCount = Mapping[int, Sequence[ArmComparison]]
 
 
-def _summary(lids: _ByCount) -> Iterator[str]:
-    for count, comparisons in lids.items():
+def _summary(lid_comparisons: _ComparisonsByCount) -> Iterator[str]:
+    for count, comparisons in lid_comparisons.items():
         for comparison in comparisons:
             if comparison.paper_difference is not None and comparison.strict_difference is not None:
                 lag_s = comparison.lags.quantile_s(0.5)
@@ -112,28 +117,34 @@ def _seconds_text(lag_s: float | None) -> str:
     return "none" if lag_s is None else f"{lag_s:.1f} s"
 
 
-def _sections(lids: _ByCount, views: _ByCount) -> Iterator[Section]:
-    use_lines = Words(text="The lines, in order: " + "; ".join(use_line(machine) for machine in FURTHER) + ".")
+def _sections(lid_comparisons: _ComparisonsByCount, view_comparisons: _ComparisonsByCount) -> Iterator[Section]:
+    use_lines = Words(text="The lines, in order: " + "; ".join(use_line(machine) for machine in FURTHER_MACHINES) + ".")
     yield Section(title="Arms", parts=(Words(text=_NOTE), use_lines, arms_table(ARMS)))
-    yield Section(title="Over the number of machines", parts=(_strict_ratio_drawing(lids),))
+    yield Section(title="Over the number of machines", parts=(_strict_ratio_drawing(lid_comparisons),))
     caption = (
-        "{}, {} machines, over all runs. Differences are to naive observers, with 95 % intervals over paired runs."
+        "{}, {} machines, over all runs. Differences are relative to naive observers, with 95 % intervals over paired "
+        "runs."
     )
-    for count in lids:
+    for count in lid_comparisons:
         parts = (
-            *arm_comparison_tables(lids[count], caption.format("Lids and latches of the two tended machines", count)),
-            *arm_comparison_tables(views[count], caption.format("Their bases and lids in view", count)),
+            *arm_comparison_tables(
+                lid_comparisons[count], caption.format("Lids and latches of the two tended machines", count)
+            ),
+            *arm_comparison_tables(
+                view_comparisons[count],
+                caption.format("Bases and lids of the two tended machines in view", count),
+            ),
         )
         yield Section(title=f"{count} machines", parts=parts)
 
 
-def _strict_ratio_drawing(lids: _ByCount) -> Drawing:
+def _strict_ratio_drawing(lid_comparisons: _ComparisonsByCount) -> Drawing:
     strict_ratios = [
         Curve(
             name=arm.name,
             points=tuple(
                 Point(x=count, y=_comparison_of(comparisons, arm.name).strict_ratio)
-                for count, comparisons in lids.items()
+                for count, comparisons in lid_comparisons.items()
             ),
         )
         for arm in ARMS

@@ -27,7 +27,7 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Disturbance, LidMo
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
 LID = f"{PCR_CYCLER}_open"
-WATCHED = (LID, f"{PCR_CYCLER}_locked", f"{PCR_CYCLER}_base_in_FOV", f"{PCR_CYCLER}_lid_in_FOV")
+WATCHED_VARIABLES = (LID, f"{PCR_CYCLER}_locked", f"{PCR_CYCLER}_base_in_FOV", f"{PCR_CYCLER}_lid_in_FOV")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,13 +36,13 @@ class Episode:
 
     Attributes:
         start_s: when the disturbance begins.
-        over_s: when the disturbance is over.
+        disturbance_end_s: when the disturbance is over.
         until_s: the end of the quiet time, in which beliefs are still judged.
     """
 
     name: str
     start_s: float
-    over_s: float
+    disturbance_end_s: float
     until_s: float
     disturbances: tuple[Disturbance, ...]
 
@@ -51,35 +51,35 @@ EPISODES = (
     Episode(
         name="the light goes down",
         start_s=800.0,
-        over_s=861.0,
+        disturbance_end_s=861.0,
         until_s=940.0,
         disturbances=(LightDown(at_s=800.0, lasts_s=60.0, light=0.02),),
     ),
     Episode(
         name="a person stands before the camera",
         start_s=940.0,
-        over_s=1002.0,
+        disturbance_end_s=1002.0,
         until_s=1080.0,
         disturbances=(PersonBefore(at_s=940.0, lasts_s=60.0),),
     ),
     Episode(
         name="somebody closes the lid",
         start_s=1080.0,
-        over_s=1083.0,
+        disturbance_end_s=1083.0,
         until_s=1160.0,
         disturbances=(LidMoved(at_s=1080.0, machine=PCR_CYCLER, open_share=0.0),),
     ),
     Episode(
         name="somebody opens the lid",
         start_s=1160.0,
-        over_s=1163.0,
+        disturbance_end_s=1163.0,
         until_s=1240.0,
         disturbances=(LidMoved(at_s=1160.0, machine=PCR_CYCLER, open_share=1.0),),
     ),
     Episode(
         name="behind a person, somebody closes the lid",
         start_s=1240.0,
-        over_s=1302.0,
+        disturbance_end_s=1302.0,
         until_s=1380.0,
         disturbances=(
             PersonBefore(at_s=1240.0, lasts_s=60.0),
@@ -87,19 +87,20 @@ EPISODES = (
         ),
     ),
 )
-"""The episodes of each run, at the same instants: late enough that one or two failed actions are repaired before."""
+"""The episodes, which are at the same instants in every run. Before the first episode, there is time to repair one or
+two failed actions."""
 
 _NOTE = (
     "The robot opens the PCR-cycler, draws its arm back, and waits beside the machine, where its camera sees the "
-    "complete machine. Then all arms of the experiment see the same disturbances, and at the end the robot closes the "
-    "machine if it is open. The robot looks by itself for each of its own decisions. No arm is informed of a "
-    "disturbance. Disturbances follow one another: an arm that never noticed that the lid was closed is right again by "
-    "itself once somebody opens the lid."
+    "complete machine. Then all arms of the experiment see the same disturbances. At the end the robot closes the "
+    "machine if it is open. The robot looks by itself for each of its decisions. No arm is informed of a "
+    "disturbance. Disturbances follow one another, so an arm that never noticed that the lid was closed is right "
+    "again, without a new observation, when somebody opens the lid."
 )
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run per seed, with all disturbances in it."""
+    """Return one run per seed. Each run has all disturbances."""
     laboratory = replace(
         LABORATORY, disturbances=tuple(disturbance for episode in EPISODES for disturbance in episode.disturbances)
     )
@@ -121,22 +122,22 @@ class Belief:
     """The values of a variable that an arm held in one episode, over runs.
 
     Attributes:
-        during: while the disturbance lasted.
-        after: from its end on.
+        seconds_during: how long the values were right, wrong and unknown while the disturbance lasted.
+        seconds_after: the same, from the end of the disturbance to the end of the episode.
         right_again_s: for each run, the time from the beginning of the disturbance until the arm was right and stayed
-            right; None if the arm was not right at the end.
+            right; None if the arm was not right at the end of the episode.
     """
 
     episode: Episode
     variable: str
     arm: str
-    during: Seconds
-    after: Seconds
+    seconds_during: Seconds
+    seconds_after: Seconds
     right_again_s: Sequence[float | None]
 
 
 def belief_in(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm: str) -> Belief:
-    """Return the values that an arm held in the runs that lasted through an episode."""
+    """Return the values that an arm held in an episode. Runs that ended before the end of the episode are left out."""
     pairs = [
         (outcome.arms[arm].held[variable], outcome.truth[variable])
         for outcome in outcomes
@@ -146,8 +147,12 @@ def belief_in(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm:
         episode=episode,
         variable=variable,
         arm=arm,
-        during=total(_seconds_within(held, truth, episode.start_s, episode.over_s) for held, truth in pairs),
-        after=total(_seconds_within(held, truth, episode.over_s, episode.until_s) for held, truth in pairs),
+        seconds_during=total(
+            _seconds_within(held, truth, episode.start_s, episode.disturbance_end_s) for held, truth in pairs
+        ),
+        seconds_after=total(
+            _seconds_within(held, truth, episode.disturbance_end_s, episode.until_s) for held, truth in pairs
+        ),
         right_again_s=[right_again_s(held, truth, episode.start_s, episode.until_s) for held, truth in pairs],
     )
 
@@ -160,23 +165,25 @@ def _seconds_within(held: Sequence[Piece], truth: Sequence[Piece], start_s: floa
 
 
 def right_again_s(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> float | None:
-    """Return how long after `start_s` a held value became right and stayed right until `end_s`; None if it did not.
+    """Return how long after `start_s` a held value became right and stayed right until `end_s`.
 
-    An unknown value is not right.
+    Return None if the value was not right at `end_s`. An unknown value is not right.
     """
-    last_s = start_s
+    right_since_s = start_s
     for piece, fact, _ in overlaps(held, truth):
         until_s = min(piece.end_s, fact.end_s, end_s)
-        if until_s > last_s and max(piece.start_s, fact.start_s) < end_s and piece.value != fact.value:
-            last_s = until_s
-    return None if last_s >= end_s else last_s - start_s
+        if until_s > right_since_s and max(piece.start_s, fact.start_s) < end_s and piece.value != fact.value:
+            right_since_s = until_s
+    return None if right_since_s >= end_s else right_since_s - start_s
 
 
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """Return the report on the outcomes of `trials`."""
     del settings
     runs = list(outcomes.values())
-    beliefs = [belief_in(runs, episode, name, arm.name) for episode in EPISODES for name in WATCHED for arm in ARMS]
+    beliefs = [
+        belief_in(runs, episode, name, arm.name) for episode in EPISODES for name in WATCHED_VARIABLES for arm in ARMS
+    ]
     return Document(
         title="lab-disturbances: what observers believe when somebody else interferes",
         summary=(*_summary(beliefs), runs_sentence(runs)),
@@ -191,7 +198,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
                         name,
                         "The true value and the value of each arm. The background is red while the value is wrong.",
                     )
-                    for name in (LID, WATCHED[2])
+                    for name in (LID, WATCHED_VARIABLES[2])
                 ),
             ),
         ),
@@ -203,25 +210,25 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
 
 def _section(episode: Episode, beliefs: Sequence[Belief]) -> Section:
     caption = (
-        f"From {episode.start_s:g} s to {episode.over_s:g} s, and after it to {episode.until_s:g} s: seconds over all "
-        "runs. Marked: seconds wrong."
+        f"Seconds over all runs, during the disturbance ({episode.start_s:g} s to {episode.disturbance_end_s:g} s) and "
+        f"after it (to {episode.until_s:g} s). Seconds with a wrong value are marked."
     )
-    rows = [_believed_row(belief) for belief in beliefs]
+    rows = [_seconds_row(belief) for belief in beliefs]
     header = ("variable", "arm", "during: right s", "wrong s", "unknown s", "after: right s", "wrong s", "unknown s")
     marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
     right_again_table = plain_table(
-        "Right again: mean time from the beginning until the arm was right and stayed right, over the runs in which "
-        "this was before the next disturbance; unknown is not right. Minus naive: the difference to naive observers, "
-        "with 95 % intervals over the runs in which both were right again.",
-        ("variable", "arm", "right again s", "minus naive s", "runs never"),
-        [_again_row(belief, _naive_belief(beliefs, belief.variable)) for belief in beliefs],
+        "Right again: the mean time from the beginning of the disturbance until the arm was right and stayed right, "
+        "over the runs in which this happened before the next disturbance; an unknown value is not right. Minus naive: "
+        "the difference to naive observers, with 95 % intervals over the runs in which both arms were right again.",
+        ("variable", "arm", "right again s", "minus naive s", "runs never right again"),
+        [_right_again_row(belief, _naive_belief(beliefs, belief.variable)) for belief in beliefs],
     )
     parts = (Table(caption=caption, header=header, rows=rows, marked=marked), right_again_table)
     return Section(title=episode.name.capitalize(), parts=parts)
 
 
-def _believed_row(belief: Belief) -> Sequence[Cell]:
-    during, after = belief.during, belief.after
+def _seconds_row(belief: Belief) -> Sequence[Cell]:
+    during, after = belief.seconds_during, belief.seconds_after
     return (
         label(belief.variable),
         belief.arm,
@@ -230,7 +237,7 @@ def _believed_row(belief: Belief) -> Sequence[Cell]:
     )
 
 
-def _again_row(belief: Belief, naive: Belief) -> Sequence[Cell]:
+def _right_again_row(belief: Belief, naive: Belief) -> Sequence[Cell]:
     durations_s = [duration_s for duration_s in belief.right_again_s if duration_s is not None]
     return (
         label(belief.variable),
@@ -248,32 +255,34 @@ def _naive_belief(beliefs: Sequence[Belief], variable: str) -> Belief:
 def _delay_against(belief: Belief, other: Belief) -> Estimate:
     """Return how much later one arm was right again than another, over the runs in which both were right again."""
     pairs = zip(belief.right_again_s, other.right_again_s, strict=True)
-    both = [left - right for left, right in pairs if left is not None and right is not None]
-    return mean_interval(both) if both else Estimate(value=None, low=None, high=None)
+    delays_s = [own_s - other_s for own_s, other_s in pairs if own_s is not None and other_s is not None]
+    return mean_interval(delays_s) if delays_s else Estimate(value=None, low=None, high=None)
 
 
 def _summary(beliefs: Sequence[Belief]) -> Iterator[str]:
     for episode in EPISODES:
-        lids = [belief for belief in beliefs if belief.episode is episode and belief.variable == LID]
-        episode_text = f"{episode.name.capitalize()}, {len(lids[0].right_again_s)} runs"
-        if not any(_wrong_s(belief) for belief in lids):
-            yield f"{episode_text}: no arm was wrong about {label(LID)} for any time."
+        lid_beliefs = [belief for belief in beliefs if belief.episode is episode and belief.variable == LID]
+        episode_text = f"{episode.name.capitalize()}, {len(lid_beliefs[0].right_again_s)} runs"
+        if not any(_wrong_s(belief) for belief in lid_beliefs):
+            yield f"{episode_text}: no arm was wrong about {label(LID)} at any time."
         else:
             beliefs_text = "; ".join(
-                f"{lid.arm}, {_wrong_s(lid):.0f} s wrong, {_right_again_text(lid)}" for lid in lids
+                f"{belief.arm}, {_wrong_s(belief):.0f} s wrong, {_right_again_text(belief)}" for belief in lid_beliefs
             )
             yield f"{episode_text}: {beliefs_text}."
 
 
 def _wrong_s(belief: Belief) -> float:
-    return belief.during.wrong_s + belief.after.wrong_s
+    return belief.seconds_during.wrong_s + belief.seconds_after.wrong_s
 
 
 def _right_again_text(belief: Belief) -> str:
     durations_s = [duration_s for duration_s in belief.right_again_s if duration_s is not None]
-    never = len(belief.right_again_s) - len(durations_s)
-    mean = f"right again after {math.fsum(durations_s) / len(durations_s):.1f} s" if durations_s else "not right again"
-    return f"{mean} ({never} of {len(belief.right_again_s)} runs never)" if durations_s and never else mean
+    never_count = len(belief.right_again_s) - len(durations_s)
+    text = f"right again after {math.fsum(durations_s) / len(durations_s):.1f} s" if durations_s else "not right again"
+    return (
+        f"{text} (never in {never_count} of {len(belief.right_again_s)} runs)" if durations_s and never_count else text
+    )
 
 
 def _as_data(belief: Belief) -> Mapping[str, Any]:
@@ -281,11 +290,15 @@ def _as_data(belief: Belief) -> Mapping[str, Any]:
         "variable": label(belief.variable),
         "arm": belief.arm,
         "during_s": {
-            "right": belief.during.right_s,
-            "wrong": belief.during.wrong_s,
-            "unknown": belief.during.unknown_s,
+            "right": belief.seconds_during.right_s,
+            "wrong": belief.seconds_during.wrong_s,
+            "unknown": belief.seconds_during.unknown_s,
         },
-        "after_s": {"right": belief.after.right_s, "wrong": belief.after.wrong_s, "unknown": belief.after.unknown_s},
+        "after_s": {
+            "right": belief.seconds_after.right_s,
+            "wrong": belief.seconds_after.wrong_s,
+            "unknown": belief.seconds_after.unknown_s,
+        },
         "right_again_s": list(belief.right_again_s),
     }
 

@@ -12,59 +12,59 @@ from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.lab.arms import NAIVE, Arm, Need
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.spec_variants import (
-    Confirmed,
-    Refreshed,
     SpecEdit,
+    WithConfirmation,
     WithoutChanges,
     WithoutValidity,
+    WithRefresh,
 )
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
-    IN_VIEW,
     LIDS_AND_LATCHES,
+    VIEW_VARIABLES,
     ArmComparison,
     arm_comparison_tables,
     arm_comparisons,
     arm_comparisons_as_data,
     runs_sentence,
 )
-from codra_papers.experiments.studies.beyond.workloads import both_and_back
+from codra_papers.experiments.studies.beyond.workloads import return_visit_trials
 from codra_papers.experiments.studies.robustness.findings import vision_algorithms
 from codra_papers.experiments.studies.robustness.tables import arms_table
 
-UNCHANGED = Arm(name="as it stands", need=Need.ANNOUNCED)
+UNCHANGED_ARM = Arm(name="as it stands", need=Need.ANNOUNCED)
 
-_JUDGED = ("_open", "_locked")
+_JUDGED_SUFFIXES = ("_open", "_locked")
 
 OPTIONS: Mapping[str, SpecEdit] = {
     "without validity": WithoutValidity(),
     "without changes": WithoutChanges(),
-    "without confirmation": Confirmed(needed=1, of=1, variables=_JUDGED),
-    "confirmed, 2 of 2": Confirmed(needed=2, of=2, variables=_JUDGED),
-    "confirmed, 2 of 3": Confirmed(needed=2, of=3, variables=_JUDGED),
-    "periodic": Refreshed(refresh=Refresh.PERIODIC),
-    "on event": Refreshed(refresh=Refresh.ON_EVENT),
+    "without confirmation": WithConfirmation(needed_results=1, compared_results=1, variables=_JUDGED_SUFFIXES),
+    "confirmed, 2 of 2": WithConfirmation(needed_results=2, compared_results=2, variables=_JUDGED_SUFFIXES),
+    "confirmed, 2 of 3": WithConfirmation(needed_results=2, compared_results=3, variables=_JUDGED_SUFFIXES),
+    "periodic": WithRefresh(refresh=Refresh.PERIODIC),
+    "on event": WithRefresh(refresh=Refresh.ON_EVENT),
 }
-"""The options, each changed alone: an option is switched on if it is off in the spec, and off if it is on."""
+"""The options. An arm changes one option: it switches the option on if it is off in the spec, and off if it is on."""
 
 _NOTE = (
     "Each arm changes one option of the spec and nothing else; an option that would not change the spec is left "
-    "out. All arms look only while a skill needs the variable, on the same frames. The main execution looks by itself "
-    "for each of its decisions. It tends the centrifuge, the PCR-cycler and the centrifuge again, which is shorter "
-    "than a loop: no tray is carried and no rotor is turned."
+    "out. All arms see the same frames, and look only while a skill needs the variable. The main execution looks by "
+    "itself for each of its decisions. It tends the centrifuge, the PCR-cycler and the centrifuge again. This takes "
+    "less time than a loop, because no tray is carried and no rotor is turned."
 )
 
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
-    """Return the unchanged spec, the spec with each option changed if that changes it, and naive observers."""
+    """Return the arm with the unchanged spec, an arm for each option that changes the spec, and naive observers."""
     spec = read_spec(settings.spec)
-    changed_arms = [UNCHANGED.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
-    return (UNCHANGED, *changed_arms, NAIVE)
+    changed_arms = [UNCHANGED_ARM.with_edit(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
+    return (UNCHANGED_ARM, *changed_arms, NAIVE)
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return one run per seed, with all arms in it."""
-    return both_and_back(settings, arms(settings))
+    """Return one run per seed. Each run has all arms."""
+    return return_visit_trials(settings, arms(settings))
 
 
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
@@ -73,47 +73,53 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
-    lids, views = (arm_comparisons(runs, names, UNCHANGED.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
-    caption = "{}, over all runs. Differences are to the unchanged spec, with 95 % intervals over paired runs."
+    runs, slot_algorithms = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
+    lid_comparisons, view_comparisons = (
+        arm_comparisons(runs, names, UNCHANGED_ARM.name, slot_algorithms)
+        for names in (LIDS_AND_LATCHES, VIEW_VARIABLES)
+    )
+    caption = "{}, over all runs. Differences are relative to the unchanged spec, with 95 % intervals over paired runs."
     return Document(
         title="lab-options: the effect of each option",
-        summary=(*_summary(lids), runs_sentence(runs)),
+        summary=(*_summary(lid_comparisons), runs_sentence(runs)),
         sections=(
             Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
             Section(
                 title="Lids and latches",
-                parts=arm_comparison_tables(lids, caption.format("Lids and latches of both machines")),
+                parts=arm_comparison_tables(lid_comparisons, caption.format("Lids and latches of both machines")),
             ),
             Section(
                 title="Bases and lids in view",
-                parts=arm_comparison_tables(views, caption.format("Bases and lids in view")),
+                parts=arm_comparison_tables(view_comparisons, caption.format("Bases and lids in view")),
             ),
         ),
-        results={"lids_and_latches": arm_comparisons_as_data(lids), "in_view": arm_comparisons_as_data(views)},
+        results={
+            "lids_and_latches": arm_comparisons_as_data(lid_comparisons),
+            "in_view": arm_comparisons_as_data(view_comparisons),
+        },
     )
 
 
 def _summary(comparisons: Sequence[ArmComparison]) -> Iterator[str]:
-    base = comparisons[0]
+    unchanged_comparison = comparisons[0]
     for comparison in comparisons[1:]:
         if comparison.paper_difference is None or comparison.strict_difference is None:
             continue
         triggers_text = (
             "no triggers to compare"
-            if not base.triggers
-            else f"{comparison.triggers / base.triggers:.2f} times the triggers"
+            if not unchanged_comparison.triggers
+            else f"{comparison.triggers / unchanged_comparison.triggers:.2f} times the triggers"
         )
         yield (
             f"{comparison.arm}: ratio {interval(comparison.paper_difference)}, strict ratio "
             f"{interval(comparison.strict_difference)} against the unchanged spec; {triggers_text}, "
-            f"{comparison.answers.wrong} wrong values at decisions (unchanged: {base.answers.wrong})."
+            f"{comparison.answers.wrong} wrong values at decisions (unchanged: {unchanged_comparison.answers.wrong})."
         )
 
 
 EXPERIMENT = Experiment(
     name="lab-options",
-    question="What do validity, changes, confirmation and refresh on_event each do to what is known?",
+    question="Which effects do validity, changes, confirmation and refresh on_event have on what is known?",
     seeds=6,
     trials=trials,
     judge=judge,

@@ -23,39 +23,39 @@ from codra_papers.experiments.studies.robustness.findings import (
     Runs,
     compare,
     label,
-    paper,
-    strict,
+    paper_share,
+    strict_share,
     vision_algorithms,
 )
-from codra_papers.experiments.studies.robustness.frames import DetectedAgain, detect_again
+from codra_papers.experiments.studies.robustness.frames import RepeatedDetection, detect_again
 from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistakes, mistakes_table, photographs
 
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
 FURTHER_ARMS = tuple(arm for arm in ARMS if arm is not NAIVE_PACED)
-"""The arms of the runs for intervals. The runs of the tables show the effect of P1's pace on naive observers."""
+"""The arms of the runs for intervals. Only the runs of the tables have the naive arm with P1's pace."""
 
-RUNS = 10
+TABLE_RUN_COUNT = 10
 """The number of runs in the tables, as in P1's Table 2."""
 
-FIRST_FURTHER_SEED = FIRST_REPORTED_SEED + RUNS
+FIRST_FURTHER_SEED = FIRST_REPORTED_SEED + TABLE_RUN_COUNT
 """The first seed of the runs for intervals; none of these runs is in a table."""
 
-FRAMES_KEPT = 25
-"""How many frames of each run in the tables are detected again."""
+FRAMES_PER_RUN = 25
+"""The number of frames of each run in the tables in which tags are detected again."""
 
-COMPARED = (
+COMPARED_ARMS = (
     *((arm.name, NAIVE.name) for arm in FURTHER_ARMS if arm is not NAIVE),
     (NEED.name, PRECONDITIONS.name),
     (NEED_ON_EVENT.name, NEED.name),
 )
-"""The pairs of arms with reported differences: each arm, and the arm whose value is subtracted."""
+"""The pairs of arms with reported differences. The value of the second arm is subtracted from that of the first."""
 
 _NOTE = (
-    "All arms watch the same frames of a run, each with a vision slot of its own. The same work started at the same "
-    "instant takes the same time in each arm. The main execution looks by itself for each of its decisions and uses "
-    "none of the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up to the run. "
-    "Ratios over runs are ratios of sums, as in P1's Total."
+    "All arms watch the same frames of a run, each with a vision slot of its own. If several arms start the same work "
+    "at the same instant, it takes the same time in each of them. The main execution looks by itself for each of its "
+    "decisions and uses none of the arms, so a run does not depend on any arm. Right, wrong and unknown seconds add up "
+    "to the duration of the run. Ratios over runs are ratios of sums, as in P1's Total."
 )
 
 
@@ -68,7 +68,7 @@ def trials(settings: Settings) -> Sequence[Trial]:
             spec=settings.spec,
             seed=seed,
             arms=ARMS if seed < FIRST_FURTHER_SEED else FURTHER_ARMS,
-            frames_kept=FRAMES_KEPT if seed < FIRST_FURTHER_SEED else 0,
+            frames_kept=FRAMES_PER_RUN if seed < FIRST_FURTHER_SEED else 0,
         )
         for seed in seeds
     ]
@@ -96,38 +96,40 @@ class _Findings:
     Attributes:
         runs: the runs of the tables.
         further_runs: the runs of the intervals.
-        vision: the algorithms that need the vision slot.
+        slot_algorithms: the algorithms that need the vision slot.
         wrong_values: wrong values at decisions, in the runs of the tables.
     """
 
     runs: Runs
     further_runs: Runs
-    vision: Sequence[str]
+    slot_algorithms: Sequence[str]
     comparisons: Sequence[Comparison]
     wrong_values: Sequence[Mistake]
-    detected_again: Sequence[DetectedAgain]
+    repeated_detections: Sequence[RepeatedDetection]
 
 
 def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     spec = read_spec(settings.spec)
     runs = Runs([outcome for outcome in outcomes.values() if outcome.seed < FIRST_FURTHER_SEED])
-    further = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
+    further_runs = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
     return _Findings(
         runs=runs,
-        further_runs=further,
-        vision=vision_algorithms(spec),
-        comparisons=[compare(further, name, arm, against) for name in VARIABLES for arm, against in COMPARED],
+        further_runs=further_runs,
+        slot_algorithms=vision_algorithms(spec),
+        comparisons=[
+            compare(further_runs, name, arm, other_arm) for name in VARIABLES for arm, other_arm in COMPARED_ARMS
+        ],
         wrong_values=mistakes(runs),
-        detected_again=detect_again(spec, runs.outcomes, settings.folder),
+        repeated_detections=detect_again(spec, runs.outcomes, settings.folder),
     )
 
 
 def _summary(findings: _Findings) -> Iterator[str]:
     yield from summary.ratio_sentences(findings.runs, findings.comparisons)
     yield from summary.cause_sentences(findings.runs)
-    yield from summary.trigger_sentences(findings.runs, findings.vision)
+    yield from summary.trigger_sentences(findings.runs, findings.slot_algorithms)
     yield from summary.decision_sentences(findings.runs, findings.wrong_values)
-    yield from summary.frame_sentences(findings.runs, findings.detected_again)
+    yield from summary.frame_sentences(findings.runs, findings.repeated_detections)
 
 
 def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
@@ -136,41 +138,46 @@ def _sections(settings: Settings, findings: _Findings) -> Iterator[Section]:
     for name in LIDS:
         parts = (tables.table_2(runs, name), tables.table_2_of_the_paper(name))
         yield Section(title=f"Table 2: {label(name)}", parts=parts)
-    yield _all_variables(runs)
-    yield _intervals(findings)
+    yield _variables_section(runs)
+    yield _intervals_section(findings)
     yield Section(
         title="Triggers",
         parts=(
-            tables.triggers_table(runs, findings.vision),
-            tables.reduction_table(runs, findings.further_runs, (NAIVE.name, NAIVE_PACED.name), findings.vision),
+            tables.triggers_table(runs, findings.slot_algorithms),
+            tables.reduction_table(
+                runs, findings.further_runs, (NAIVE.name, NAIVE_PACED.name), findings.slot_algorithms
+            ),
         ),
     )
     yield Section(title="First knowledge and lag", parts=(tables.knowledge_table(runs),))
-    yield _over_time(runs)
+    yield _timeline_section(runs)
     yield Section(
-        title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, findings.wrong_values))
+        title="When decisions needed a value",
+        parts=(tables.answers_table(runs), *_ring_drawings(runs, findings.wrong_values)),
     )
     yield Section(
         title="Decisions on wrong values",
         parts=(mistakes_table(findings.wrong_values), *photographs(findings.wrong_values, settings.folder)),
     )
     yield Section(title="Why values were wrong", parts=(tables.causes_table(runs),))
-    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.detected_again))),))
+    yield Section(
+        title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, findings.repeated_detections))),)
+    )
 
 
-def _all_variables(runs: Runs) -> Section:
+def _variables_section(runs: Runs) -> Section:
     return Section(
         title="All fourteen variables",
         parts=(
             tables.ratio_table(
                 runs,
-                paper,
+                paper_share,
                 "Ratio: the seconds with a right value as a share of the seconds with any value, in the common window, "
                 "over all runs.",
             ),
             tables.ratio_table(
                 runs,
-                strict,
+                strict_share,
                 "Strict ratio: the seconds with a right value as a share of all seconds, in the same window.",
             ),
             tables.seconds_table(runs),
@@ -178,15 +185,15 @@ def _all_variables(runs: Runs) -> Section:
     )
 
 
-def _intervals(findings: _Findings) -> Section:
+def _intervals_section(findings: _Findings) -> Section:
     table = tables.comparison_table(findings.comparisons)
     if not findings.further_runs.outcomes:
         return Section(title="How sure differences are", parts=(Words(text="No further seeds were run."),))
-    caption = "Differences between arms with their 95 % intervals; to the right of zero the first arm is better."
+    caption = "Differences between arms with their 95 % intervals. To the right of zero, the first arm is better."
     return Section(title="How sure differences are", parts=(drawings.forest(findings.comparisons, caption), table))
 
 
-def _over_time(runs: Runs) -> Section:
+def _timeline_section(runs: Runs) -> Section:
     caption = (
         "The true value and the value that each arm held over one run, as in P1's Figure 6. The background is "
         "red while the value is wrong."
@@ -197,7 +204,7 @@ def _over_time(runs: Runs) -> Section:
     )
 
 
-def _rings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
+def _ring_drawings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
     """Draw decisions, as P1's Figure 7 does, for each lid in the run with the most wrong values."""
     for name in LIDS:
         counts = [
@@ -206,8 +213,8 @@ def _rings(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[Drawing]:
         ]
         outcome = runs.outcomes[counts.index(max(counts))]
         caption = (
-            f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions; "
-            "wrong values are magenta. A ring half-way between false and true: the value was unknown to the arm."
+            f"The decisions on {label(name)}, as in P1's Figure 7, in the run with the most wrong values at decisions. "
+            "Wrong values are magenta. A ring half-way between false and true: the arm did not know the value."
         )
         yield drawings.decisions(outcome, name, caption)
 
@@ -218,7 +225,7 @@ def _results(findings: _Findings) -> Mapping[str, object]:
         "further": results.runs_as_data(findings.further_runs),
         "intervals": results.comparisons_as_data(findings.comparisons),
         "decisions_on_wrong_values": results.mistakes_as_data(findings.wrong_values),
-        "frames_detected_again": results.detected_as_data(findings.detected_again),
+        "frames_detected_again": results.detected_as_data(findings.repeated_detections),
         "paper": results.paper_as_data(),
     }
 

@@ -23,7 +23,7 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
     ArmComparison,
     arm_comparison,
     arm_comparisons_as_data,
-    ratios,
+    ratio_cells,
     reported_seeds,
     runs_sentence,
 )
@@ -36,8 +36,8 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 
 WORK = Tending(machines=(CENTRIFUGE, PCR_CYCLER))
 
-STRONGEST = 8
-"""How many numbers of the spec the picture shows: those that change the difference to naive observers most."""
+STRONGEST_COUNT = 8
+"""How many numbers of the spec the picture shows. These numbers change the difference to naive observers most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,70 +55,70 @@ class Variation:
 
     @property
     def name(self) -> str:
-        """Return the beginning of the names of the trials in this laboratory."""
+        """Return the prefix of the names of the trials in this laboratory."""
         return f"{self.axis} {self.value:g}"
 
 
 TAGS, NOISE, LIGHT, LAYOUT = "tag size", "noise", "light", "layout"
 
-_NOMINAL = {TAGS: 1.0, NOISE: LABORATORY.noise_greys, LIGHT: 1.0, LAYOUT: 0.0}
+_NOMINAL_VALUES = {TAGS: 1.0, NOISE: LABORATORY.noise_greys, LIGHT: 1.0, LAYOUT: 0.0}
 
-_ACROSS = {
+_AXIS_LABELS = {
     TAGS: "tags, times as large",
     NOISE: "deviation of the camera's noise in greys",
     LIGHT: "light, 1 is an ordinary day",
     LAYOUT: "layout: 0 as it is, 1 side by side, 2 turned",
 }
 
-_SIDE_BY_SIDE = LABORATORY.with_machine_at(PCR_CYCLER, 4.2, 5.2, -pi / 2)
-_TURNED = LABORATORY.with_machine_at(PCR_CYCLER, 5.3, 1.6, pi).with_machine_at(CENTRIFUGE, 0.7, 4.0, 0.0)
+_SIDE_BY_SIDE_LABORATORY = LABORATORY.with_machine_at(PCR_CYCLER, 4.2, 5.2, -pi / 2)
+_TURNED_LABORATORY = LABORATORY.with_machine_at(PCR_CYCLER, 5.3, 1.6, pi).with_machine_at(CENTRIFUGE, 0.7, 4.0, 0.0)
 
 VARIATIONS = (
     *(Variation(axis=TAGS, value=scale, laboratory=LABORATORY.with_tags(scale)) for scale in (0.5, 0.75)),
     *(Variation(axis=NOISE, value=greys, laboratory=replace(LABORATORY, noise_greys=greys)) for greys in (10.0, 25.0)),
     *(Variation(axis=LIGHT, value=light, laboratory=replace(LABORATORY, light=light)) for light in (0.1, 0.3)),
-    Variation(axis=LAYOUT, value=1.0, laboratory=_SIDE_BY_SIDE),
-    Variation(axis=LAYOUT, value=2.0, laboratory=_TURNED),
+    Variation(axis=LAYOUT, value=1.0, laboratory=_SIDE_BY_SIDE_LABORATORY),
+    Variation(axis=LAYOUT, value=2.0, laboratory=_TURNED_LABORATORY),
 )
 
-_AS_IT_IS = "as it is"
+_UNCHANGED_NAME = "as it is"
 
-_ROTOR = "_rotor"
-"""The end of the names of rotor variables, which are left out: no rotor is turned here."""
+_ROTOR_SUFFIX = "_rotor"
+"""The suffix of the names of the algorithms for rotors. Their numbers are left out, because no rotor is turned."""
 
 _NOTE = (
     "The robot tends the centrifuge and the PCR-cycler, and looks by itself for each of its decisions. Each laboratory "
-    "differs from the protocol's laboratory in one property. In each, observers with preconditions and naive observers "
-    "watch the same frames. In the unchanged laboratory, each number of the spec is also halved, and made one and a "
-    "half times as large, each in an arm of its own; counts are rounded up. No rotor is turned, so the numbers for "
-    "rotors are left out."
+    "differs from the protocol's laboratory in one property. In each laboratory, observers with preconditions and "
+    "naive observers watch the same frames. In the unchanged laboratory, there are two more arms for each number of "
+    "the spec: one halves the number, the other multiplies it by 1.5. Counts are rounded up. No rotor is turned, so "
+    "the numbers for rotors are left out."
 )
 
 
 def arms(settings: Settings) -> tuple[Arm, ...]:
-    """Return naive observers, the unchanged spec, and the spec with each of its numbers smaller and larger."""
+    """Return naive observers, the arm with the unchanged spec, and two arms with a changed value of each number."""
     spec = read_spec(settings.spec)
-    changed = [
-        PRECONDITIONS.edited(f"{parameter.name} {times}", edit)
-        for parameter in parameters(spec, besides=_ROTOR)
-        for times, edit in _changes(parameter)
+    changed_arms = [
+        PRECONDITIONS.with_edit(f"{parameter.name} {times}", edit)
+        for parameter in parameters(spec, excluded_suffix=_ROTOR_SUFFIX)
+        for times, edit in _edits_by_factor(parameter)
         if edit(spec) != spec
     ]
-    return (NAIVE, PRECONDITIONS, *changed)
+    return (NAIVE, PRECONDITIONS, *changed_arms)
 
 
-def _changes(parameter: Parameter) -> Sequence[tuple[str, SpecEdit]]:
-    return (("x 0.5", parameter.smaller), ("x 1.5", parameter.larger))
+def _edits_by_factor(parameter: Parameter) -> Sequence[tuple[str, SpecEdit]]:
+    return (("x 0.5", parameter.smaller_edit), ("x 1.5", parameter.larger_edit))
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return, for each seed, a run in each laboratory, and one with all arms in the unchanged laboratory."""
-    changed = arms(settings)
+    """Return, for each seed, a run in each varied laboratory, and a run with all arms in the unchanged laboratory."""
+    all_arms = arms(settings)
     return [
         trial
         for seed in reported_seeds(settings)
         for trial in (
-            Trial(name=f"{_AS_IT_IS} {seed}", spec=settings.spec, seed=seed, arms=changed, work=WORK),
+            Trial(name=f"{_UNCHANGED_NAME} {seed}", spec=settings.spec, seed=seed, arms=all_arms, work=WORK),
             *(
                 Trial(
                     name=f"{variation.name} {seed}",
@@ -139,21 +139,21 @@ class _Findings:
     """The content of the report.
 
     Attributes:
-        by_name: the comparisons of the arms with naive observers in each laboratory, naive first. The key is the name
-            of a variation, or of the unchanged laboratory.
-        strongest: the numbers that change the advantage most, the strongest first.
+        comparisons_by_laboratory: for each laboratory, the comparisons of its arms with naive observers; the naive arm
+            is the first. The key is the name of a variation, or of the unchanged laboratory.
+        strongest_parameters: the parameters of the spec that change the advantage most, in descending order.
     """
 
-    by_name: Mapping[str, Sequence[ArmComparison]]
-    strongest: Sequence[Parameter]
+    comparisons_by_laboratory: Mapping[str, Sequence[ArmComparison]]
+    strongest_parameters: Sequence[Parameter]
 
-    def of(self, name: str, arm: str) -> ArmComparison | None:
-        """Return the comparison of an arm in a laboratory; None if the laboratory was run without this arm."""
-        return next((comparison for comparison in self.by_name[name] if comparison.arm == arm), None)
+    def comparison_of(self, name: str, arm: str) -> ArmComparison | None:
+        """Return the comparison of an arm in a laboratory, or None if the laboratory has no run with this arm."""
+        return next((comparison for comparison in self.comparisons_by_laboratory[name] if comparison.arm == arm), None)
 
     def advantage(self, name: str, arm: str = PRECONDITIONS.name) -> Estimate | None:
-        """Return how much better an arm is than naive observers, by the ratio."""
-        comparison = self.of(name, arm)
+        """Return the ratio of an arm minus the ratio of naive observers, or None if the arm has no such difference."""
+        comparison = self.comparison_of(name, arm)
         return None if comparison is None else comparison.paper_difference
 
 
@@ -168,29 +168,38 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         title="lab-sensitivity: where the advantage vanishes",
         summary=(*_summary(findings), runs_sentence(list(outcomes.values()))),
         sections=tuple(_sections(findings)),
-        results={name: arm_comparisons_as_data(comparisons) for name, comparisons in findings.by_name.items()},
+        results={
+            name: arm_comparisons_as_data(comparisons)
+            for name, comparisons in findings.comparisons_by_laboratory.items()
+        },
     )
 
 
 def _findings(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Findings:
     spec = read_spec(settings.spec)
-    vision = vision_algorithms(spec)
-    by_name: dict[str, Sequence[ArmComparison]] = {}
-    for name in (_AS_IT_IS, *(variation.name for variation in VARIATIONS)):
+    slot_algorithms = vision_algorithms(spec)
+    comparisons_by_laboratory: dict[str, Sequence[ArmComparison]] = {}
+    for name in (_UNCHANGED_NAME, *(variation.name for variation in VARIATIONS)):
         runs = [outcome for key, outcome in outcomes.items() if key.rpartition(" ")[0] == name]
-        by_name[name] = [arm_comparison(runs, LIDS_AND_LATCHES, arm, NAIVE.name, vision) for arm in runs[0].arms]
-    all_findings = _Findings(by_name=by_name, strongest=())
+        comparisons_by_laboratory[name] = [
+            arm_comparison(runs, LIDS_AND_LATCHES, arm, NAIVE.name, slot_algorithms) for arm in runs[0].arms
+        ]
+    all_findings = _Findings(comparisons_by_laboratory=comparisons_by_laboratory, strongest_parameters=())
     ordered_parameters = sorted(
-        parameters(spec, besides=_ROTOR), key=lambda parameter: -_strength(all_findings, parameter)
+        parameters(spec, excluded_suffix=_ROTOR_SUFFIX), key=lambda parameter: -_strength(all_findings, parameter)
     )
-    return replace(all_findings, strongest=ordered_parameters[:STRONGEST])
+    return replace(all_findings, strongest_parameters=ordered_parameters[:STRONGEST_COUNT])
 
 
 def _strength(findings: _Findings, parameter: Parameter) -> float:
     """Return the largest change of the advantage that a parameter causes."""
-    nominal = _value(findings.advantage(_AS_IT_IS))
-    advantages = (findings.advantage(_AS_IT_IS, f"{parameter.name} {times}") for times, _ in _changes(parameter))
-    return max((abs(_value(advantage) - nominal) for advantage in advantages if advantage is not None), default=0.0)
+    nominal_advantage = _value(findings.advantage(_UNCHANGED_NAME))
+    advantages = (
+        findings.advantage(_UNCHANGED_NAME, f"{parameter.name} {times}") for times, _ in _edits_by_factor(parameter)
+    )
+    return max(
+        (abs(_value(advantage) - nominal_advantage) for advantage in advantages if advantage is not None), default=0.0
+    )
 
 
 def _value(estimate: Estimate | None) -> float:
@@ -198,17 +207,20 @@ def _value(estimate: Estimate | None) -> float:
 
 
 def _summary(findings: _Findings) -> Iterator[str]:
-    nominal = findings.advantage(_AS_IT_IS)
-    if nominal is not None:
-        yield f"In the unchanged laboratory, preconditions minus naive, ratio of lids and latches: {interval(nominal)}."
+    nominal_advantage = findings.advantage(_UNCHANGED_NAME)
+    if nominal_advantage is not None:
+        yield (
+            "In the unchanged laboratory, preconditions minus naive, ratio of lids and latches:"
+            f" {interval(nominal_advantage)}."
+        )
     for kind, estimates in (
         ("laboratories", _laboratory_advantages(findings)),
         ("numbers of the spec", _number_advantages(findings)),
     ):
-        vanished = [f"{name} ({interval(estimate)})" for name, estimate in estimates if not estimate.is_positive]
+        vanished_texts = [f"{name} ({interval(estimate)})" for name, estimate in estimates if not estimate.is_positive]
         yield (
-            f"Of {len(estimates)} {kind}, the interval of the advantage is not completely above zero in {len(vanished)}"
-            f"{': ' if vanished else ''}{'; '.join(vanished)}."
+            f"Of {len(estimates)} {kind}, the interval of the advantage is not completely above zero in"
+            f" {len(vanished_texts)}{': ' if vanished_texts else ''}{'; '.join(vanished_texts)}."
         )
 
 
@@ -218,8 +230,12 @@ def _laboratory_advantages(findings: _Findings) -> Sequence[tuple[str, Estimate]
 
 
 def _number_advantages(findings: _Findings) -> Sequence[tuple[str, Estimate]]:
-    names = (f"{parameter.name} {times}" for parameter in findings.strongest for times, _ in _changes(parameter))
-    advantages = ((name, findings.advantage(_AS_IT_IS, name)) for name in names)
+    names = (
+        f"{parameter.name} {times}"
+        for parameter in findings.strongest_parameters
+        for times, _ in _edits_by_factor(parameter)
+    )
+    advantages = ((name, findings.advantage(_UNCHANGED_NAME, name)) for name in names)
     return [(name, estimate) for name, estimate in advantages if estimate is not None]
 
 
@@ -227,8 +243,9 @@ def _sections(findings: _Findings) -> Iterator[Section]:
     yield Section(title="What was varied", parts=(Words(text=_NOTE),))
     yield Section(title="Laboratories", parts=(_curves(findings), _laboratory_table(findings)))
     caption = (
-        f"The {len(findings.strongest)} numbers of the spec that change the advantage most, at half and one and a "
-        "half: ratio of lids and latches, minus that of naive observers, with 95 % intervals over paired runs."
+        f"The {len(findings.strongest_parameters)} numbers of the spec that change the advantage most, multiplied by "
+        "0.5 and by 1.5. Each row shows the ratio of lids and latches minus that of naive observers, with the 95 % "
+        "interval over paired runs."
     )
     number_drawing = differences(_number_advantages(findings), "ratio, minus naive", caption)
     yield Section(title="Numbers of the spec", parts=(number_drawing, _number_table(findings)))
@@ -238,8 +255,8 @@ def _curves(findings: _Findings) -> Drawing:
     axis_panels = [
         Panel(
             title=axis,
-            across=_ACROSS[axis],
-            nominal=_NOMINAL[axis],
+            x_label=_AXIS_LABELS[axis],
+            nominal_x=_NOMINAL_VALUES[axis],
             curves=[
                 Curve(
                     name="preconditions minus naive",
@@ -247,17 +264,19 @@ def _curves(findings: _Findings) -> Drawing:
                 )
             ],
         )
-        for axis in _ACROSS
+        for axis in _AXIS_LABELS
     ]
-    caption = "The ratio of lids and latches minus that of naive observers. The grey line: the unchanged laboratory."
+    caption = (
+        "The ratio of lids and latches minus that of naive observers. The grey line marks the unchanged laboratory."
+    )
     return panels(axis_panels, "ratio, minus naive", caption)
 
 
 def _laboratories_on_axis(axis: str) -> Sequence[tuple[float, str]]:
-    """Return the laboratories of an axis, including that of the protocol, in order."""
+    """Return the laboratories of an axis as (value, name), in ascending order, including that of the protocol."""
     return sorted(
         [
-            (_NOMINAL[axis], _AS_IT_IS),
+            (_NOMINAL_VALUES[axis], _UNCHANGED_NAME),
             *((variation.value, variation.name) for variation in VARIATIONS if variation.axis == axis),
         ]
     )
@@ -267,18 +286,21 @@ _HEADER = ("", "arm", "ratio", "strict ratio", "ratio, minus naive", "strict, mi
 
 
 def _laboratory_table(findings: _Findings) -> Table:
-    both = (NAIVE.name, PRECONDITIONS.name)
+    arm_names = (NAIVE.name, PRECONDITIONS.name)
     rows = [
-        (name, *ratios(comparison), comparison.answers.wrong)
-        for name in findings.by_name
-        for comparison in (findings.of(name, arm) for arm in both)
+        (name, *ratio_cells(comparison), comparison.answers.wrong)
+        for name in findings.comparisons_by_laboratory
+        for comparison in (findings.comparison_of(name, arm) for arm in arm_names)
         if comparison is not None
     ]
     return plain_table("Lids and latches in each laboratory, over all runs.", _HEADER, rows)
 
 
 def _number_table(findings: _Findings) -> Table:
-    rows = [("as it is", *ratios(comparison), comparison.answers.wrong) for comparison in findings.by_name[_AS_IT_IS]]
+    rows = [
+        ("as it is", *ratio_cells(comparison), comparison.answers.wrong)
+        for comparison in findings.comparisons_by_laboratory[_UNCHANGED_NAME]
+    ]
     return plain_table("Lids and latches with other numbers in the spec, over all runs.", _HEADER, rows)
 
 

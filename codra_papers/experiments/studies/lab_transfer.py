@@ -20,38 +20,51 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
     reported_seeds,
     runs_sentence,
 )
-from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with, use_line
+from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHINES, spec_with, use_line
 from codra_papers.experiments.studies.beyond.workloads import Tending
 from codra_papers.experiments.studies.robustness import drawings
-from codra_papers.experiments.studies.robustness.findings import Counted, Runs, paper, strict, vision_algorithms
+from codra_papers.experiments.studies.robustness.findings import (
+    Runs,
+    ShareFunction,
+    paper_share,
+    strict_share,
+    vision_algorithms,
+)
 from codra_papers.experiments.studies.robustness.tables import arms_table
 from codra_papers.lab.mission import PCR_CYCLER
 from codra_papers.lab.simulator.laboratory import LABORATORY
 
 ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
 
-THIRD = FURTHER[0]
+THIRD_MACHINE = FURTHER_MACHINES[0]
 """A shaker: its width and the sizes of its six tags are between those of the PCR-cycler and the centrifuge."""
 
-_WHAT = ("in_observable_distance", "in_manipulation_distance", "base_in_FOV", "lid_in_FOV", "open", "locked")
-_MACHINES = (THIRD.name, PCR_CYCLER)
+_VARIABLE_SUFFIXES = (
+    "in_observable_distance",
+    "in_manipulation_distance",
+    "base_in_FOV",
+    "lid_in_FOV",
+    "open",
+    "locked",
+)
+_MACHINES = (THIRD_MACHINE.name, PCR_CYCLER)
 
 
 def write_extended_spec(settings: Settings) -> Path:
-    """Write the spec under test with one additional line.
+    """Write the spec under test with one additional line, and return the path of the new spec.
 
     Raises:
-        SpecError: if the spec has errors, or no block for the line.
+        SpecError: if the spec has errors, or no block of lines under `use`.
         OSError: if a file cannot be written.
     """
-    return spec_with(settings.spec, [THIRD], settings.folder / "spec")
+    return spec_with(settings.spec, [THIRD_MACHINE], settings.folder / "spec")
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
     """Return one run per seed, in a laboratory with a third machine.
 
     Raises:
-        SpecError: if the spec has errors, or no block for the line.
+        SpecError: if the spec has errors, or no block of lines under `use`.
         OSError: if a file cannot be written.
     """
     spec = write_extended_spec(settings)
@@ -61,8 +74,8 @@ def trials(settings: Settings) -> Sequence[Trial]:
             spec=spec,
             seed=seed,
             arms=ARMS,
-            laboratory=LABORATORY.with_machines(THIRD),
-            work=Tending(machines=(THIRD.name, PCR_CYCLER, THIRD.name)),
+            laboratory=LABORATORY.with_machines(THIRD_MACHINE),
+            work=Tending(machines=(THIRD_MACHINE.name, PCR_CYCLER, THIRD_MACHINE.name)),
         )
         for seed in reported_seeds(settings)
     ]
@@ -72,12 +85,12 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """Return the report on the outcomes of `trials`.
 
     Raises:
-        SpecError: if the spec has errors, or no block for the line.
+        SpecError: if the spec has errors, or no block of lines under `use`.
         OSError: if a file cannot be written.
     """
-    runs, vision = list(outcomes.values()), vision_algorithms(read_spec(write_extended_spec(settings)))
+    runs, slot_algorithms = list(outcomes.values()), vision_algorithms(read_spec(write_extended_spec(settings)))
     comparisons = {
-        machine: arm_comparisons(runs, (f"{machine}_open", f"{machine}_locked"), NAIVE.name, vision)
+        machine: arm_comparisons(runs, (f"{machine}_open", f"{machine}_locked"), NAIVE.name, slot_algorithms)
         for machine in _MACHINES
     }
     return Document(
@@ -87,7 +100,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
             runs_sentence(runs),
         ),
         sections=tuple(_sections(runs, comparisons)),
-        results={"line": use_line(THIRD)}
+        results={"line": use_line(THIRD_MACHINE)}
         | {machine: {"lid_and_latch": arm_comparisons_as_data(comparisons[machine])} for machine in _MACHINES},
     )
 
@@ -108,36 +121,38 @@ def _summary(machine: str, comparisons: Sequence[ArmComparison]) -> Iterator[str
 
 def _sections(outcomes: Sequence[Outcome], comparisons: Mapping[str, Sequence[ArmComparison]]) -> Iterator[Section]:
     note = (
-        f"One line is added to the spec under test: “{use_line(THIRD)}”. No threshold was chosen for the "
+        f"One line is added to the spec under test: “{use_line(THIRD_MACHINE)}”. No threshold was chosen for the "
         "shaker: parameters of the template have their defaults. The robot tends the shaker, the PCR-cycler and the "
         "shaker again, and looks by itself for each of its decisions."
     )
     yield Section(title="Arms", parts=(Words(text=note), arms_table(ARMS)))
     caption = (
-        "Lid and latch of the {}, over all runs. Differences are to naive observers, with 95 % intervals over paired "
-        "runs."
+        "Lid and latch of the {}, over all runs. Differences are relative to naive observers, with 95 % intervals over "
+        "paired runs."
     )
     for machine in _MACHINES:
         parts = (*arm_comparison_tables(comparisons[machine], caption.format(machine)), _variables(outcomes, machine))
         yield Section(title=f"The {machine}", parts=parts)
     caption = "The true value and the value that each arm held. The background is red while the value is wrong."
-    yield Section(title="One run over time", parts=(drawings.timeline(outcomes[0], f"{THIRD.name}_open", caption),))
+    yield Section(
+        title="One run over time", parts=(drawings.timeline(outcomes[0], f"{THIRD_MACHINE.name}_open", caption),)
+    )
 
 
 def _variables(outcomes: Sequence[Outcome], machine: str) -> Table:
     runs = Runs(outcomes)
-    counted: Sequence[tuple[str, Counted]] = (("ratio", paper), ("strict ratio", strict))
+    share_functions: Sequence[tuple[str, ShareFunction]] = (("ratio", paper_share), ("strict ratio", strict_share))
     rows = [
-        (f"{machine}_{suffix}", name, *(ratio(counted_as(runs.total(f"{machine}_{suffix}", arm))) for arm in runs.arms))
-        for suffix in _WHAT
-        for name, counted_as in counted
+        (f"{machine}_{suffix}", name, *(ratio(share_of(runs.total(f"{machine}_{suffix}", arm))) for arm in runs.arms))
+        for suffix in _VARIABLE_SUFFIXES
+        for name, share_of in share_functions
     ]
     return plain_table(f"All variables of the {machine}.", ("variable", "", *runs.arms), rows)
 
 
 EXPERIMENT = Experiment(
     name="lab-transfer",
-    question="Does the spec hold for a machine of another shape that is added by one line?",
+    question="Does the spec work for a machine of another shape that is added by one line?",
     seeds=6,
     trials=trials,
     judge=judge,

@@ -240,7 +240,7 @@ def test_a_run_in_the_store_prints_its_result(tmp_path: Path) -> None:
     [
         (("--world", "store", "--naive"), "the world 'store' has no such option"),
         (("--world", "lab", "--page"), "the world 'lab' has no such option"),
-        (("--world", "store", "--port", "8000"), "the port is that of the page"),
+        (("--world", "store", "--port", "8000"), "this is the port of the page"),
     ],
 )
 def test_options_of_another_world_are_refused(options: tuple[str, ...], message: str, tmp_path: Path) -> None:

@@ -43,11 +43,11 @@ def test_a_wait_that_times_out_before_the_end_returns_false() -> None:
 
 def test_an_event_at_the_end_itself_still_counts() -> None:
     clock = limited_clock(5.0)
-    calls_s: list[float] = []
-    clock.call_at(5.0, lambda: calls_s.append(clock.now_s()))
+    call_instants_s: list[float] = []
+    clock.call_at(5.0, lambda: call_instants_s.append(clock.now_s()))
 
-    assert clock.wait_until(lambda: bool(calls_s), 9.0)
-    assert calls_s == [5.0]
+    assert clock.wait_until(lambda: bool(call_instants_s), 9.0)
+    assert call_instants_s == [5.0]
 
 
 def test_time_without_an_end_continues() -> None:

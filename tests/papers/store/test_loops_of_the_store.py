@@ -10,7 +10,7 @@ import pytest
 
 from codra_dsl.runtime.journal import Event, Kind
 from codra_papers.experiments.store.curves import curves, draw_adaptation
-from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings, run_store
+from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings, run_store
 from codra_papers.store.simulator.situations import Situation, StoreSettings
 from generated import store
 from tests.cli.test_commands import ROOT, codra
@@ -36,7 +36,7 @@ class RecordedRun:
         settings = StoreRunSettings(
             shop=StoreSettings(seed=seed, situation=situation), duration_s=lasts_s, journal=self.journal
         )
-        self.run: StoreRun = run_store(Compiled.of(store), settings)
+        self.run: StoreRun = run_store(CompiledSpec.of(store), settings)
         self.events: list[Event] = list(read(self.journal)[1])
 
     def courses(self) -> list[str]:

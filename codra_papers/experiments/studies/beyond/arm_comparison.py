@@ -12,23 +12,31 @@ from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Se
 from codra_papers.experiments.campaign.statistics import Estimate, ratio_difference, ratio_of_sums
 from codra_papers.experiments.lab.metrics import Answers, Lags, Seconds, answers, in_window, lags, total, window
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.studies.robustness.findings import Counted, Runs, estimate_as_data, paper, strict
+from codra_papers.experiments.studies.robustness.findings import (
+    Runs,
+    ShareFunction,
+    estimate_as_data,
+    paper_share,
+    strict_share,
+)
 
 LIDS_AND_LATCHES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
 """The variables on which decisions are based, and which a camera can see."""
 
-IN_VIEW = tuple(f"{machine}_{part}_in_FOV" for machine in ("centrifuge", "pcr_cycler") for part in ("base", "lid"))
+VIEW_VARIABLES = tuple(
+    f"{machine}_{part}_in_FOV" for machine in ("centrifuge", "pcr_cycler") for part in ("base", "lid")
+)
 """The variables that tell when the camera can see `LIDS_AND_LATCHES`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmComparison:
-    """How much one arm knew of some variables over runs, and at which cost.
+    """How much one arm knew about some variables over runs, and at which cost.
 
     Attributes:
         seconds: the seconds in the common windows, over all variables and runs. A variable that the arm never
             identified in a run adds no seconds.
-        left_out: how many times the arm never identified a variable in a run.
+        left_out: the sum, over all variables, of the number of runs in which the arm never identified the variable.
         paper_difference: the arm's ratio minus the ratio of the other arm; None if the arm is compared with itself.
         strict_difference: the same for the strict ratio.
         triggers: the number of jobs of all algorithms that need the vision slot.
@@ -48,35 +56,35 @@ class ArmComparison:
     @property
     def paper_ratio(self) -> float | None:
         """Return the seconds with a right value as a share of the seconds with any value."""
-        return ratio_of_sums([self.seconds.paper])
+        return ratio_of_sums([self.seconds.paper_share])
 
     @property
     def strict_ratio(self) -> float | None:
         """Return the seconds with a right value as a share of all seconds."""
-        return ratio_of_sums([self.seconds.strict])
+        return ratio_of_sums([self.seconds.strict_share])
 
 
 def reported_seeds(settings: Settings) -> range:
-    """Return the seeds of a report: at least one."""
+    """Return the seeds of a report. There is at least one seed."""
     return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + max(settings.seeds, 1))
 
 
 def arm_comparisons(
-    outcomes: Sequence[Outcome], variables: Sequence[str], against: str, vision: Sequence[str]
+    outcomes: Sequence[Outcome], variables: Sequence[str], other_arm: str, slot_algorithms: Sequence[str]
 ) -> Sequence[ArmComparison]:
-    """Return the comparisons of all arms of some runs.
+    """Return a comparison for each arm of some runs.
 
     Args:
         outcomes: the outcomes of at least one run, all with the same arms.
         variables: the variables over which seconds, changes and decisions are added up.
-        against: the arm with which the others are compared.
-        vision: the algorithms that need the vision slot.
+        other_arm: the arm with which the arms are compared.
+        slot_algorithms: the algorithms that need the vision slot.
     """
-    return [arm_comparison(outcomes, variables, arm, against, vision) for arm in outcomes[0].arms]
+    return [arm_comparison(outcomes, variables, arm, other_arm, slot_algorithms) for arm in outcomes[0].arms]
 
 
 def arm_comparison(
-    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, against: str, vision: Sequence[str]
+    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, other_arm: str, slot_algorithms: Sequence[str]
 ) -> ArmComparison:
     """Return the comparison of one arm with another."""
     runs = Runs(outcomes)
@@ -88,11 +96,11 @@ def arm_comparison(
         arm=arm,
         seconds=total(pooled_seconds(outcome, variables, arm) for outcome in outcomes),
         left_out=sum(runs.left_out(name, arm) for name in variables),
-        paper_difference=None if arm == against else difference(outcomes, variables, arm, against, paper),
-        strict_difference=None if arm == against else difference(outcomes, variables, arm, against, strict),
+        paper_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, paper_share),
+        strict_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, strict_share),
         answers=answers(decisions, arm),
         lags=sum(lags_of_variables, Lags()),
-        triggers=sum(runs.triggers(arm, vision)),
+        triggers=sum(runs.triggers(arm, slot_algorithms)),
         slot_share=runs.slot_s(arm) / runs.duration_s,
     )
 
@@ -103,25 +111,25 @@ def pooled_seconds(outcome: Outcome, variables: Sequence[str], arm: str) -> Seco
 
 
 def difference(
-    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, against: str, counted: Counted
+    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, other_arm: str, share_of: ShareFunction
 ) -> Estimate:
-    """Return how much better one arm knew some variables than another, with the interval over paired runs.
+    """Return how much better one arm knew some variables than another arm, with the interval over paired runs.
 
     If one of the two arms never identified a variable in a run, the variable is left out of this run for both arms.
     """
     variables_by_run = [
-        (outcome, [name for name in variables if not window(outcome, name).left_out & {arm, against}])
+        (outcome, [name for name in variables if not window(outcome, name).left_out & {arm, other_arm}])
         for outcome in outcomes
     ]
-    left, right = (
-        [counted(pooled_seconds(outcome, names, side)) for outcome, names in variables_by_run]
-        for side in (arm, against)
+    shares, other_shares = (
+        [share_of(pooled_seconds(outcome, names, name)) for outcome, names in variables_by_run]
+        for name in (arm, other_arm)
     )
-    return ratio_difference(left, right)
+    return ratio_difference(shares, other_shares)
 
 
 def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) -> tuple[Table, Table]:
-    """Return two tables with one line per arm: the knowledge of the arms; their decisions and costs."""
+    """Return two tables with one line per arm: one of the arms' knowledge, and one of their decisions and costs."""
     knowledge_header = (
         "arm",
         "ratio",
@@ -143,8 +151,9 @@ def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) ->
         "slot share",
     )
     decision_caption = (
-        "Asked: the values at decisions; wrong values are marked. Lag: after changes of the truth; some changes "
-        "were never seen before the next change. Triggers: all jobs that need the vision slot."
+        "Asked: the values that the arm held at decisions; wrong values are marked. Lag: the delay after changes of "
+        "the truth. Never seen: changes that were not seen before the next change. Triggers: all jobs that need the "
+        "vision slot."
     )
     wrong_cells = frozenset((row, 2) for row, comparison in enumerate(comparisons) if comparison.answers.wrong)
     decision_table = Table(
@@ -154,20 +163,20 @@ def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) ->
         marked=wrong_cells,
     )
     caption = (
-        f"{caption} Left out: variables that the arm never identified in a run; they do not count in the numbers "
-        "of the arm or in differences to this arm."
+        f"{caption} Left out: variables that the arm never identified in a run; neither the numbers of the arm nor "
+        "differences to this arm include them."
     )
     return plain_table(
         caption, knowledge_header, [_knowledge_cells(comparison) for comparison in comparisons]
     ), decision_table
 
 
-def ratios(comparison: ArmComparison) -> Sequence[Cell]:
-    """Return the cells of a table for an arm: its name, both ratios, and the differences of both ratios."""
+def ratio_cells(comparison: ArmComparison) -> Sequence[Cell]:
+    """Return the cells of a table for an arm: the arm's name, both ratios, and the differences of both ratios."""
     return (
         comparison.arm,
-        ratio(comparison.seconds.paper),
-        ratio(comparison.seconds.strict),
+        ratio(comparison.seconds.paper_share),
+        ratio(comparison.seconds.strict_share),
         None if comparison.paper_difference is None else interval(comparison.paper_difference),
         None if comparison.strict_difference is None else interval(comparison.strict_difference),
     )
@@ -175,7 +184,7 @@ def ratios(comparison: ArmComparison) -> Sequence[Cell]:
 
 def _knowledge_cells(comparison: ArmComparison) -> Sequence[Cell]:
     return (
-        *ratios(comparison),
+        *ratio_cells(comparison),
         round(comparison.seconds.wrong_s, 1),
         round(comparison.seconds.unknown_s, 1),
         comparison.left_out,
@@ -223,7 +232,7 @@ def runs_sentence(outcomes: Sequence[Outcome]) -> str:
     """Return a sentence that describes the runs."""
     seeds = sorted({outcome.seed for outcome in outcomes})
     minutes = sum(outcome.duration_s for outcome in outcomes) / 60
-    failed = sum(outcome.error is not None for outcome in outcomes)
-    errors_text = f"; {failed} ended with an unrecoverable error" if failed else ""
+    failed_count = sum(outcome.error is not None for outcome in outcomes)
+    errors_text = f"; {failed_count} ended with an unrecoverable error" if failed_count else ""
     seeds_text = f"{len(outcomes)} runs of seeds {seeds[0]} to {seeds[-1]}"
     return f"{seeds_text}, {minutes:.0f} simulated minutes together{errors_text}."

@@ -1,4 +1,4 @@
-"""Plots of values over a varied number: one line for each arm, with intervals if there are any."""
+"""Plots of values over a varied number: one line for each arm, with intervals where they exist."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class Panel:
     """Curves in a coordinate system of their own.
 
     Attributes:
-        across: the label of the horizontal axis.
-        nominal: the number for the unchanged laboratory, which is marked; None for no mark.
+        x_label: the label of the horizontal axis.
+        nominal_x: the number of the unchanged laboratory. The picture marks this number; None for no mark.
     """
 
     title: str
-    across: str
+    x_label: str
     curves: Sequence[Curve]
-    nominal: float | None = None
+    nominal_x: float | None = None
 
 
 def _style() -> AbstractContextManager[None]:
@@ -56,24 +56,24 @@ def _style() -> AbstractContextManager[None]:
     )
 
 
-def curves(plotted: Sequence[Curve], across: str, up: str, caption: str) -> Drawing:
+def curves(plotted_curves: Sequence[Curve], x_label: str, y_label: str, caption: str) -> Drawing:
     """Draw curves in one panel."""
-    return panels([Panel(title="", across=across, curves=plotted)], up, caption)
+    return panels([Panel(title="", x_label=x_label, curves=plotted_curves)], y_label, caption)
 
 
-def panels(plotted: Sequence[Panel], up: str, caption: str) -> Drawing:
+def panels(plotted_panels: Sequence[Panel], y_label: str, caption: str) -> Drawing:
     """Draw panels of the same height, three in a row."""
-    columns = min(len(plotted), 3)
-    rows = -(-len(plotted) // columns)
+    columns = min(len(plotted_panels), 3)
+    rows = -(-len(plotted_panels) // columns)
     with _style():
         figure = Figure(figsize=(3.8 * columns + (2.0 if columns == 1 else 0.0), 2.9 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
-        for panel, axes in zip(plotted, grid.flat, strict=False):
+        for panel, axes in zip(plotted_panels, grid.flat, strict=False):
             _draw(panel, axes)
-        for axes in grid.flat[len(plotted) :]:
+        for axes in grid.flat[len(plotted_panels) :]:
             axes.set_visible(False)
         for line in grid:
-            line[0].set_ylabel(up)
+            line[0].set_ylabel(y_label)
         grid.flat[0].legend(fontsize=8, frameon=False)
         text = StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
@@ -81,8 +81,8 @@ def panels(plotted: Sequence[Panel], up: str, caption: str) -> Drawing:
 
 
 def _draw(panel: Panel, axes: Axes) -> None:
-    if panel.nominal is not None:
-        axes.axvline(panel.nominal, color="#cccccc", linewidth=1.0)
+    if panel.nominal_x is not None:
+        axes.axvline(panel.nominal_x, color="#cccccc", linewidth=1.0)
     for curve, colour in zip(panel.curves, _COLOURS, strict=False):
         drawn_points = [(point, point.y) for point in curve.points if point.y is not None]
         axes.plot(
@@ -92,7 +92,7 @@ def _draw(panel: Panel, axes: Axes) -> None:
             if point.low is not None and point.high is not None:
                 axes.plot([point.x, point.x], [point.low, point.high], color=colour, linewidth=2.0, alpha=0.5)
     axes.set_title(panel.title, fontsize=10)
-    axes.set_xlabel(panel.across)
+    axes.set_xlabel(panel.x_label)
 
 
 def point_at(x: float, estimate: Estimate | None) -> Point:
@@ -102,8 +102,8 @@ def point_at(x: float, estimate: Estimate | None) -> Point:
     )
 
 
-def differences(estimates: Sequence[tuple[str, Estimate]], across: str, caption: str) -> Drawing:
-    """Draw estimates below each other, with a line at zero."""
+def differences(estimates: Sequence[tuple[str, Estimate]], x_label: str, caption: str) -> Drawing:
+    """Draw each estimate in a row of its own, with a vertical line at zero."""
     with _style():
         figure = Figure(figsize=(9.0, 1.2 + 0.28 * len(estimates)), layout="constrained")
         axes = figure.subplots()
@@ -115,7 +115,7 @@ def differences(estimates: Sequence[tuple[str, Estimate]], across: str, caption:
                 axes.plot([estimate.low, estimate.high], [row, row], color=_COLOURS[1], linewidth=2.0)
         axes.set_yticks(range(len(estimates)), [name for name, _ in estimates])
         axes.set_ylim(len(estimates) - 0.5, -0.5)
-        axes.set_xlabel(across)
+        axes.set_xlabel(x_label)
         text = StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
         return Drawing(caption=caption, svg=text.getvalue())

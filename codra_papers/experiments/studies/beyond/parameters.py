@@ -15,17 +15,17 @@ from codra_papers.experiments.lab.spec_variants import SpecEdit
 
 _MACHINES = ("centrifuge", "pcr_cycler")
 
-_FEW = 20
-"""Integers below this are counts."""
+_COUNT_LIMIT = 20
+"""An integer below this limit is a count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaledNumber:
-    """Scale the numbers of a condition, wherever a spec has that condition.
+    """Scale the numbers of a condition, wherever a spec contains the condition.
 
     Attributes:
         condition: the text of the condition, e.g. `distance < 1.6 m`.
-        variables: the end of the names of the variables that the condition identifies; empty for a condition of
+        variables: the suffix of the names of the variables that the condition identifies; empty for a condition of
             `accept_when`.
     """
 
@@ -34,7 +34,7 @@ class ScaledNumber:
     factor: float
 
     def __str__(self) -> str:
-        """Return the description of the variant in a report."""
+        """Return the description of the variant for a report."""
         return f"'{self.condition}' with {self.factor:g} times its numbers"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -43,7 +43,7 @@ class ScaledNumber:
 
     def _scale_algorithm(self, algorithm: Algorithm) -> Algorithm:
         if not self.variables:
-            return replace(algorithm, accept_when=tuple(map(self._scale_if_meant, algorithm.accept_when)))
+            return replace(algorithm, accept_when=tuple(map(self._scale_if_equal, algorithm.accept_when)))
         return replace(algorithm, identifies=tuple(map(self._scale_identification, algorithm.identifies)))
 
     def _scale_identification(self, entry: Identification) -> Identification:
@@ -51,20 +51,20 @@ class ScaledNumber:
             return entry
         match entry.by:
             case Condition():
-                return replace(entry, by=self._scale_if_meant(entry.by))
+                return replace(entry, by=self._scale_if_equal(entry.by))
             case Hysteresis(enter=enter, leave=leave):
                 return replace(
                     entry,
                     by=replace(
                         entry.by,
-                        enter=self._scale_if_meant(enter),
-                        leave=None if leave is None else self._scale_if_meant(leave),
+                        enter=self._scale_if_equal(enter),
+                        leave=None if leave is None else self._scale_if_equal(leave),
                     ),
                 )
             case _:
                 return entry
 
-    def _scale_if_meant(self, condition: Condition) -> Condition:
+    def _scale_if_equal(self, condition: Condition) -> Condition:
         return _scale_numbers(condition, self.factor) if condition.text == self.condition else condition
 
 
@@ -75,7 +75,7 @@ class ScaledValidity:
     factor: float
 
     def __str__(self) -> str:
-        """Return the description of the variant in a report."""
+        """Return the description of the variant for a report."""
         return f"{self.factor:g} times each valid_for"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -95,7 +95,7 @@ class ScaledPeriod:
     factor: float
 
     def __str__(self) -> str:
-        """Return the description of the variant in a report."""
+        """Return the description of the variant for a report."""
         return f"{self.factor:g} times each period"
 
     def __call__(self, spec: Spec) -> Spec:
@@ -112,47 +112,49 @@ class Parameter:
 
     Attributes:
         name: the name in reports.
-        smaller: the edit that halves the numbers; counts are rounded up.
-        larger: the edit that makes the numbers one and a half times as large; counts are rounded up.
+        smaller_edit: the edit that halves the numbers; counts are rounded up.
+        larger_edit: the edit that multiplies the numbers by 1.5; counts are rounded up.
     """
 
     name: str
-    smaller: SpecEdit
-    larger: SpecEdit
+    smaller_edit: SpecEdit
+    larger_edit: SpecEdit
 
 
 HALF, ONE_AND_A_HALF = 0.5, 1.5
 
 
-def parameters(spec: Spec, besides: str) -> Sequence[Parameter]:
+def parameters(spec: Spec, excluded_suffix: str) -> Sequence[Parameter]:
     """Return the parameters of a spec: the numbers of its conditions (each text once), its validities and its periods.
 
     Args:
         spec: a spec with one or more machines.
-        besides: conditions of algorithms whose names end with this are left out.
+        excluded_suffix: conditions of algorithms with this suffix in their names are left out.
     """
     conditions: dict[tuple[str, str], None] = {}
-    for algorithm in (algorithm for algorithm in spec.perception if not algorithm.name.endswith(besides)):
-        conditions |= {(condition.text, ""): None for condition in algorithm.accept_when if _numbers(condition)}
+    for algorithm in (algorithm for algorithm in spec.perception if not algorithm.name.endswith(excluded_suffix)):
+        conditions |= {(condition.text, ""): None for condition in algorithm.accept_when if _number_nodes(condition)}
         for entry in algorithm.identifies:
             conditions |= {
-                (condition.text, _variable_end(entry)): None for condition in _conditions(entry) if _numbers(condition)
+                (condition.text, _variable_end(entry)): None
+                for condition in _conditions(entry)
+                if _number_nodes(condition)
             }
-    numbers = [
+    all_parameters = [
         Parameter(
             name=f"{text} ({variables.strip('_')})" if variables else text,
-            smaller=ScaledNumber(condition=text, variables=variables, factor=HALF),
-            larger=ScaledNumber(condition=text, variables=variables, factor=ONE_AND_A_HALF),
+            smaller_edit=ScaledNumber(condition=text, variables=variables, factor=HALF),
+            larger_edit=ScaledNumber(condition=text, variables=variables, factor=ONE_AND_A_HALF),
         )
         for text, variables in conditions
     ]
     if any(variable.valid_for_s < FOREVER_S for variable in spec.context):
-        smaller, larger = (ScaledValidity(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
-        numbers.append(Parameter(name="valid_for", smaller=smaller, larger=larger))
+        smaller_edit, larger_edit = (ScaledValidity(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
+        all_parameters.append(Parameter(name="valid_for", smaller_edit=smaller_edit, larger_edit=larger_edit))
     if spec.observers:
-        sooner, later = (ScaledPeriod(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
-        numbers.append(Parameter(name="period of observers", smaller=sooner, larger=later))
-    return numbers
+        shorter_edit, longer_edit = (ScaledPeriod(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
+        all_parameters.append(Parameter(name="period of observers", smaller_edit=shorter_edit, larger_edit=longer_edit))
+    return all_parameters
 
 
 def _conditions(entry: Identification) -> Sequence[Condition]:
@@ -171,7 +173,7 @@ def _variable_end(entry: Identification) -> str:
     return next((name.removeprefix(machine) for machine in _MACHINES if name.startswith(machine)), name)
 
 
-def _numbers(condition: Condition) -> Sequence[Number]:
+def _number_nodes(condition: Condition) -> Sequence[Number]:
     tree = condition.tree
     return () if tree is None else [node for node in walk(tree) if isinstance(node, Number)]
 
@@ -179,7 +181,7 @@ def _numbers(condition: Condition) -> Sequence[Number]:
 def _scale_numbers(condition: Condition, factor: float) -> Condition:
     """Return a condition with all literals scaled."""
     text = condition.text
-    for number in reversed(_numbers(condition)):
+    for number in reversed(_number_nodes(condition)):
         literal_text = text[number.start : number.end]
         _, blank, unit = literal_text.partition(" ")
         text = f"{text[: number.start]}{_scaled_literal(number.value, factor)}{blank}{unit}{text[number.end :]}"
@@ -190,6 +192,6 @@ def _scale_numbers(condition: Condition, factor: float) -> Condition:
 
 def _scaled_literal(value: float, factor: float) -> str:
     """Return a scaled literal; a count stays an integer."""
-    if isinstance(value, int) and value < _FEW:
+    if isinstance(value, int) and value < _COUNT_LIMIT:
         return str(max(math.ceil(value * factor), 1))
     return f"{value * factor:.6g}"

@@ -44,11 +44,11 @@ class Waiting:
         mission.wait_beside(self.machine, self.until_s)
 
 
-def both_and_back(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:
-    """Return one run of 35 minutes per seed, with all arms in it.
+def return_visit_trials(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:
+    """Return one run of 35 minutes per seed. Each run has all arms.
 
-    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again. For the last
-    machine, knowledge from the first visit must be used.
+    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again. For the second visit to the
+    centrifuge, knowledge from the first visit must be used.
     """
     work = Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE))
     return [

@@ -1,7 +1,7 @@
 """P1, section 4.2: the time that the main execution saves with observers.
 
-Each seed is run without and with observers. Looks draw from a random source of their own, so acting takes the same
-time in both runs, and the runs differ only in perception.
+Each seed is run without and with observers. Looks have a random source of their own. So acting takes the same time in
+both runs, and the runs differ only in perception.
 """
 
 from __future__ import annotations
@@ -17,4 +17,4 @@ EXPERIMENT = Experiment(
     trials=trials,
     judge=judge,
 )
-"""P1's sample of five openings and five closings, further seeds for intervals, and a day of seven hours."""
+"""The experiment runs P1's sample of five openings and five closings, further seeds, and a day of seven hours."""

@@ -1,4 +1,4 @@
-"""P1's Figure 8 for our own runs."""
+"""A drawing like P1's Figure 8, for our runs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from matplotlib.patches import Patch
 
 from codra_papers.experiments.studies.lab_runtime.finding import deviation, mean
 
-_WITHOUT, _WITHOUT_PERCEPTION = "#e9b078", "#c9660a"
-_OBSERVED, _OBSERVED_PERCEPTION = "#9dbfdd", "#1f5f99"
-_WIDTH = 0.38
+_WITHOUT_COLOUR, _WITHOUT_PERCEPTION_COLOUR = "#e9b078", "#c9660a"
+_OBSERVED_COLOUR, _OBSERVED_PERCEPTION_COLOUR = "#9dbfdd", "#1f5f99"
+_BAR_WIDTH = 0.38
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,15 +47,15 @@ def figure_8(bars: Sequence[Bars]) -> str:
         axes[0],
         "whole task",
         [(task_bars.task, task_bars.task_s, task_bars.task_share) for task_bars in bars],
-        _WITHOUT,
-        _OBSERVED,
+        _WITHOUT_COLOUR,
+        _OBSERVED_COLOUR,
     )
     _draw_panel(
         axes[1],
         "perception",
         [(task_bars.task, task_bars.perception_s, task_bars.perception_share) for task_bars in bars],
-        _WITHOUT_PERCEPTION,
-        _OBSERVED_PERCEPTION,
+        _WITHOUT_PERCEPTION_COLOUR,
+        _OBSERVED_PERCEPTION_COLOUR,
     )
     axes[0].set_ylabel("duration in s")
     with mpl.rc_context({"svg.hashsalt": "codra", "svg.fonttype": "none"}):
@@ -68,7 +68,7 @@ _Rows = Sequence[tuple[str, tuple[Sequence[float], Sequence[float]], float | Non
 
 
 def _draw_panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> None:
-    """Draw a pair of bars for each task, and above the pair by how much the second bar is shorter."""
+    """Draw a pair of bars for each task. The text above the pair states by how much the second bar is shorter."""
     tops = [_draw_pair(axes, place, durations_s, (without, observed)) for place, (_, durations_s, _) in enumerate(rows)]
     for place, (top_s, (_, _, share)) in enumerate(zip(tops, rows, strict=True)):
         if share is not None:
@@ -89,20 +89,20 @@ def _draw_panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str
 def _draw_pair(
     axes: Axes, place: float, durations_s: tuple[Sequence[float], Sequence[float]], colours: tuple[str, str]
 ) -> float:
-    """Draw two bars with whiskers, and return the highest end of a whisker."""
+    """Draw two bars with whiskers, and return the highest end of the whiskers."""
     tops = [0.0]
     for side, durations, colour in zip((-0.5, 0.5), durations_s, colours, strict=True):
-        middle_s, around_s = mean(durations) or 0.0, deviation(durations) or 0.0
-        x = place + side * (_WIDTH + 0.02)
-        axes.bar(x, middle_s, _WIDTH, color=colour, yerr=around_s, capsize=4, ecolor="#333333")
+        mean_s, deviation_s = mean(durations) or 0.0, deviation(durations) or 0.0
+        x = place + side * (_BAR_WIDTH + 0.02)
+        axes.bar(x, mean_s, _BAR_WIDTH, color=colour, yerr=deviation_s, capsize=4, ecolor="#333333")
         axes.annotate(
-            f"{middle_s:.0f}",
+            f"{mean_s:.0f}",
             (x, 0),
             (0, 4),
             textcoords="offset points",
             ha="center",
             fontsize=8,
-            color="white" if colour in (_WITHOUT_PERCEPTION, _OBSERVED_PERCEPTION) else "black",
+            color="white" if colour in (_WITHOUT_PERCEPTION_COLOUR, _OBSERVED_PERCEPTION_COLOUR) else "black",
         )
-        tops.append(middle_s + around_s)
+        tops.append(mean_s + deviation_s)
     return max(tops)

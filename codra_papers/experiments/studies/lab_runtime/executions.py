@@ -22,9 +22,9 @@ SKILLS = {
     Task.OPENING: (f"unlock_{PCR_CYCLER}", f"open_{PCR_CYCLER}"),
     Task.CLOSING: (f"close_{PCR_CYCLER}", f"lock_{PCR_CYCLER}"),
 }
-"""Opening includes unlocking, and closing locking (P1, Figure 8)."""
+"""Opening includes unlocking, and closing includes locking (P1, Figure 8)."""
 
-_WITHOUT_CAMERA = ("_is_localized", "_in_manipulation_distance")
+_SUFFIXES_WITHOUT_CAMERA = ("_is_localized", "_in_manipulation_distance")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Execution:
     Attributes:
         previews: the perception tasks before an action.
         monitors: the perception tasks after an action.
-        others: the decisions that need no camera, because they are on the robot's distance from the machine.
+        other_decisions: the decisions that need no camera: those on localization and on the distance to a machine.
     """
 
     task: Task
@@ -42,7 +42,7 @@ class Execution:
     end_s: float
     previews: Sequence[Decision]
     monitors: Sequence[Decision]
-    others: Sequence[Decision]
+    other_decisions: Sequence[Decision]
 
     @property
     def checks(self) -> Sequence[Decision]:
@@ -62,12 +62,12 @@ class Execution:
     @property
     def acting_s(self) -> float:
         """Return how long planning and moving took."""
-        return self.duration_s - self.perception_s - spent_s(self.others)
+        return self.duration_s - self.perception_s - spent_s(self.other_decisions)
 
 
 def needs_the_camera(decision: Decision) -> bool:
-    """Return whether a decision is a perception task: without observers the robot moves its camera for it."""
-    return not decision.variable.endswith(_WITHOUT_CAMERA)
+    """Return whether a decision is a perception task, for which a robot without observers moves its camera."""
+    return not decision.variable.endswith(_SUFFIXES_WITHOUT_CAMERA)
 
 
 def spent_s(decisions: Iterable[Decision]) -> float:
@@ -89,18 +89,18 @@ def executions(outcome: Outcome) -> Sequence[Execution]:
 def _execution(
     task: Task, first: tuple[str, float, float], second: tuple[str, float, float], decisions: Sequence[Decision]
 ) -> Execution:
-    made_decisions = [
+    execution_decisions = [
         decision
         for decision in decisions
         for name, start_s, end_s in (first, second)
         if decision.skill == name and start_s <= decision.instant_s <= end_s
     ]
-    checks = [decision for decision in made_decisions if needs_the_camera(decision)]
+    checks = [decision for decision in execution_decisions if needs_the_camera(decision)]
     return Execution(
         task=task,
         start_s=first[1],
         end_s=second[2],
         previews=[decision for decision in checks if decision.is_preview],
         monitors=[decision for decision in checks if not decision.is_preview],
-        others=[decision for decision in made_decisions if not needs_the_camera(decision)],
+        other_decisions=[decision for decision in execution_decisions if not needs_the_camera(decision)],
     )

@@ -8,7 +8,7 @@ from statistics import fmean, stdev
 from typing import Any
 
 from codra_papers.experiments.campaign.document import Section
-from codra_papers.experiments.campaign.statistics import LEVEL, Estimate
+from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, Estimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,29 +25,29 @@ class Finding:
 
 
 def mean(values: Sequence[float]) -> float | None:
-    """Return the mean; None without values."""
+    """Return the mean, or None if there are no values."""
     return fmean(values) if values else None
 
 
 def deviation(values: Sequence[float]) -> float | None:
-    """Return the standard deviation of a sample; None if it has fewer than two values."""
+    """Return the standard deviation of a sample, or None if the sample has fewer than two values."""
     return stdev(values) if len(values) > 1 else None
 
 
 def rounded(value: float | None, digits: int = 2) -> float | None:
-    """Return a number rounded for display."""
+    """Return a number rounded for display. Return None for None."""
     return None if value is None else round(value, digits) + 0.0  # turns -0.0 into 0.0
 
 
 def percent(share: float | None) -> float | None:
-    """Return a share in percent, rounded for display."""
+    """Return a share in percent, rounded for display. Return None for None."""
     return None if share is None else round(100.0 * share, 1)
 
 
 def spread_text(values: Sequence[float]) -> str:
     """Return mean and standard deviation as text."""
-    middle, around = rounded(mean(values)), rounded(deviation(values))
-    return "none" if middle is None else f"{middle}" if around is None else f"{middle} ± {around}"
+    mean_value, spread = rounded(mean(values)), rounded(deviation(values))
+    return "none" if mean_value is None else f"{mean_value}" if spread is None else f"{mean_value} ± {spread}"
 
 
 def interval_text(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) -> str:
@@ -62,4 +62,4 @@ def interval_text(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) ->
 
 def estimate_as_data(estimate: Estimate) -> Mapping[str, float | None]:
     """Return an estimate as plain data."""
-    return {**asdict(estimate), "level": LEVEL}
+    return {**asdict(estimate), "level": CONFIDENCE_LEVEL}

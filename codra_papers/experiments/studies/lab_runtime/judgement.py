@@ -10,10 +10,10 @@ from codra_papers.experiments.lab.arms import NEED_ON_EVENT
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.lab_runtime.day import judge_day
 from codra_papers.experiments.studies.lab_runtime.finding import rounded
-from codra_papers.experiments.studies.lab_runtime.paper import EXECUTIONS
+from codra_papers.experiments.studies.lab_runtime.paper import EXECUTION_COUNT
 from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, day_pair, tending_pairs
-from codra_papers.experiments.studies.lab_runtime.sources import sources
-from codra_papers.experiments.studies.lab_runtime.tending import tending
+from codra_papers.experiments.studies.lab_runtime.sources import judge_sources
+from codra_papers.experiments.studies.lab_runtime.tending import judge_tending
 from codra_papers.experiments.studies.lab_runtime.wrong import judge_wrong
 from codra_papers.lab.mission import WAIT_S
 
@@ -23,47 +23,47 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     pairs = tending_pairs(settings, outcomes)
     runs = list(outcomes.values())
     findings = [
-        tending(pairs),
-        sources(pairs),
+        judge_tending(pairs),
+        judge_sources(pairs),
         judge_day(day_pair(outcomes)),
         judge_wrong(runs, settings.folder),
     ]
     return Document(
         title="lab-runtime: reduced runtime through observers",
         summary=[sentence for finding in findings for sentence in finding.summary],
-        sections=[_protocol(settings), *(finding.section for finding in findings), _ended_early(runs)],
+        sections=[_protocol_section(settings), *(finding.section for finding in findings), _early_ends_section(runs)],
         results={
             "decision_s": DECISION_S,
             "wait_up_to_s": WAIT_S,
             "ended_early": {outcome.name: outcome.error for outcome in runs if outcome.error is not None},
-            **{name: part for finding in findings for name, part in finding.results.items()},
+            **{name: value for finding in findings for name, value in finding.results.items()},
         },
     )
 
 
-def _protocol(settings: Settings) -> Section:
+def _protocol_section(settings: Settings) -> Section:
     return Section(
         title="Runs",
         parts=[
             Words(
-                text=f"The robot drives to the PCR-cycler, unlocks and opens it, and closes and locks it, {EXECUTIONS}"
-                f" times, on a first seed as in P1 and on {settings.seeds} further seeds. Without observers it looks"
-                f" for each decision. With observers it asks those of the arm '{NEED_ON_EVENT.name}',"
-                " and looks if they have no answer. With the same seed, the world and the durations and slips of the"
-                " robot's actions are the same in both runs."
+                text="The robot drives to the PCR-cycler, unlocks and opens it, and closes and locks it,"
+                f" {EXECUTION_COUNT} times, on a first seed as in P1 and on {settings.seeds} further seeds. Without"
+                " observers it looks for each decision. With observers it asks the observers of the arm"
+                f" '{NEED_ON_EVENT.name}', and looks if they have no answer. Two runs with the same seed have the same"
+                " world, and the same durations and slips of the robot's actions."
             ),
             Words(
-                text=f"Each request to the observers is charged with {DECISION_S:g} s, more than 99 of 100 measured"
-                " requests took (docs/papers/lab-runtime.md), and"
-                f" after an action the robot waits up to {WAIT_S:g} s for the observers before it looks; all of this"
-                " counts as perception. Jobs of observers take as long as the robot's own processing, and share one"
-                " vision slot with this processing."
+                text=f"Each request to the observers takes {DECISION_S:g} s, which is more than 99 of 100 measured"
+                " requests took (docs/papers/lab-runtime.md)."
+                f" After an action the robot waits up to {WAIT_S:g} s for the observers before it looks. Perception"
+                " time includes these requests and waits. Jobs of observers take as long as the robot's own"
+                " processing, and share one vision slot with this processing."
             ),
         ],
     )
 
 
-def _ended_early(outcomes: Sequence[Outcome]) -> Section:
+def _early_ends_section(outcomes: Sequence[Outcome]) -> Section:
     rows = [
         (outcome.name, rounded(outcome.duration_s, 1), outcome.error)
         for outcome in outcomes
@@ -73,7 +73,7 @@ def _ended_early(outcomes: Sequence[Outcome]) -> Section:
         title="Runs that ended early",
         parts=[
             Table(
-                caption="Unrecoverable errors. Executions that such an error cut off are not counted.",
+                caption="Unrecoverable errors. Executions that such an error interrupted are left out.",
                 header=("run", "at s", "error"),
                 rows=rows,
             )

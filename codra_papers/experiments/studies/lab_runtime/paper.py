@@ -8,11 +8,11 @@ from types import MappingProxyType
 
 from codra_papers.experiments.studies.lab_runtime.executions import Task
 
-EXECUTIONS = 5
-"""How often each task was executed without observers, and how often with them."""
+EXECUTION_COUNT = 5
+"""How often each task was executed without observers, and how often with observers."""
 
-CHECKS = 4
-"""Perception tasks in each execution: two for situation preview, two for situation monitoring."""
+CHECK_COUNT = 4
+"""The number of perception tasks in each execution: two for situation preview, two for situation monitoring."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ PAPER: Mapping[Task, PaperTask] = MappingProxyType(
     }
 )
 
-CONTEXT_CHECK_S = sum(task.preview_s[1] + task.monitoring_s[1] for task in PAPER.values()) / (2 * CHECKS)
+CONTEXT_CHECK_S = sum(task.preview_s[1] + task.monitoring_s[1] for task in PAPER.values()) / (2 * CHECK_COUNT)
 """The mean duration of a perception task with observers (Table 3): 2.26 s."""
 
 DAY_S = 7 * 3600.0

@@ -11,7 +11,7 @@ from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.run import Loops, Work
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions
-from codra_papers.experiments.studies.lab_runtime.paper import DAY_S, EXECUTIONS
+from codra_papers.experiments.studies.lab_runtime.paper import DAY_S, EXECUTION_COUNT
 from codra_papers.lab.mission import PCR_CYCLER, Mission
 
 DECISION_S = 0.02
@@ -19,9 +19,9 @@ DECISION_S = 0.02
 another process (docs/papers/lab-runtime.md)."""
 
 REPAIR_S = 120.0
-"""How long a repair after an unrecoverable error takes. P1's day had minor interruptions, too."""
+"""How long a repair after an unrecoverable error takes. P1's day had minor interruptions as well."""
 
-WITHOUT, OBSERVED = "without-observers", "with-observers"
+WITHOUT_OBSERVERS, WITH_OBSERVERS = "without-observers", "with-observers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Pair:
     without: Outcome
     observed: Outcome
 
-    def of(self, task: Task) -> tuple[Sequence[Execution], Sequence[Execution]]:
+    def executions_of(self, task: Task) -> tuple[Sequence[Execution], Sequence[Execution]]:
         """Return the executions of a task, without observers and with them."""
         without, observed = (
             [execution for execution in executions(outcome) if execution.task is task]
@@ -53,30 +53,30 @@ class Pair:
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return all runs: P1's sample, the further seeds of the settings, and a day."""
+    """Return all runs: those of P1's sample, those of the further seeds, and those of the day."""
     return [
-        *(trial for seed in _seeds(settings) for trial in tending(settings, seed)),
-        *day(settings),
+        *(trial for seed in _seeds(settings) for trial in tending_trials(settings, seed)),
+        *day_trials(settings),
     ]
 
 
-def tending(settings: Settings, seed: int, times: int = EXECUTIONS) -> Sequence[Trial]:
+def tending_trials(settings: Settings, seed: int, times: int = EXECUTION_COUNT) -> Sequence[Trial]:
     """Return the two runs in which the PCR-cycler is opened and closed (P1, section 4.2)."""
-    return list(_both(settings, f"tending-{seed}", seed, OpenAndClose(times)))
+    return list(_trial_pair(settings, f"tending-{seed}", seed, OpenAndClose(times)))
 
 
-def day(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
+def day_trials(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
     """Return the two runs of a day at the fair: the robot processes sample after sample, and continues after errors."""
-    return list(_both(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
+    return list(_trial_pair(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
 
 
 def tending_pairs(settings: Settings, outcomes: Mapping[str, Outcome]) -> Sequence[Pair]:
-    """Return the outcomes of all runs except those of the day, P1's sample first."""
+    """Return a pair of outcomes for each seed, without the runs of the day. The first pair is P1's sample."""
     return [_pair(f"tending-{seed}", outcomes) for seed in _seeds(settings)]
 
 
 def day_pair(outcomes: Mapping[str, Outcome]) -> Pair:
-    """Return the outcomes of the day."""
+    """Return the pair of outcomes of the day."""
     return _pair("day", outcomes)
 
 
@@ -85,11 +85,11 @@ def _seeds(settings: Settings) -> Sequence[int]:
 
 
 def _pair(name: str, outcomes: Mapping[str, Outcome]) -> Pair:
-    without, observed = (outcomes[f"{name}-{condition}"] for condition in (WITHOUT, OBSERVED))
+    without, observed = (outcomes[f"{name}-{condition}"] for condition in (WITHOUT_OBSERVERS, WITH_OBSERVERS))
     return Pair(seed=without.seed, without=without, observed=observed)
 
 
-def _both(
+def _trial_pair(
     settings: Settings,
     name: str,
     seed: int,
@@ -99,13 +99,16 @@ def _both(
     repair_s: float | None = None,
 ) -> Iterator[Trial]:
     """Yield a run without observers, which has no arms, and a run with an arm that answers the decisions."""
-    for condition, arms, answering in ((WITHOUT, (), None), (OBSERVED, (NEED_ON_EVENT,), NEED_ON_EVENT.name)):
+    for condition, arms, answering_arm in (
+        (WITHOUT_OBSERVERS, (), None),
+        (WITH_OBSERVERS, (NEED_ON_EVENT,), NEED_ON_EVENT.name),
+    ):
         yield Trial(
             name=f"{name}-{condition}",
             spec=settings.spec,
             seed=seed,
             arms=arms,
-            answering=answering,
+            answering_arm=answering_arm,
             decision_s=DECISION_S,
             repair_s=repair_s,
             work=work,

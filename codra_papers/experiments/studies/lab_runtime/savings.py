@@ -17,7 +17,7 @@ WITHOUT_KNOWLEDGE = "observers know nothing"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saving:
-    """The saved perception time: that without observers minus that with observers. The parts add up to it.
+    """The saved perception time: the time without observers minus the time with observers. It is the sum of its parts.
 
     Attributes:
         without: the number of perception tasks without observers.
@@ -56,7 +56,7 @@ class Saving:
 
     @property
     def other_looks_s(self) -> float:
-        """Return by how much the remaining looks took less time than as many mean looks without observers."""
+        """Return how much less time the remaining looks took than the same number of mean looks without observers."""
         return self.fell_back * self.look_s - self.own_looks_s
 
     @property
@@ -66,17 +66,17 @@ class Saving:
 
     @property
     def saved_s(self) -> float:
-        """Return the saved time: `spared_s`, minus waiting and asking, plus two random differences."""
+        """Return the saved time: `spared_s` minus waiting and asking, plus two random differences."""
         return self.spared_s - self.waiting_s - self.asking_s + self.other_looks_s + self.fewer_s
 
     @property
     def share(self) -> float | None:
-        """Return the saved share of the perception time without observers; None if that time is 0."""
+        """Return the saved share of the perception time without observers, or None if this perception time is 0."""
         return self.saved_s / self.without_s if self.without_s else None
 
 
 def saving(without: Sequence[Decision], observed: Sequence[Decision]) -> Saving:
-    """Return a saving in parts.
+    """Return the saving and its parts.
 
     Args:
         without: the perception tasks of a run without observers.
@@ -117,25 +117,25 @@ class Scenario:
 
     @property
     def share(self) -> float | None:
-        """Return this time as a share of the perception time without observers; None if that time is 0."""
+        """Return the saved share of the perception time without observers, or None if this perception time is 0."""
         return self.saved_s / self.without_s if self.without_s else None
 
 
-def scenarios(measured: Saving) -> Sequence[Scenario]:
+def scenarios(measured_saving: Saving) -> Sequence[Scenario]:
     """Return the measured saving, and the savings under other assumptions.
 
-    The answers that observers have in time are taken as measured: they depend on what observers see while the robot
-    acts, not on the duration of its own looks.
+    The scenarios with other durations use the measured answers, because answers depend on what observers see while the
+    robot acts, and not on the duration of the robot's own looks.
     """
-    cost_s, without_s = measured.waiting_s + measured.asking_s, measured.without_s
-    all_looked_s = measured.checks * measured.look_s
+    cost_s, without_s = measured_saving.waiting_s + measured_saving.asking_s, measured_saving.without_s
+    all_looked_s = measured_saving.checks * measured_saving.look_s
     cases = {
-        "as measured": (without_s, cost_s + measured.own_looks_s),
-        "looks take half as long": (without_s / 2, cost_s + measured.own_looks_s / 2),
-        "looks take twice as long": (without_s * 2, cost_s + measured.own_looks_s * 2),
-        AT_P1S_CHECK: (without_s, measured.checks * CONTEXT_CHECK_S + measured.own_looks_s),
-        WITHOUT_KNOWLEDGE: (without_s, measured.asking_s + measured.monitors * WAIT_S + all_looked_s),
-        "observers know everything at once": (without_s, measured.asking_s),
+        "as measured": (without_s, cost_s + measured_saving.own_looks_s),
+        "looks take half as long": (without_s / 2, cost_s + measured_saving.own_looks_s / 2),
+        "looks take twice as long": (without_s * 2, cost_s + measured_saving.own_looks_s * 2),
+        AT_P1S_CHECK: (without_s, measured_saving.checks * CONTEXT_CHECK_S + measured_saving.own_looks_s),
+        WITHOUT_KNOWLEDGE: (without_s, measured_saving.asking_s + measured_saving.monitors * WAIT_S + all_looked_s),
+        "observers know everything at once": (without_s, measured_saving.asking_s),
     }
     return [
         Scenario(name=name, without_s=before_s, perception_s=after_s) for name, (before_s, after_s) in cases.items()

@@ -22,16 +22,16 @@ from codra_papers.experiments.studies.lab_runtime.savings import (
 )
 from codra_papers.lab.mission import WAIT_S
 
-_Part = Callable[[Execution], Sequence[Decision]]
+_DecisionSelector = Callable[[Execution], Sequence[Decision]]
 
 _TERMS: Mapping[str, Callable[[Saving], float]] = {
-    "perception without observers": lambda parts: parts.without_s,
-    "+ looks that context replaced, each counted as a mean look": lambda parts: parts.spared_s,
-    "- waiting for observers": lambda parts: -parts.waiting_s,
-    "- asking": lambda parts: -parts.asking_s,
-    "+ looks still done, compared with mean looks": lambda parts: parts.other_looks_s,
-    "+ perception tasks that did not come up": lambda parts: parts.fewer_s,
-    "= saved": lambda parts: parts.saved_s,
+    "perception without observers": lambda saving_parts: saving_parts.without_s,
+    "+ looks that context replaced, each counted as a mean look": lambda saving_parts: saving_parts.spared_s,
+    "- waiting for observers": lambda saving_parts: -saving_parts.waiting_s,
+    "- asking": lambda saving_parts: -saving_parts.asking_s,
+    "+ looks still done, compared with mean looks": lambda saving_parts: saving_parts.other_looks_s,
+    "+ perception tasks that did not come up": lambda saving_parts: saving_parts.fewer_s,
+    "= saved": lambda saving_parts: saving_parts.saved_s,
 }
 
 WHAT_IT_SHOWS = (
@@ -39,14 +39,14 @@ WHAT_IT_SHOWS = (
     " P1, not our finding, that context is faster than a look. Whether context has the right answer in time is our"
     " finding: it depends on frames, perception and the spec. The saved share is the difference of two shares. The"
     " first is the share of answers in time, which does not depend on the duration of looks. The second is the time"
-    " of asking and waiting as a share of the looks, which depends on their duration."
+    " of asking and waiting as a share of the time of looks, which depends on the duration of looks."
 )
 
 
-def sources(pairs: Sequence[Pair]) -> Finding:
+def judge_sources(pairs: Sequence[Pair]) -> Finding:
     """Split the saving of all openings and closings into its parts."""
     columns = _columns(pairs)
-    total = columns["all"]
+    total_saving = columns["all"]
     return Finding(
         section=Section(
             title="Where the saving comes from",
@@ -59,10 +59,10 @@ def sources(pairs: Sequence[Pair]) -> Finding:
                 _reasons_table(_unanswered_checks(pairs)),
             ],
         ),
-        summary=[_sentence(total)],
+        summary=[_sentence(total_saving)],
         results={
-            "saving": {name: saving_as_data(parts) for name, parts in columns.items()},
-            "scenarios": {name: _scenarios_as_data(parts) for name, parts in columns.items()},
+            "saving": {name: saving_as_data(saving_parts) for name, saving_parts in columns.items()},
+            "scenarios": {name: _scenarios_as_data(saving_parts) for name, saving_parts in columns.items()},
             "unanswered": {
                 " ".join(reason): count for reason, count in sorted(reasons(_unanswered_checks(pairs)).items())
             },
@@ -71,54 +71,59 @@ def sources(pairs: Sequence[Pair]) -> Finding:
 
 
 def parts_table(columns: Mapping[str, Saving], caption: str) -> Table:
-    """Return a table of savings in parts that add up, with one column for each saving."""
+    """Return a table with one column for each saving and one row for each part. The parts of a saving add up."""
     rows: list[Sequence[Cell]] = [
-        ("perception tasks without observers", *(parts.without for parts in columns.values())),
-        ("perception tasks with observers", *(parts.checks for parts in columns.values())),
-        ("of these answered by context", *(parts.answered for parts in columns.values())),
-        ("answered by context in %", *(percent(answered_share(parts)) for parts in columns.values())),
-        ("a mean look without observers in s", *(rounded(parts.look_s) for parts in columns.values())),
+        ("perception tasks without observers", *(saving_parts.without for saving_parts in columns.values())),
+        ("perception tasks with observers", *(saving_parts.checks for saving_parts in columns.values())),
+        ("of these answered by context", *(saving_parts.answered for saving_parts in columns.values())),
+        ("answered by context in %", *(percent(answered_share(saving_parts)) for saving_parts in columns.values())),
+        ("a mean look without observers in s", *(rounded(saving_parts.look_s) for saving_parts in columns.values())),
     ]
-    rows += [(f"{name}, in s", *(rounded(term(parts)) for parts in columns.values())) for name, term in _TERMS.items()]
-    rows.append(("saved in %", *(percent(parts.share) for parts in columns.values())))
+    rows += [
+        (f"{name}, in s", *(rounded(term(saving_parts)) for saving_parts in columns.values()))
+        for name, term in _TERMS.items()
+    ]
+    rows.append(("saved in %", *(percent(saving_parts.share) for saving_parts in columns.values())))
     return Table(caption=caption, header=("", *columns), rows=rows)
 
 
-def answered_share(parts: Saving) -> float | None:
-    """Return the share of the perception tasks with observers that context answered; None without perception tasks."""
-    return parts.answered / parts.checks if parts.checks else None
+def answered_share(saving_parts: Saving) -> float | None:
+    """Return the share of perception tasks with observers that context answered; None if there are no such tasks."""
+    return saving_parts.answered / saving_parts.checks if saving_parts.checks else None
 
 
 def reasons(fell_back: Sequence[Decision]) -> Counter[tuple[str, str, str]]:
-    """Return how often context had no answer, by variable, situation and reason."""
+    """Return how often context had no answer. The key consists of variable, situation and reason."""
     return Counter(
         (decision.variable, "preview" if decision.is_preview else "monitoring", decision.unanswered)
         for decision in fell_back
     )
 
 
-def saving_as_data(parts: Saving) -> Mapping[str, Any]:
+def saving_as_data(saving_parts: Saving) -> Mapping[str, Any]:
     """Return a saving and its parts as plain data."""
     terms = ("without_s", "spared_s", "other_looks_s", "fewer_s", "saved_s", "share")
-    return {**asdict(parts), **{name: getattr(parts, name) for name in terms}}
+    return {**asdict(saving_parts), **{name: getattr(saving_parts, name) for name in terms}}
 
 
 def _columns(pairs: Sequence[Pair]) -> Mapping[str, Saving]:
-    parts: Mapping[str, tuple[Sequence[Task], _Part]] = {
+    selectors: Mapping[str, tuple[Sequence[Task], _DecisionSelector]] = {
         **{task.value: ([task], lambda execution: execution.checks) for task in Task},
         "previews": (list(Task), lambda execution: execution.previews),
         "monitoring": (list(Task), lambda execution: execution.monitors),
         "all": (list(Task), lambda execution: execution.checks),
     }
-    return {name: saving(*_decisions(pairs, tasks, part)) for name, (tasks, part) in parts.items()}
+    return {name: saving(*_decisions(pairs, tasks, select)) for name, (tasks, select) in selectors.items()}
 
 
-def _decisions(pairs: Sequence[Pair], tasks: Sequence[Task], part: _Part) -> tuple[list[Decision], list[Decision]]:
+def _decisions(
+    pairs: Sequence[Pair], tasks: Sequence[Task], select: _DecisionSelector
+) -> tuple[list[Decision], list[Decision]]:
     """Return the perception tasks without observers, and those with observers."""
-    executions_by_pair = [pair.of(task) for pair in pairs for task in tasks]
+    executions_by_pair = [pair.executions_of(task) for pair in pairs for task in tasks]
     return (
-        [decision for without, _ in executions_by_pair for execution in without for decision in part(execution)],
-        [decision for _, observed in executions_by_pair for execution in observed for decision in part(execution)],
+        [decision for without, _ in executions_by_pair for execution in without for decision in select(execution)],
+        [decision for _, observed in executions_by_pair for execution in observed for decision in select(execution)],
     )
 
 
@@ -131,11 +136,11 @@ def _scenario_table(columns: Mapping[str, Saving]) -> Table:
     scenarios_by_column = {name: scenarios(columns[name]) for name in (*Task, "all")}
     return Table(
         caption=(
-            "The saving of perception in %, if one assumption were different and everything else the same. The answers"
-            f" that observers have in time stay as measured. In P1, a check with observers takes"
-            f" {CONTEXT_CHECK_S:.2f} s (Table 3); here it takes {DECISION_S:g} s to ask, and at most {WAIT_S:g} s"
-            " of waiting after an action."
-            " With observers that know nothing, the robot asks and waits in vain."
+            "The saved share of perception in %, if one assumption were different and everything else were the same."
+            " The answers that observers have in time stay as measured. In P1, a check with observers takes"
+            f" {CONTEXT_CHECK_S:.2f} s (Table 3). Here, asking takes {DECISION_S:g} s, and the robot waits at most"
+            f" {WAIT_S:g} s after an action."
+            " If observers know nothing, the robot asks and waits without getting an answer."
         ),
         header=("", *(f"{name}: saved in %" for name in scenarios_by_column)),
         rows=[
@@ -148,8 +153,8 @@ def _scenario_table(columns: Mapping[str, Saving]) -> Table:
 def _reasons_table(fell_back: Sequence[Decision]) -> Table:
     return Table(
         caption=(
-            f"Why context had no answer, {len(fell_back)} times: the reason why the variable was unknown when the robot"
-            " began to look."
+            f"Why context had no answer in {len(fell_back)} perception tasks. The reason states why the variable was"
+            " unknown when the robot began to look."
         ),
         header=("variable", "situation", "reason", "times"),
         rows=[(*reason, count) for reason, count in sorted(reasons(fell_back).items())],
@@ -160,18 +165,18 @@ def _scenarios_as_data(measured: Saving) -> Sequence[Mapping[str, Any]]:
     return [{**asdict(case), "saved_s": case.saved_s, "share": case.share} for case in scenarios(measured)]
 
 
-def _sentence(total: Saving) -> str:
-    if not total.without_s or not total.checks:
+def _sentence(total_saving: Saving) -> str:
+    if not total_saving.without_s or not total_saving.checks:
         return "No perception task was completed, so no saving can be attributed."
-    shares = {case.name: percent(case.share) for case in scenarios(total)}
-    cost = percent((total.waiting_s + total.asking_s) / total.without_s)
+    shares = {case.name: percent(case.share) for case in scenarios(total_saving)}
+    cost = percent((total_saving.waiting_s + total_saving.asking_s) / total_saving.without_s)
     return (
-        f"Over all seeds {percent(total.share)} % of perception time is saved: context answered"
-        f" {percent(answered_share(total))} % of {total.checks} perception tasks in time, from the knowledge of the"
-        f" observers; asking and waiting cost {cost} %."
-        f" The mean duration of a look, {total.look_s:.1f} s, follows from P1: with looks half as long"
-        f" {shares['looks take half as long']} % would be saved, with looks twice as long"
-        f" {shares['looks take twice as long']} %. At P1's {CONTEXT_CHECK_S:.2f} s for each check it would be"
-        f" {shares[AT_P1S_CHECK]} %; observers that know nothing would save {shares[WITHOUT_KNOWLEDGE]} %: a negative"
-        " share is lost time."
+        f"Over all seeds, {percent(total_saving.share)} % of the perception time is saved. Context answered"
+        f" {percent(answered_share(total_saving))} % of {total_saving.checks} perception tasks in time, from the"
+        f" knowledge of the observers; asking and waiting cost {cost} %."
+        f" The mean duration of a look, {total_saving.look_s:.1f} s, follows from P1. With looks half as long,"
+        f" {shares['looks take half as long']} % would be saved; with looks twice as long,"
+        f" {shares['looks take twice as long']} %. At P1's {CONTEXT_CHECK_S:.2f} s for each check,"
+        f" {shares[AT_P1S_CHECK]} % would be saved. Observers that know nothing would save"
+        f" {shares[WITHOUT_KNOWLEDGE]} %; a negative share is lost time."
     )

@@ -13,13 +13,13 @@ from codra_papers.experiments.lab.arms import NEED_ON_EVENT
 from codra_papers.experiments.lab.outcomes import OWN_LOOK, Basis, Decision, Outcome
 from codra_papers.experiments.studies.lab_runtime.finding import Finding, rounded
 
-PHOTOGRAPHS = 12
-"""The maximum number of decisions whose frames are shown; the table lists all frames."""
+PHOTOGRAPH_LIMIT = 12
+"""The maximum number of frames that are shown. The table lists the frames of all wrong decisions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mistake:
-    """A decision made on a wrong value, and the evidence for that value."""
+    """A decision that was made on a wrong value, and the evidence for this value."""
 
     trial: str
     decision: Decision
@@ -32,12 +32,12 @@ class Mistake:
             return "was true in the evidence and has changed since"
         if self.basis.algorithm == OWN_LOOK:
             return "the robot's own look was wrong"
-        values = ", ".join(f"{name} {value}" for name, value in sorted(self.basis.values.items()))
-        return f"seen wrongly: {values}" if values else "not observed: the value was written"
+        values_text = ", ".join(f"{name} {value}" for name, value in sorted(self.basis.values.items()))
+        return f"seen wrongly: {values_text}" if values_text else "not observed: the value was written"
 
 
 def mistakes(outcomes: Sequence[Outcome]) -> Sequence[Mistake]:
-    """Return all decisions on a wrong value. An answer is wrong if it was not true at the time of the answer."""
+    """Return all decisions on wrong values. A value is wrong if it was not true when the decision was answered."""
     return [
         Mistake(trial=outcome.name, decision=decision, basis=decision.wrong_answer)
         for outcome in outcomes
@@ -56,16 +56,16 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
     wrong_decisions = mistakes(outcomes)
     all_decisions = [decision for outcome in outcomes for decision in outcome.decisions]
     look_count = sum(decision.has_looked for decision in all_decisions)
-    wrong_looks = sum(mistake.decision.has_looked for mistake in wrong_decisions)
+    wrong_look_count = sum(mistake.decision.has_looked for mistake in wrong_decisions)
     corrected_count = sum(
         NEED_ON_EVENT.name in decision.wrong and decision.wrong_answer is None
         for outcome in outcomes
         for decision in outcome.decisions
     )
     sentence = (
-        f"Of {len(all_decisions)} decisions in all runs context answered {len(all_decisions) - look_count}, of these"
-        f" {len(wrong_decisions) - wrong_looks} with a value that was not true. The robot found out the other"
-        f" {look_count} by itself, {wrong_looks} of them wrongly."
+        f"Of {len(all_decisions)} decisions in all runs, context answered {len(all_decisions) - look_count};"
+        f" {len(wrong_decisions) - wrong_look_count} of these answers were not true. For the other {look_count}"
+        f" decisions, the robot looked by itself; {wrong_look_count} of its answers were not true."
     )
     return Finding(
         section=Section(
@@ -73,8 +73,8 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
             parts=[
                 Words(
                     text=f"{sentence} An answer is judged when it is given, after waiting or looking."
-                    f" {corrected_count} times context held a wrong value when it was asked,"
-                    " and the decision was still made on a right value."
+                    f" {corrected_count} times, context held a wrong value when the decision was requested,"
+                    " but the decision was made on a right value."
                 ),
                 _table(wrong_decisions),
                 *_photographs(wrong_decisions, folder),
@@ -110,7 +110,7 @@ def _table(wrong_decisions: Sequence[Mistake]) -> Table:
 
 
 def _photographs(wrong_decisions: Sequence[Mistake], folder: Path) -> Iterator[Part]:
-    for mistake in [mistake for mistake in wrong_decisions if mistake.basis.frame][:PHOTOGRAPHS]:
+    for mistake in [mistake for mistake in wrong_decisions if mistake.basis.frame][:PHOTOGRAPH_LIMIT]:
         decision = mistake.decision
         yield Photograph(
             caption=f"{mistake.trial}: {decision.variable} was taken for {decision.answer} at"

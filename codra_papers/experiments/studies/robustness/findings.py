@@ -44,21 +44,21 @@ VARIABLES = (
 )
 """The variables of P1's Table 1."""
 
-PCR_CYCLER_LID = ("localize_pcr_cycler_lid",)
+PCR_CYCLER_LID_ALGORITHMS = ("localize_pcr_cycler_lid",)
 """The algorithm whose triggers P1 counts (section 4.1)."""
 
-Counted = Callable[[Seconds], Share]
-"""One of the two ways to count seconds: `Seconds.paper` or `Seconds.strict`, as a function."""
+ShareFunction = Callable[[Seconds], Share]
+"""A function that returns one of the two shares of seconds: `paper_share` or `strict_share`."""
 
 
-def paper(counted: Seconds) -> Share:
+def paper_share(arm_seconds: Seconds) -> Share:
     """Return the seconds with a right value as a share of the seconds with any value."""
-    return counted.paper
+    return arm_seconds.paper_share
 
 
-def strict(counted: Seconds) -> Share:
+def strict_share(arm_seconds: Seconds) -> Share:
     """Return the seconds with a right value as a share of all seconds."""
-    return counted.strict
+    return arm_seconds.strict_share
 
 
 def vision_algorithms(spec: Spec) -> tuple[str, ...]:
@@ -85,14 +85,14 @@ class Runs:
         return tuple(self.outcomes[0].arms) if self.outcomes else ()
 
     def seconds(self, variable: str, arm: str) -> Sequence[Seconds | None]:
-        """Return for each run an arm's seconds in the common window; None if the arm is left out of the window."""
+        """Return, for each run, an arm's seconds in the common window; None if the arm is left out of the window."""
         return [in_window(outcome, variable, arm) for outcome in self.outcomes]
 
     def total(self, variable: str, arm: str) -> Seconds:
         """Return the sum of an arm's seconds in the common windows."""
         return total(self.seconds(variable, arm))
 
-    def complete_runs(self, variable: str, arm: str) -> Seconds:
+    def whole_run_seconds(self, variable: str, arm: str) -> Seconds:
         """Return an arm's seconds over complete runs, without regard to windows."""
         return total(seconds(outcome.arms[arm].held[variable], outcome.truth[variable]) for outcome in self.outcomes)
 
@@ -101,9 +101,9 @@ class Runs:
         return sum(arm in window(outcome, variable).left_out for outcome in self.outcomes)
 
     def first_s(self, variable: str, arm: str) -> Sequence[float]:
-        """Return when an arm first identified a variable, for the runs in which it did."""
-        first_by_run = (outcome.arms[arm].first_s[variable] for outcome in self.outcomes)
-        return [first_s for first_s in first_by_run if first_s is not None]
+        """Return when an arm first identified a variable. Runs in which the arm never identified it are left out."""
+        first_s_by_run = (outcome.arms[arm].first_s[variable] for outcome in self.outcomes)
+        return [first_s for first_s in first_s_by_run if first_s is not None]
 
     def lags(self, variable: str, arm: str) -> Lags:
         """Return an arm's lags after all changes of a variable."""
@@ -111,11 +111,11 @@ class Runs:
         return sum(lags_by_run, Lags())
 
     def causes(self, variables: Sequence[str], arm: str) -> Causes:
-        """Return for how long an arm was wrong, for each cause."""
+        """Return, for each cause, how long the values of an arm were wrong."""
         return causes(span for outcome in self.outcomes for name in variables for span in outcome.arms[arm].wrong[name])
 
     def answers(self, variables: Sequence[str], arm: str, *, previews: bool) -> Answers:
-        """Return the values that an arm held at decisions: those before an action, or those that monitor an action."""
+        """Return how often an arm held right, wrong and unknown values at previews, or at decisions after an action."""
         decisions = (decision for outcome in self.outcomes for decision in outcome.decisions)
         return answers(
             [decision for decision in decisions if decision.variable in variables and decision.is_preview == previews],
@@ -123,7 +123,7 @@ class Runs:
         )
 
     def triggers(self, arm: str, algorithms: Sequence[str]) -> Sequence[int]:
-        """Return for each run how many jobs of some algorithms an arm started."""
+        """Return, for each run, how many jobs of some algorithms an arm started."""
         return [sum(outcome.arms[arm].triggers.get(name, 0) for name in algorithms) for outcome in self.outcomes]
 
     def slot_s(self, arm: str) -> float:
@@ -138,44 +138,46 @@ class Runs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """How much better one arm knew a variable than another.
+    """How much better one arm knew a variable than another arm.
 
     Attributes:
         runs: the number of runs in which neither arm was left out of the window.
-        paper: the difference of the ratios of sums over these runs, `arm` minus `against`.
-        strict: the same for the strict ratio.
+        paper_difference: the ratio of sums of `arm` over these runs, minus that of `other_arm`.
+        strict_difference: the same for the strict ratio.
     """
 
     variable: str
     arm: str
-    against: str
+    other_arm: str
     runs: int
-    paper: Estimate
-    strict: Estimate
+    paper_difference: Estimate
+    strict_difference: Estimate
 
 
-def compare(runs: Runs, variable: str, arm: str, against: str) -> Comparison:
+def compare(runs: Runs, variable: str, arm: str, other_arm: str) -> Comparison:
     """Return the difference between two arms for a variable."""
-    both = zip(runs.seconds(variable, arm), runs.seconds(variable, against), strict=True)
-    pairs = [(left, right) for left, right in both if left is not None and right is not None]
+    all_pairs = zip(runs.seconds(variable, arm), runs.seconds(variable, other_arm), strict=True)
+    pairs = [(left, right) for left, right in all_pairs if left is not None and right is not None]
     return Comparison(
         variable=variable,
         arm=arm,
-        against=against,
+        other_arm=other_arm,
         runs=len(pairs),
-        paper=_difference(pairs, paper),
-        strict=_difference(pairs, strict),
+        paper_difference=_difference(pairs, paper_share),
+        strict_difference=_difference(pairs, strict_share),
     )
 
 
-def _difference(pairs: Sequence[tuple[Seconds, Seconds]], counted: Counted) -> Estimate:
-    return ratio_difference([counted(left) for left, _ in pairs], [counted(right) for _, right in pairs])
+def _difference(pairs: Sequence[tuple[Seconds, Seconds]], share_of: ShareFunction) -> Estimate:
+    return ratio_difference([share_of(left) for left, _ in pairs], [share_of(right) for _, right in pairs])
 
 
-def fewer_triggers(runs: Runs, arm: str, against: str, algorithms: Sequence[str]) -> Estimate:
-    """Return which share of another arm's triggers an arm saves (P1, section 4.1: 79.4 %), with its interval."""
-    counts = zip(runs.triggers(arm, algorithms), runs.triggers(against, algorithms), strict=True)
-    return ratio_interval([Share(float(other - own), float(other)) for own, other in counts])
+def fewer_triggers(runs: Runs, arm: str, other_arm: str, algorithms: Sequence[str]) -> Estimate:
+    """Return the share of another arm's triggers that an arm saves (P1, section 4.1: 79.4 %), with its interval."""
+    counts = zip(runs.triggers(arm, algorithms), runs.triggers(other_arm, algorithms), strict=True)
+    return ratio_interval(
+        [Share(float(other_count - own_count), float(other_count)) for own_count, other_count in counts]
+    )
 
 
 def estimate_as_data(estimate: Estimate) -> Mapping[str, float | None]:

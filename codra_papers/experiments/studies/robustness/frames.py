@@ -1,4 +1,4 @@
-"""Detect tags in stored frames again: from the frames' files, with the functions of the spec, without a simulator."""
+"""Detect tags in stored frames again, with the frames' files and the functions of the spec, but without a simulator."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from codra_papers.lab.perception.poses import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DetectedAgain:
-    """A stored frame, and the result of a new detection in it.
+class RepeatedDetection:
+    """A stored frame, and the result of a new detection in this frame.
 
     Attributes:
         trial: the name of the frame's trial.
@@ -35,21 +35,21 @@ class DetectedAgain:
 
     @property
     def agrees(self) -> bool:
-        """Return whether every value equals the recorded one exactly."""
+        """Return whether every value equals the recorded value exactly."""
         return self.values is not None and dict(self.values) == dict(self.kept.values)
 
 
-def detect_again(spec: Spec, outcomes: Sequence[Outcome], folder: Path) -> Sequence[DetectedAgain]:
+def detect_again(spec: Spec, outcomes: Sequence[Outcome], folder: Path) -> Sequence[RepeatedDetection]:
     """Repeat the detection in all stored frames.
 
     Args:
-        spec: determines the function and the parameters of each algorithm.
+        spec: the spec, which determines the function and the parameters of each algorithm.
         outcomes: the outcomes of runs that stored frames.
         folder: the folder of the experiment.
     """
     algorithms = {algorithm.name: algorithm for algorithm in spec.perception}
     return [
-        DetectedAgain(
+        RepeatedDetection(
             trial=outcome.name,
             kept=kept,
             values=_detect(algorithms[kept.algorithm], kept, folder / TRIALS / outcome.name / kept.file),
@@ -82,7 +82,7 @@ def _load_function(call: str) -> Callable[..., Mapping[str, Any]]:
 
 @dataclass(slots=True)
 class _PassingJob:
-    """A job whose sleeping takes no real time: the result of an algorithm does not depend on its duration."""
+    """A job in which sleeping takes no real time, because an algorithm's result does not depend on its duration."""
 
     random: Random = field(default_factory=lambda: Random(0))
     index: int = 0
@@ -96,4 +96,4 @@ class _PassingJob:
         self._now_s += duration_s
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Ignore the evidence: it is already known."""
+        """Ignore the evidence, which is already known."""

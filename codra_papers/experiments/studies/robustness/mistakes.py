@@ -1,4 +1,4 @@
-"""The decisions at which an arm held a value that was not true, with the evidence of that value."""
+"""The decisions at which an arm held a value that was not true, with the evidence for this value."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_papers.experiments.studies.robustness.findings import VARIABLES, Runs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mistake:
-    """A wrong value that an arm held when a decision needed it."""
+    """A wrong value that an arm held when a decision needed the value."""
 
     outcome: Outcome
     decision: Decision
@@ -35,7 +35,7 @@ class Mistake:
 
     @property
     def frame(self) -> str:
-        """Return the file of the frame, relative to the experiment's folder; empty if the value has no frame."""
+        """Return the file of the frame, relative to the experiment's folder, or an empty text if there is no frame."""
         return f"{TRIALS}/{self.outcome.name}/{self.basis.frame}" if self.basis.frame else ""
 
 
@@ -79,17 +79,17 @@ def values_text(values: Mapping[str, Any]) -> str:
 
 
 def photographs(wrong_values: Sequence[Mistake], folder: Path) -> Sequence[Photograph]:
-    """Return the frame of the first mistake of each arm and cause.
+    """Return, for each arm and each cause, the frame of the first mistake that has a frame.
 
     Args:
         wrong_values: the wrong values, in order of runs and time.
         folder: the folder of the experiment.
     """
-    first: dict[tuple[str, str], Mistake] = {}
+    first_mistakes: dict[tuple[str, str], Mistake] = {}
     for mistake in wrong_values:
         if mistake.frame and (folder / mistake.frame).exists():
-            first.setdefault((mistake.arm, mistake.cause), mistake)
-    return [Photograph(caption=_caption(mistake), path=folder / mistake.frame) for mistake in first.values()]
+            first_mistakes.setdefault((mistake.arm, mistake.cause), mistake)
+    return [Photograph(caption=_caption(mistake), path=folder / mistake.frame) for mistake in first_mistakes.values()]
 
 
 def _caption(mistake: Mistake) -> str:
@@ -97,6 +97,6 @@ def _caption(mistake: Mistake) -> str:
     held = str(decision.held[mistake.arm]).lower()
     return (
         f"{mistake.arm}, seed {mistake.outcome.seed}: {label(decision.variable)} held as {held} when it was needed at "
-        f"{decision.instant_s:.1f} s, {mistake.cause}. This frame is of {basis.evidence_s:.1f} s; {basis.algorithm} "
-        f"measured {values_text(basis.values)}."
+        f"{decision.instant_s:.1f} s, {mistake.cause}. This frame was taken at {basis.evidence_s:.1f} s; "
+        f"{basis.algorithm} measured {values_text(basis.values)}."
     )

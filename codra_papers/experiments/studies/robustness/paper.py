@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 LOW_RATIO = 0.9
-"""Table 2 highlights ratios below this."""
+"""Table 2 highlights ratios below this number."""
 
 CONTEXT_DRIVEN, NAIVE = "context-driven (P1)", "naive (P1)"
 
@@ -15,12 +15,12 @@ CONTEXT_DRIVEN_TRIGGERS, NAIVE_TRIGGERS = 1029, 5006
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class TableRow:
     """An observer in Table 2.
 
     Attributes:
         agreement_s, disagreement_s: the seconds of each of ten runs.
-        printed_total_s: the printed sums of both.
+        printed_total_s: the printed sums of `agreement_s` and of `disagreement_s`.
         printed_ratio: the printed ratio of the totals.
     """
 
@@ -33,13 +33,13 @@ class Row:
 
 
 PRINTED_RUN_4_RATIO = 0.920
-"""Misprint 1, of the context-driven observer on `centrifuge_open`: the seconds of this run give a ratio of 0.978."""
+"""Misprint 1, in the row of the context-driven observer of `centrifuge_open`: the seconds of run 4 give 0.978."""
 
 PRINTED_RUN_9_AGREEMENT_S = 3898.61
-"""Misprint 2, in the same row: with 3589.61 s the row adds up to its total, so two digits were swapped."""
+"""Misprint 2, in the same row: with 3589.61 s the row adds up to the printed total, so two digits were swapped."""
 
 TABLE_2 = (
-    Row(
+    TableRow(
         variable="centrifuge_open",
         observer=CONTEXT_DRIVEN,
         agreement_s=(2815.11, 1393.59, 3409.49, 1948.05, 6362.58, 3908.05, 1128.22, 5468.07, 3589.61, 2906.36),
@@ -47,7 +47,7 @@ TABLE_2 = (
         printed_total_s=(32929.13, 2812.80),
         printed_ratio=0.921,
     ),
-    Row(
+    TableRow(
         variable="centrifuge_open",
         observer=NAIVE,
         agreement_s=(1362.17, 1360.12, 3378.80, 1492.52, 3199.46, 5422.34, 1126.30, 1873.83, 3585.28, 2313.70),
@@ -55,7 +55,7 @@ TABLE_2 = (
         printed_total_s=(25114.52, 10627.43),
         printed_ratio=0.703,
     ),
-    Row(
+    TableRow(
         variable="pcr_cycler_open",
         observer=CONTEXT_DRIVEN,
         agreement_s=(2807.47, 1407.06, 3417.81, 1981.20, 6879.60, 6068.58, 1126.43, 5471.55, 3583.64, 2919.38),
@@ -63,7 +63,7 @@ TABLE_2 = (
         printed_total_s=(35662.81, 142.97),
         printed_ratio=0.996,
     ),
-    Row(
+    TableRow(
         variable="pcr_cycler_open",
         observer=NAIVE,
         agreement_s=(2808.33, 1407.06, 3418.28, 1983.57, 6877.13, 6068.36, 1126.43, 5467.76, 3582.15, 2912.21),

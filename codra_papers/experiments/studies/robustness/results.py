@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from codra_papers.experiments.campaign.statistics import LEVEL, RESAMPLES, ratio_of_sums
+from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, RESAMPLE_COUNT, ratio_of_sums
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.robustness import paper
 from codra_papers.experiments.studies.robustness.findings import (
@@ -16,12 +16,12 @@ from codra_papers.experiments.studies.robustness.findings import (
     estimate_as_data,
     label,
 )
-from codra_papers.experiments.studies.robustness.frames import DetectedAgain
+from codra_papers.experiments.studies.robustness.frames import RepeatedDetection
 from codra_papers.experiments.studies.robustness.mistakes import Mistake
 
 
 def runs_as_data(runs: Runs) -> Mapping[str, Any]:
-    """Return the results of runs: each run, each variable and arm, triggers and answers."""
+    """Return the results of runs: of each run, of each variable for each arm, and of each arm."""
     return {
         "runs": [_run(outcome) for outcome in runs.outcomes],
         "variables": {label(name): {arm: _variable(runs, name, arm) for arm in runs.arms} for name in VARIABLES},
@@ -42,21 +42,21 @@ def _run(outcome: Outcome) -> Mapping[str, Any]:
 
 
 def _variable(runs: Runs, name: str, arm: str) -> Mapping[str, Any]:
-    window_seconds, complete_seconds, variable_lags, variable_causes = (
+    window_seconds, whole_run_seconds, variable_lags, variable_causes = (
         runs.total(name, arm),
-        runs.complete_runs(name, arm),
+        runs.whole_run_seconds(name, arm),
         runs.lags(name, arm),
         runs.causes((name,), arm),
     )
     return {
         "window_by_run": [
-            None if run_seconds is None else asdict(run_seconds) for run_seconds in runs.seconds(name, arm)
+            None if arm_seconds is None else asdict(arm_seconds) for arm_seconds in runs.seconds(name, arm)
         ],
         "window_total": asdict(window_seconds),
-        "paper_ratio": ratio_of_sums([window_seconds.paper]),
-        "strict_ratio": ratio_of_sums([window_seconds.strict]),
+        "paper_ratio": ratio_of_sums([window_seconds.paper_share]),
+        "strict_ratio": ratio_of_sums([window_seconds.strict_share]),
         "runs_left_out": runs.left_out(name, arm),
-        "whole_runs": asdict(complete_seconds),
+        "whole_runs": asdict(whole_run_seconds),
         "wrong_by_cause": asdict(variable_causes),
         "first_known_s": list(runs.first_s(name, arm)),
         "lags_s": list(variable_lags.seen_s),
@@ -83,14 +83,14 @@ def comparisons_as_data(comparisons: Sequence[Comparison]) -> Mapping[str, Any]:
         {
             "variable": label(comparison.variable),
             "arm": comparison.arm,
-            "against": comparison.against,
+            "against": comparison.other_arm,
             "runs": comparison.runs,
-            "paper_ratio_difference": estimate_as_data(comparison.paper),
-            "strict_ratio_difference": estimate_as_data(comparison.strict),
+            "paper_ratio_difference": estimate_as_data(comparison.paper_difference),
+            "strict_ratio_difference": estimate_as_data(comparison.strict_difference),
         }
         for comparison in comparisons
     ]
-    return {"level": LEVEL, "resamples": RESAMPLES, "differences": differences}
+    return {"level": CONFIDENCE_LEVEL, "resamples": RESAMPLE_COUNT, "differences": differences}
 
 
 def mistakes_as_data(wrong_values: Sequence[Mistake]) -> Sequence[Mapping[str, Any]]:
@@ -116,8 +116,8 @@ def mistakes_as_data(wrong_values: Sequence[Mistake]) -> Sequence[Mapping[str, A
     ]
 
 
-def detected_as_data(detected_frames: Sequence[DetectedAgain]) -> Mapping[str, Any]:
-    """Return how many frames gave the recorded evidence again, and which frames did not."""
+def detected_as_data(detected_frames: Sequence[RepeatedDetection]) -> Mapping[str, Any]:
+    """Return how many frames gave the recorded evidence again, and which frames gave other evidence."""
     different_frames = [
         {
             "frame": f"{detected_frame.trial}/{detected_frame.kept.file}",

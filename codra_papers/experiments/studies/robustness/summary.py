@@ -1,4 +1,4 @@
-"""Sentences that answer the questions of the protocol, for any results."""
+"""Sentences that answer the questions of the protocol, whatever the results are."""
 
 from __future__ import annotations
 
@@ -8,54 +8,56 @@ from codra_papers.experiments.campaign.cells import interval, percent
 from codra_papers.experiments.campaign.statistics import Estimate, Share, ratio_of_sums
 from codra_papers.experiments.lab.arms import NAIVE, NEED, NEED_ON_EVENT, PRECONDITIONS
 from codra_papers.experiments.studies.robustness.findings import (
-    PCR_CYCLER_LID,
+    PCR_CYCLER_LID_ALGORITHMS,
     VARIABLES,
     Comparison,
     Runs,
     fewer_triggers,
     label,
 )
-from codra_papers.experiments.studies.robustness.frames import DetectedAgain
+from codra_papers.experiments.studies.robustness.frames import RepeatedDetection
 from codra_papers.experiments.studies.robustness.mistakes import Mistake
 
 HOPED_RATIO = 0.985
-"""The hoped-for ratio of `centrifuge_open` in P1's counting; it is reported for each arm with preconditions."""
+"""The hoped-for ratio of `centrifuge_open`, as P1 counts. Each arm with preconditions is compared with this ratio."""
 
 HOPED_REDUCTION = 0.9
-"""The hoped-for reduction of triggers, with need and on event, against the naive arm."""
+"""The hoped-for reduction of triggers by the arm with need and on event, relative to the naive arm."""
 
-CONTEXT_DRIVEN = (PRECONDITIONS.name, NEED.name, NEED_ON_EVENT.name)
+CONTEXT_DRIVEN_ARMS = (PRECONDITIONS.name, NEED.name, NEED_ON_EVENT.name)
 
 
 def ratio_sentences(runs: Runs, comparisons: Sequence[Comparison]) -> Iterator[str]:
     """Answer whether context makes observers more stable."""
-    yield _hope_for_the_ratio(runs)
-    for arm in CONTEXT_DRIVEN:
+    yield _ratio_hope_sentence(runs)
+    for arm in CONTEXT_DRIVEN_ARMS:
         for comparison in comparisons:
-            if (comparison.variable, comparison.arm, comparison.against) == ("centrifuge_open", arm, NAIVE.name):
+            if (comparison.variable, comparison.arm, comparison.other_arm) == ("centrifuge_open", arm, NAIVE.name):
                 yield (
                     f"centrifuge_open, {arm} against {NAIVE.name} over {_count(comparison.runs, 'further run')}: ratio "
-                    f"{interval(comparison.paper)}, {_difference_text(comparison.paper)}; strict ratio "
-                    f"{interval(comparison.strict)}, {_difference_text(comparison.strict)}."
+                    f"{interval(comparison.paper_difference)}, {_difference_text(comparison.paper_difference)}; strict "
+                    f"ratio {interval(comparison.strict_difference)}, {_difference_text(comparison.strict_difference)}."
                 )
-    for arm in CONTEXT_DRIVEN:
+    for arm in CONTEXT_DRIVEN_ARMS:
         for comparison in comparisons:
-            if (comparison.variable, comparison.arm, comparison.against) == ("pcr_cycler_open", arm, NAIVE.name):
+            if (comparison.variable, comparison.arm, comparison.other_arm) == ("pcr_cycler_open", arm, NAIVE.name):
                 yield (
                     f"PCR-cycler_open, {arm} against {NAIVE.name} over {_count(comparison.runs, 'further run')}: ratio "
-                    f"{interval(comparison.paper)}, {_not_worse_text(comparison.paper)}; strict ratio "
-                    f"{interval(comparison.strict)}, {_not_worse_text(comparison.strict)}."
+                    f"{interval(comparison.paper_difference)}, {_not_worse_text(comparison.paper_difference)}; strict"
+                    f" ratio {interval(comparison.strict_difference)}, {_not_worse_text(comparison.strict_difference)}."
                 )
 
 
-def _hope_for_the_ratio(runs: Runs) -> str:
+def _ratio_hope_sentence(runs: Runs) -> str:
     arm_totals = {arm: runs.total("centrifuge_open", arm) for arm in runs.arms}
     ratios = ", ".join(
-        f"{_number(ratio_of_sums([arm_seconds.paper]))} (strict {_number(ratio_of_sums([arm_seconds.strict]))}) "
-        f"with {arm}"
+        f"{_number(ratio_of_sums([arm_seconds.paper_share]))} "
+        f"(strict {_number(ratio_of_sums([arm_seconds.strict_share]))}) with {arm}"
         for arm, arm_seconds in arm_totals.items()
     )
-    outcomes = "; ".join(f"{arm} {_hope_text(ratio_of_sums([arm_totals[arm].paper]))}" for arm in CONTEXT_DRIVEN)
+    outcomes = "; ".join(
+        f"{arm} {_hope_text(ratio_of_sums([arm_totals[arm].paper_share]))}" for arm in CONTEXT_DRIVEN_ARMS
+    )
     return (
         f"centrifuge_open over {_count(len(runs.outcomes), 'run')}: ratio {ratios}. "
         f"Hoped for: at least {HOPED_RATIO}; {outcomes}."
@@ -82,56 +84,61 @@ def _not_worse_text(difference: Estimate) -> str:
     )
 
 
-def trigger_sentences(runs: Runs, vision: Sequence[str]) -> Iterator[str]:
-    """Answer how many triggers need and events save, and which algorithm has most of the remaining triggers."""
-    for arm in CONTEXT_DRIVEN:
-        lid, vision_share = (fewer_triggers(runs, arm, NAIVE.name, names) for names in (PCR_CYCLER_LID, vision))
-        yield (
-            f"{arm} triggers the PCR-cycler's lid {percent(lid)} % less often than {NAIVE.name} (P1: 79.4 %), "
-            f"and all perception that needs the vision slot {percent(vision_share)} %."
+def trigger_sentences(runs: Runs, slot_algorithms: Sequence[str]) -> Iterator[str]:
+    """Answer how many triggers each arm with preconditions saves, and which algorithm has most remaining triggers."""
+    for arm in CONTEXT_DRIVEN_ARMS:
+        lid_share, vision_share = (
+            fewer_triggers(runs, arm, NAIVE.name, names) for names in (PCR_CYCLER_LID_ALGORITHMS, slot_algorithms)
         )
-    yield _hope_for_the_triggers(runs, vision)
+        yield (
+            f"{arm} triggers the PCR-cycler's lid {percent(lid_share)} % less often than {NAIVE.name} (P1: 79.4 %), "
+            f"and all perception that needs the vision slot {percent(vision_share)} % less often."
+        )
+    yield _trigger_hope_sentence(runs, slot_algorithms)
 
 
-def _hope_for_the_triggers(runs: Runs, vision: Sequence[str]) -> str:
+def _trigger_hope_sentence(runs: Runs, slot_algorithms: Sequence[str]) -> str:
     arm = NEED_ON_EVENT.name
-    saved_share = fewer_triggers(runs, arm, NAIVE.name, vision).value
-    counts = {name: sum(runs.triggers(arm, (name,))) for name in vision}
-    most = max(counts, key=lambda name: counts[name])
+    saved_share = fewer_triggers(runs, arm, NAIVE.name, slot_algorithms).value
+    counts = {name: sum(runs.triggers(arm, (name,))) for name in slot_algorithms}
+    top_algorithm = max(counts, key=lambda name: counts[name])
     if saved_share is not None and saved_share >= HOPED_REDUCTION:
-        return f"Hoped for: {100 * HOPED_REDUCTION:.0f} % fewer with need and on event; this is reached."
+        return f"Hoped for: {100 * HOPED_REDUCTION:.0f} % fewer triggers with need and on event; this is reached."
     return (
-        f"Hoped for: {100 * HOPED_REDUCTION:.0f} % fewer with need and on event; this is not reached. Of the "
-        f"{sum(counts.values())} remaining triggers, {counts[most]} are of {most}."
+        f"Hoped for: {100 * HOPED_REDUCTION:.0f} % fewer triggers with need and on event; this is not reached. Of the "
+        f"{sum(counts.values())} remaining triggers, {counts[top_algorithm]} are of {top_algorithm}."
     )
 
 
 def cause_sentences(runs: Runs) -> Iterator[str]:
-    """Report why held values were wrong, as far as the evidence shows."""
+    """Report why held values were wrong, as far as the evidence shows the reason."""
     for variable in ("centrifuge_open", "pcr_cycler_open"):
-        durations = []
+        duration_texts = []
         for arm in runs.arms:
             causes = runs.causes((variable,), arm)
-            seen, changed = causes.seen_wrongly_s, causes.changed_since_s
-            durations.append(f"{arm} {seen + changed:.0f} s ({seen:.0f} s seen wrongly, {changed:.0f} s changed since)")
-        yield f"Seconds with a wrong {label(variable)}: {'; '.join(durations)}."
-        yield _without_lag(runs, variable)
+            wrong_from_start_s, changed_later_s = causes.seen_wrongly_s, causes.changed_since_s
+            duration_texts.append(
+                f"{arm} {wrong_from_start_s + changed_later_s:.0f} s ({wrong_from_start_s:.0f} s seen wrongly,"
+                f" {changed_later_s:.0f} s changed since)"
+            )
+        yield f"Seconds with a wrong {label(variable)}: {'; '.join(duration_texts)}."
+        yield _ratio_without_lag_sentence(runs, variable)
 
 
-def _without_lag(runs: Runs, variable: str) -> str:
-    """Report the ratio that would result if only values that were seen wrongly counted as wrong.
+def _ratio_without_lag_sentence(runs: Runs, variable: str) -> str:
+    """Report the ratio that would result if no value were wrong except those that were seen wrongly.
 
-    These are the errors of perception itself.
+    Such values are the errors of perception itself.
     """
     ratios = []
     for arm in runs.arms:
-        wrong_s, right_s = runs.causes((variable,), arm).seen_wrongly_s, runs.complete_runs(variable, arm).right_s
+        wrong_s, right_s = runs.causes((variable,), arm).seen_wrongly_s, runs.whole_run_seconds(variable, arm).right_s
         ratios.append(f"{_number(ratio_of_sums([Share(right_s, right_s + wrong_s)]))} with {arm}")
     lag_s = {arm: runs.lags(variable, arm).quantile_s(0.5) for arm in runs.arms}
     lags_text = ", ".join("never" if median_s is None else f"{median_s:.0f} s" for median_s in lag_s.values())
     return (
-        f"If only values that were seen wrongly counted as wrong, the ratio of {label(variable)} over complete runs "
-        f"would be {', '.join(ratios)}; the median lag after a change is {lags_text}, in the same order."
+        f"If no value were wrong except those that were seen wrongly, the ratio of {label(variable)} over complete "
+        f"runs would be {', '.join(ratios)}. The median lags after a change, in the same order, are {lags_text}."
     )
 
 
@@ -145,20 +152,20 @@ def decision_sentences(runs: Runs, wrong_values: Sequence[Mistake]) -> Iterator[
         for arm in runs.arms
     }
     decision_count = sum(decision.variable in VARIABLES for outcome in runs.outcomes for decision in outcome.decisions)
-    counts_text = ", ".join(f"{arm} {sum(both)} ({both[0]} previews)" for arm, both in counts.items())
+    counts_text = ", ".join(f"{arm} {sum(arm_counts)} ({arm_counts[0]} previews)" for arm, arm_counts in counts.items())
     yield f"Of {decision_count} decisions on the fourteen variables, an arm held a wrong value at: {counts_text}."
 
 
-def frame_sentences(runs: Runs, again: Sequence[DetectedAgain]) -> Iterator[str]:
+def frame_sentences(runs: Runs, repeated_detections: Sequence[RepeatedDetection]) -> Iterator[str]:
     """Report whether the detections in stored frames can be reproduced."""
     counts = [(outcome.frames, outcome.perceived) for outcome in runs.outcomes]
-    rendered, perceived = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
+    rendered_count, perceived_count = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
     is_equal = all(left == right for left, right in counts)
     yield (
-        f"{rendered} frames were rendered and {perceived} perceived, "
-        f"{'equal in each run' if is_equal else 'not equal in each run'}. {_count(len(again), 'stored frame')} "
-        f"detected again from the files alone: {sum(frame.agrees for frame in again)} gave exactly the recorded "
-        "evidence."
+        f"{rendered_count} frames were rendered and {perceived_count} perceived, "
+        f"{'equal in each run' if is_equal else 'not equal in each run'}. Tags were detected again in "
+        f"{_count(len(repeated_detections), 'stored frame')}, from the files alone: "
+        f"{sum(frame.agrees for frame in repeated_detections)} gave exactly the recorded evidence."
     )
 
 
@@ -166,5 +173,5 @@ def _number(value: float | None) -> str:
     return "none" if value is None else f"{value:.3f}"
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from codra_papers.experiments.campaign.cells import interval, marked_below, percent, plain_table, ratio, rounded
+from codra_papers.experiments.campaign.cells import interval, mark_below, percent, plain_table, ratio, rounded
 from codra_papers.experiments.campaign.document import Cell, Table
 from codra_papers.experiments.campaign.statistics import Share
 from codra_papers.experiments.lab.arms import Arm
@@ -12,16 +12,16 @@ from codra_papers.experiments.lab.metrics import Seconds
 from codra_papers.experiments.studies.robustness import paper
 from codra_papers.experiments.studies.robustness.findings import (
     LIDS,
-    PCR_CYCLER_LID,
+    PCR_CYCLER_LID_ALGORITHMS,
     VARIABLES,
     Comparison,
-    Counted,
     Runs,
+    ShareFunction,
     fewer_triggers,
     label,
 )
 
-_MARKED = f"Ratios below {paper.LOW_RATIO} are marked."
+_MARKED_NOTE = f"Ratios below {paper.LOW_RATIO} are marked."
 
 
 # Runs and arms
@@ -30,11 +30,11 @@ _MARKED = f"Ratios below {paper.LOW_RATIO} are marked."
 def arms_table(arms: Sequence[Arm]) -> Table:
     """Return a table that describes the arms."""
     rows = ((arm.name, arm.need.value, ", ".join(map(str, arm.edits)) or "unchanged") for arm in arms)
-    return plain_table("The arms. Each has a vision slot of its own.", ("arm", "observes", "the spec"), rows)
+    return plain_table("The arms. Each arm has a vision slot of its own.", ("arm", "observes", "the spec"), rows)
 
 
 def runs_table(runs: Runs) -> Table:
-    """Return the table of runs. It shows whether the number of perceived frames equals the number of rendered ones."""
+    """Return the table of runs. It shows whether the numbers of rendered and of perceived frames are equal."""
     outcomes = runs.outcomes
     rows: list[Sequence[Cell]] = [
         (
@@ -50,7 +50,7 @@ def runs_table(runs: Runs) -> Table:
     counts = (sum(outcome.frames for outcome in outcomes), sum(outcome.perceived for outcome in outcomes))
     rows.append(("all", round(runs.duration_s, 1), sum(outcome.loops for outcome in outcomes), "", *counts))
     return plain_table(
-        "The runs: each ends with the loop or an unrecoverable error of the main execution.",
+        "The runs. Each run ends with the loop, or with an unrecoverable error of the main execution.",
         ("seed", "lasted s", "loops", "error", "frames rendered", "frames perceived"),
         rows,
     )
@@ -60,17 +60,17 @@ def runs_table(runs: Runs) -> Table:
 
 
 def table_2(runs: Runs, variable: str) -> Table:
-    """Return P1's Table 2 for a variable and all arms, with the strict ratio below the paper's."""
+    """Return P1's Table 2 for a variable and all arms, with the strict ratio in a row below P1's ratio."""
     header = ("arm", "", *(f"Run {number}" for number in range(1, len(runs.outcomes) + 1)), "Total")
     rows = [row for arm in runs.arms for row in _arm_rows(runs, variable, arm)]
     caption = (
-        f"{label(variable)}, as P1's Table 2: seconds of agreement and disagreement with the truth, from the instant "
-        f"at which the last arm has identified the variable. Ratio: agreement as a share of the seconds with any "
-        f"value; strict ratio: as a share of all seconds. {_MARKED} A dash: the arm never identified the variable in "
-        f"this run, and is left out of its window."
+        f"{label(variable)}, as in P1's Table 2: seconds of agreement and disagreement with the truth, from the "
+        f"instant at which the last arm has identified the variable. Ratio: agreement as a share of the seconds with "
+        f"any value; strict ratio: agreement as a share of all seconds. {_MARKED_NOTE} A dash: the arm never "
+        f"identified the variable in this run, and is left out of the window of this run."
     )
-    ratios = [index for index, row in enumerate(rows) if row[1] in ("ratio", "strict ratio")]
-    return marked_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratios)
+    ratio_rows = [index for index, row in enumerate(rows) if row[1] in ("ratio", "strict ratio")]
+    return mark_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratio_rows)
 
 
 def _arm_rows(runs: Runs, variable: str, arm: str) -> Iterator[Sequence[Cell]]:
@@ -78,49 +78,54 @@ def _arm_rows(runs: Runs, variable: str, arm: str) -> Iterator[Sequence[Cell]]:
     yield (
         arm,
         "right s",
-        *(_quantity_cell(column, lambda run_seconds: round(run_seconds.right_s, 2)) for column in columns),
+        *(_quantity_cell(column, lambda arm_seconds: round(arm_seconds.right_s, 2)) for column in columns),
     )
     yield (
         arm,
         "wrong s",
-        *(_quantity_cell(column, lambda run_seconds: round(run_seconds.wrong_s, 2)) for column in columns),
+        *(_quantity_cell(column, lambda arm_seconds: round(arm_seconds.wrong_s, 2)) for column in columns),
     )
     yield (
         arm,
         "unknown s",
-        *(_quantity_cell(column, lambda run_seconds: round(run_seconds.unknown_s, 2)) for column in columns),
+        *(_quantity_cell(column, lambda arm_seconds: round(arm_seconds.unknown_s, 2)) for column in columns),
     )
-    yield arm, "ratio", *(_quantity_cell(column, lambda run_seconds: ratio(run_seconds.paper)) for column in columns)
+    yield (
+        arm,
+        "ratio",
+        *(_quantity_cell(column, lambda arm_seconds: ratio(arm_seconds.paper_share)) for column in columns),
+    )
     yield (
         arm,
         "strict ratio",
-        *(_quantity_cell(column, lambda run_seconds: ratio(run_seconds.strict)) for column in columns),
+        *(_quantity_cell(column, lambda arm_seconds: ratio(arm_seconds.strict_share)) for column in columns),
     )
 
 
-def _quantity_cell(run_seconds: Seconds | None, quantity: Callable[[Seconds], float | None]) -> Cell:
-    return None if run_seconds is None else quantity(run_seconds)
+def _quantity_cell(arm_seconds: Seconds | None, quantity: Callable[[Seconds], float | None]) -> Cell:
+    return None if arm_seconds is None else quantity(arm_seconds)
 
 
 def table_2_of_the_paper(variable: str) -> Table:
-    """Return the rows of P1 for a variable, corrected."""
+    """Return P1's rows for a variable, with corrections."""
     printed_rows = [row for row in paper.TABLE_2 if row.variable == variable]
     rows = [line for row in printed_rows for line in _paper_rows(row)]
     header = ("arm", "", *(f"Run {number}" for number in range(1, 11)), "Total")
     caption = (
-        f"{label(variable)} in P1's Table 2: other runs, of a real robot. Run 1 there is not run 1 here. {_MARKED}"
+        f"{label(variable)} in P1's Table 2. These are the runs of a real robot, so its run 1 is not our run 1."
+        f" {_MARKED_NOTE}"
     )
     if variable == "centrifuge_open":
         caption += (
-            " Two misprints of the context-driven row are corrected: by the seconds of run 4 its ratio is 0.978 "
-            f"(printed: {paper.PRINTED_RUN_4_RATIO:.3f}), and the row adds up to its total with 3589.61 s of agreement "
+            " Two misprints of the context-driven row are corrected. The seconds of run 4 give a ratio of 0.978 "
+            f"(printed: {paper.PRINTED_RUN_4_RATIO:.3f}). The row adds up to its total with 3589.61 s of agreement "
             f"in run 9 (printed: {paper.PRINTED_RUN_9_AGREEMENT_S})."
         )
-    ratios = range(2, len(rows), 3)
-    return marked_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratios)
+    ratio_rows = range(2, len(rows), 3)
+    return mark_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratio_rows)
 
 
-def _paper_rows(row: paper.Row) -> Iterator[Sequence[Cell]]:
+def _paper_rows(row: paper.TableRow) -> Iterator[Sequence[Cell]]:
     right_s, wrong_s = ((*run_s, sum(run_s)) for run_s in (row.agreement_s, row.disagreement_s))
     yield row.observer, "right s", *(round(run_s, 2) for run_s in right_s)
     yield row.observer, "wrong s", *(round(run_s, 2) for run_s in wrong_s)
@@ -131,15 +136,15 @@ def _paper_rows(row: paper.Row) -> Iterator[Sequence[Cell]]:
 # All variables
 
 
-def ratio_table(runs: Runs, counted: Counted, caption: str) -> Table:
+def ratio_table(runs: Runs, share_of: ShareFunction, caption: str) -> Table:
     """Return a table with a ratio for each variable and arm."""
-    rows = [(label(name), *(ratio(counted(runs.total(name, arm))) for arm in runs.arms)) for name in VARIABLES]
-    caption = f"{caption} {_MARKED} A dash: the arm was left out of the window of every run."
-    return marked_below(plain_table(caption, ("variable", *runs.arms), rows), paper.LOW_RATIO, range(len(rows)))
+    rows = [(label(name), *(ratio(share_of(runs.total(name, arm))) for arm in runs.arms)) for name in VARIABLES]
+    caption = f"{caption} {_MARKED_NOTE} A dash: the arm was left out of the window of every run."
+    return mark_below(plain_table(caption, ("variable", *runs.arms), rows), paper.LOW_RATIO, range(len(rows)))
 
 
 def seconds_table(runs: Runs) -> Table:
-    """Return for how long each arm was right, wrong, or without a value, over complete runs."""
+    """Return how long the values of each arm were right, wrong or unknown, over complete runs."""
     header = ("variable", "arm", "right s", "wrong s", "unknown s", "all s", "runs left out of the window")
     rows: list[Sequence[Cell]] = [
         (
@@ -147,23 +152,29 @@ def seconds_table(runs: Runs) -> Table:
             arm,
             *(
                 round(duration_s, 1)
-                for duration_s in (complete.right_s, complete.wrong_s, complete.unknown_s, complete.strict.total)
+                for duration_s in (
+                    arm_seconds.right_s,
+                    arm_seconds.wrong_s,
+                    arm_seconds.unknown_s,
+                    arm_seconds.strict_share.total,
+                )
             ),
             runs.left_out(name, arm),
         )
         for name in VARIABLES
         for arm in runs.arms
-        for complete in [runs.complete_runs(name, arm)]
+        for arm_seconds in [runs.whole_run_seconds(name, arm)]
     ]
     marked = frozenset((index, 6) for index, row in enumerate(rows) if row[6])
     caption = (
-        "Seconds over complete runs: right, wrong and unknown add up to the runs. Marked: arms left out of a window."
+        "Seconds over complete runs. Right, wrong and unknown seconds add up to the duration of the runs. Marked: arms "
+        "that are left out of a window."
     )
     return Table(caption=caption, header=header, rows=rows, marked=marked)
 
 
 def knowledge_table(runs: Runs) -> Table:
-    """Return when each arm first knew each variable, and how fast it followed changes."""
+    """Return when each arm first knew each variable, and how long after a change it held the new value."""
     header = ("variable", "arm", "first known at s", "changes", "never seen", "lag median s", "lag p90 s", "lag max s")
     rows = [
         (
@@ -179,18 +190,18 @@ def knowledge_table(runs: Runs) -> Table:
         for lag in [runs.lags(name, arm)]
     ]
     caption = (
-        "First known: median over the runs in which the arm identified the variable. Lag: from a change of the truth "
-        "until the arm held the new value; 0 if it held this value already. Never seen: not before the next change or "
-        "the end of the run."
+        "First known: median over the runs in which the arm identified the variable. Lag: the time from a change of "
+        "the truth until the arm held the new value; 0 if the arm already held this value. Never seen: changes that "
+        "the arm did not see before the next change or the end of the run."
     )
     return plain_table(caption, header, rows)
 
 
 def _median(values: Sequence[float]) -> float | None:
-    ordered = sorted(values)
-    if not ordered:
+    ordered_values = sorted(values)
+    if not ordered_values:
         return None
-    return (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+    return (ordered_values[(len(ordered_values) - 1) // 2] + ordered_values[len(ordered_values) // 2]) / 2
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
@@ -199,17 +210,18 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
         (
             label(comparison.variable),
             comparison.arm,
-            comparison.against,
+            comparison.other_arm,
             comparison.runs,
-            interval(comparison.paper),
-            interval(comparison.strict),
+            interval(comparison.paper_difference),
+            interval(comparison.strict_difference),
         )
         for comparison in comparisons
         if comparison.variable in LIDS
     ]
     caption = (
-        "Differences of the ratios of sums, arm minus the arm with which it is compared, over the further runs; in "
-        "brackets the 95 % interval of a paired bootstrap over runs (10,000 resamples, bias-corrected and accelerated)."
+        "Differences of the ratios of sums over the further runs: the arm minus the arm with which it is compared. In "
+        "brackets: the 95 % interval of a paired bootstrap over runs (10,000 resamples, bias-corrected and "
+        "accelerated)."
     )
     return plain_table(caption, ("variable", "arm", "against", "runs", "ratio", "strict ratio"), rows)
 
@@ -217,35 +229,40 @@ def comparison_table(comparisons: Sequence[Comparison]) -> Table:
 # Triggers
 
 
-def triggers_table(runs: Runs, vision: Sequence[str]) -> Table:
+def triggers_table(runs: Runs, slot_algorithms: Sequence[str]) -> Table:
     """Return how many jobs of each algorithm each arm started, and how long the arm's slot was in use."""
     algorithms = sorted({name for outcome in runs.outcomes for arm in outcome.arms.values() for name in arm.triggers})
     rows: list[Sequence[Cell]] = [
         (name, *(sum(runs.triggers(arm, (name,))) for arm in runs.arms)) for name in algorithms
     ]
-    rows.append(("all that need the vision slot", *(sum(runs.triggers(arm, vision)) for arm in runs.arms)))
+    rows.append(("all that need the vision slot", *(sum(runs.triggers(arm, slot_algorithms)) for arm in runs.arms)))
     rows.append(("seconds in the vision slot", *(round(runs.slot_s(arm), 1) for arm in runs.arms)))
     rows.append(("share of the runs", *(rounded(runs.slot_s(arm) / runs.duration_s, 3) for arm in runs.arms)))
     return plain_table("Jobs started, by algorithm and arm, over all runs.", ("algorithm", *runs.arms), rows)
 
 
-def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Sequence[str]) -> Table:
+def reduction_table(runs: Runs, further_runs: Runs, naive_arms: Sequence[str], slot_algorithms: Sequence[str]) -> Table:
     """Return by how much each arm reduces the triggers of the naive arms, and P1's 79.4 %."""
-    counted = (("the PCR-cycler's lid, as P1 counts", PCR_CYCLER_LID), ("all that need the vision slot", vision))
+    algorithm_groups = (
+        ("the PCR-cycler's lid, as P1 counts", PCR_CYCLER_LID_ALGORITHMS),
+        ("all that need the vision slot", slot_algorithms),
+    )
     rows = [
         (
             algorithms_name,
             arm,
-            against,
+            other_arm,
             sum(runs.triggers(arm, algorithms)),
-            sum(runs.triggers(against, algorithms)),
-            percent(fewer_triggers(runs, arm, against, algorithms)),
-            percent(fewer_triggers(further, arm, against, algorithms)) if against in further.arms else None,
+            sum(runs.triggers(other_arm, algorithms)),
+            percent(fewer_triggers(runs, arm, other_arm, algorithms)),
+            percent(fewer_triggers(further_runs, arm, other_arm, algorithms))
+            if other_arm in further_runs.arms
+            else None,
         )
-        for algorithms_name, algorithms in counted
-        for against in naive
+        for algorithms_name, algorithms in algorithm_groups
+        for other_arm in naive_arms
         for arm in runs.arms
-        if arm not in naive
+        if arm not in naive_arms
     ]
     fewer_percent = 100 * (1 - paper.CONTEXT_DRIVEN_TRIGGERS / paper.NAIVE_TRIGGERS)
     row = (
@@ -271,8 +288,11 @@ def answers_table(runs: Runs) -> Table:
     """Return the values that the arms held at decisions, for each variable on which decisions are made."""
     decided_variables = {decision.variable for outcome in runs.outcomes for decision in outcome.decisions}
     groups = [(label(name), (name,)) for name in VARIABLES if name in decided_variables]
-    preview, monitoring = ("preview: right", "wrong", "fell back"), ("monitoring: right", "wrong", "fell back")
-    header = ("variable", "arm", *preview, *monitoring, "on fresh evidence")
+    preview_columns, monitoring_columns = (
+        ("preview: right", "wrong", "fell back"),
+        ("monitoring: right", "wrong", "fell back"),
+    )
+    header = ("variable", "arm", *preview_columns, *monitoring_columns, "on fresh evidence")
     rows: list[Sequence[Cell]] = [
         (group, arm, *_answer_cells(runs, names, arm))
         for group, names in [*groups, ("all", VARIABLES)]
@@ -280,18 +300,25 @@ def answers_table(runs: Runs) -> Table:
     ]
     marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
     caption = (
-        "The value that each arm held at the instant when the main execution needed it. Fell back: the value was "
-        "unknown, so a main execution would look by itself. A monitoring decision is requested when the action has "
-        "just ended. The value held then is mostly from before the action; it counts as fresh only if its evidence is "
-        "from after the action. A main execution would wait for an arm that answered. Marked: wrong values."
+        "The value that each arm held at the instant when the main execution needed the value. Fell back: the value "
+        "was unknown, so a main execution would look by itself. A monitoring decision is requested when the action has "
+        "just ended. The value held at this instant is mostly from before the action; it is fresh only if its evidence "
+        "is from after the action. If an arm answered, a main execution would wait for it. Marked: wrong values."
     )
     return Table(caption=caption, header=header, rows=rows, marked=marked)
 
 
 def _answer_cells(runs: Runs, variables: Sequence[str], arm: str) -> Iterator[int]:
-    preview, monitor = (runs.answers(variables, arm, previews=previews) for previews in (True, False))
-    yield from (preview.right, preview.wrong, preview.fell_back)
-    yield from (monitor.right, monitor.wrong, monitor.fell_back, monitor.fresh)
+    preview_answers, monitoring_answers = (
+        runs.answers(variables, arm, previews=previews) for previews in (True, False)
+    )
+    yield from (preview_answers.right, preview_answers.wrong, preview_answers.fell_back)
+    yield from (
+        monitoring_answers.right,
+        monitoring_answers.wrong,
+        monitoring_answers.fell_back,
+        monitoring_answers.fresh,
+    )
 
 
 def causes_table(runs: Runs) -> Table:
@@ -311,8 +338,9 @@ def causes_table(runs: Runs) -> Table:
         for wrong_s in [causes.seen_wrongly_s + causes.changed_since_s]
     ]
     caption = (
-        "Why held values were wrong, in seconds over complete runs. Seen wrongly: not true at the instant of its own "
-        "evidence. Changed since: true then, and no later evidence was taken or believed."
+        "Why held values were wrong, in seconds over complete runs. Seen wrongly: the value was not true at the "
+        "instant of its evidence. Changed since: the value was true at this instant, and no later evidence was taken "
+        "or accepted."
     )
     return plain_table(caption, ("variable", "arm", "seen wrongly s", "changed since s", "share seen wrongly"), rows)
 

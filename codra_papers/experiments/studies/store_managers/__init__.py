@@ -10,7 +10,10 @@ from codra_papers.experiments.studies.store_managers.search import Design, searc
 
 
 def experiment(design: Design, name: str, seeds: int) -> Experiment:
-    """Return the experiment of a design: a search for thresholds on some seeds, then runs of all managers on others."""
+    """Return the experiment of a design.
+
+    The experiment searches for thresholds on some seeds, and then runs all managers on other seeds.
+    """
     return Experiment(
         name=name,
         question="What are the loops of the store worth against no adaptation, chance, and plain thresholds?",

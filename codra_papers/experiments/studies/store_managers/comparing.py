@@ -1,4 +1,4 @@
-"""The results of the managers, seed by seed, with confidence intervals of the differences to ours."""
+"""The results of the managers, with confidence intervals of the differences to our manager over the same seeds."""
 
 from __future__ import annotations
 
@@ -21,42 +21,42 @@ QUANTILES = (0.5, 0.99)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """A number of each run.
+    """A number that is computed for each run.
 
     Attributes:
         name: the name in tables.
         key: the key in data.
-        of: computes the number from the outcome of a run.
+        value_of: a function that returns the number for the outcome of a run.
     """
 
     name: str
     key: str
-    of: Callable[[StoreOutcome], float]
+    value_of: Callable[[StoreOutcome], float]
 
 
 MEASURES = (
-    Measure(name="Missions completed", key="missions", of=lambda run: run.loops),
-    Measure(name="Unsafe seconds", key="unsafe_s", of=lambda run: run.unsafe_s),
-    Measure(name="Aborts", key="aborts", of=lambda run: run.aborts),
+    Measure(name="Missions completed", key="missions", value_of=lambda run: run.loops),
+    Measure(name="Unsafe seconds", key="unsafe_s", value_of=lambda run: run.unsafe_s),
+    Measure(name="Aborts", key="aborts", value_of=lambda run: run.aborts),
     Measure(
         name="Switches per minute",
         key="switches_per_min",
-        of=lambda run: run.switches / run.duration_s * 60.0,
+        value_of=lambda run: run.switches / run.duration_s * 60.0,
     ),
-    Measure(name="Orders done", key="orders_done", of=lambda run: run.orders.get("done", 0)),
-    Measure(name="Orders failed", key="orders_failed", of=lambda run: run.orders.get("failed", 0)),
-    Measure(name="Bumps", key="bumps", of=lambda run: run.bumps),
+    Measure(name="Orders done", key="orders_done", value_of=lambda run: run.orders.get("done", 0)),
+    Measure(name="Orders failed", key="orders_failed", value_of=lambda run: run.orders.get("failed", 0)),
+    Measure(name="Bumps", key="bumps", value_of=lambda run: run.bumps),
 )
-"""The first four answer the question of the experiment; the others are additional."""
+"""The first four measures answer the question of the experiment; the others are additional."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureComparison:
-    """One measure of one manager, compared with ours.
+    """A measure of a manager, compared with our manager.
 
     Attributes:
         mean: the mean over seeds.
-        difference: the mean difference to ours, over the same seeds; None for ours.
+        difference: the mean difference to our manager, over the same seeds; None for our manager.
     """
 
     measure: Measure
@@ -74,8 +74,8 @@ class Reactions:
         count: the number of causes.
         answered: how many of the causes were answered.
         share: the share of answered causes.
-        quantiles_s: the time from a cause to its answer for each of `QUANTILES`: infinite for never; without a value if
-            no cause occurred.
+        quantiles_s: for each of `QUANTILES`, the time from a cause to its answer. The time is infinite if the cause was
+            never answered. If no cause occurred, the estimate has no value.
     """
 
     manager: str
@@ -91,7 +91,7 @@ def compare_managers(runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> S
 
     Args:
         runs: the runs of each manager, all with the same seeds in the same order.
-        ours: the manager with which the others are compared.
+        ours: the name of our manager, with which the other managers are compared.
     """
     return [_compare_measure(measure, name, runs, ours) for measure in MEASURES for name in runs]
 
@@ -99,9 +99,9 @@ def compare_managers(runs: Mapping[str, Sequence[StoreOutcome]], ours: str) -> S
 def _compare_measure(
     measure: Measure, name: str, runs: Mapping[str, Sequence[StoreOutcome]], ours: str
 ) -> MeasureComparison:
-    values = [measure.of(run) for run in runs[name]]
-    our_values = [measure.of(run) for run in runs[ours]]
-    differences = [value - other for value, other in zip(values, our_values, strict=True)]
+    values = [measure.value_of(run) for run in runs[name]]
+    our_values = [measure.value_of(run) for run in runs[ours]]
+    differences = [value - our_value for value, our_value in zip(values, our_values, strict=True)]
     return MeasureComparison(
         measure=measure,
         manager=name,
@@ -118,7 +118,8 @@ def reactions(runs: Mapping[str, Sequence[StoreOutcome]]) -> Sequence[Reactions]
 def _reactions(name: str, cause: Cause | None, runs: Sequence[StoreOutcome]) -> Reactions:
     calls_by_seed = [[call for call in run.called if cause in (None, call.cause)] for run in runs]
     reactions_s = [
-        [math.inf if call.reaction_s is None else call.reaction_s for call in called] for called in calls_by_seed
+        [math.inf if call.reaction_s is None else call.reaction_s for call in seed_calls]
+        for seed_calls in calls_by_seed
     ]
     shares = [Share(sum(map(math.isfinite, durations_s)), len(durations_s)) for durations_s in reactions_s]
     return Reactions(

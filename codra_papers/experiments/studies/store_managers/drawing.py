@@ -18,12 +18,12 @@ from codra_papers.experiments.campaign.document import Drawing
 from codra_papers.experiments.studies.store_managers.trial import Curve, StoreOutcome
 
 COLOURS: Mapping[str, str] = {"pick": "#1f5fa8", "deliver": "#2e9e5b", "start": "#e08a1e", "dock": "#8a5fb0"}
-_UNSAFE, _SAFETY, _SEED, _MEAN = "#f6b9b3", "#222222", "#b9c2c9", "#d1352b"
+_UNSAFE_COLOUR, _SAFETY_COLOUR, _SEED_COLOUR, _MEAN_COLOUR = "#f6b9b3", "#222222", "#b9c2c9", "#d1352b"
 _BAND = (-0.22, 0.15)
-_WEIGHT_OF = "weight_of_"
+_WEIGHT_PREFIX = "weight_of_"
 
 
-def over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
+def draw_over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
     """Draw safety, weights, course and unsafe seconds of one seed, with a row for each manager.
 
     Args:
@@ -37,33 +37,35 @@ def over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
         seed = next(iter(runs.values())).seed
         rows[-1].set_xlabel(f"time in s, seed {seed}")
         handles = [
-            Line2D([], [], color=_SAFETY, label="safety"),
+            Line2D([], [], color=_SAFETY_COLOUR, label="safety"),
             *(Line2D([], [], color=colour, label=f"weight, course: {name}") for name, colour in COLOURS.items()),
-            Patch(color=_UNSAFE, label="unsafe"),
-            Line2D([], [], color=_SAFETY, marker="v", linestyle="", label="a cause begins (hollow: never answered)"),
+            Patch(color=_UNSAFE_COLOUR, label="unsafe"),
+            Line2D(
+                [], [], color=_SAFETY_COLOUR, marker="v", linestyle="", label="a cause begins (hollow: never answered)"
+            ),
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
         caption = (
-            f"Seed {seed}: safety and weights from the manager's own analysis; the course as a band below; "
-            "in red the time in which the robot moved fast near a person. For the managers none and random, the "
-            "weights are those of the spec's loops, which these managers do not follow."
+            f"Seed {seed}. The lines are safety and weights from the manager's own analysis; the band below them is "
+            "the course. Red: the robot moved fast near a person. For the managers none and random, the weights are "
+            "those of the spec's loops, which these managers do not follow."
         )
         return Drawing(caption=caption, svg=_svg(figure))
 
 
 def _row(axes: Axes, name: str, run: StoreOutcome) -> None:
     for span in run.unsafe:
-        axes.axvspan(span.start_s, span.end_s, color=_UNSAFE, linewidth=0)
+        axes.axvspan(span.start_s, span.end_s, color=_UNSAFE_COLOUR, linewidth=0)
     for variable, curve in run.curves.items():
-        if variable.startswith(_WEIGHT_OF):
-            _step(axes, curve, run.duration_s, COLOURS[variable.removeprefix(_WEIGHT_OF)], 0.9)
+        if variable.startswith(_WEIGHT_PREFIX):
+            _step(axes, curve, run.duration_s, COLOURS[variable.removeprefix(_WEIGHT_PREFIX)], 0.9)
         else:
-            _step(axes, curve, run.duration_s, _SAFETY, 1.6)
+            _step(axes, curve, run.duration_s, _SAFETY_COLOUR, 1.6)
     for (start_s, action), (end_s, _) in pairwise((*run.courses, (run.duration_s, ""))):
         axes.broken_barh([(start_s, end_s - start_s)], _BAND, facecolors=COLOURS[action], linewidth=0)
     for call in run.called:
-        fill = "none" if call.answered_s is None else _SAFETY
-        axes.plot([call.begun_s], [1.12], "v", markersize=5, markeredgecolor=_SAFETY, markerfacecolor=fill)
+        fill = "none" if call.answered_s is None else _SAFETY_COLOUR
+        axes.plot([call.begun_s], [1.12], "v", markersize=5, markeredgecolor=_SAFETY_COLOUR, markerfacecolor=fill)
     axes.set_ylim(-0.25, 1.2)
     axes.set_xlim(0.0, run.duration_s)
     axes.set_yticks([0.0, 0.5, 1.0])
@@ -77,16 +79,16 @@ def _step(axes: Axes, curve: Curve, end_s: float, colour: str, width: float) -> 
         axes.step(instants, [*values, values[-1]], where="post", color=colour, linewidth=width)
 
 
-def by_seed(runs: Mapping[str, Sequence[StoreOutcome]]) -> Drawing:
+def draw_by_seed(runs: Mapping[str, Sequence[StoreOutcome]]) -> Drawing:
     """Draw the unsafe seconds of each seed for all managers, and the mean for each manager."""
     with _style():
         figure = Figure(figsize=(7.0, 3.6), layout="constrained")
         axes = figure.subplots()
         places = range(len(runs))
         for line in zip(*([run.unsafe_s for run in outcomes] for outcomes in runs.values()), strict=True):
-            axes.plot(places, line, "o-", color=_SEED, markersize=3, linewidth=0.8)
+            axes.plot(places, line, "o-", color=_SEED_COLOUR, markersize=3, linewidth=0.8)
         means = [fmean(run.unsafe_s for run in outcomes) for outcomes in runs.values()]
-        axes.plot(places, means, "D", color=_MEAN, markersize=7, label="mean")
+        axes.plot(places, means, "D", color=_MEAN_COLOUR, markersize=7, label="mean")
         axes.set_xticks(places, list(runs))
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel("unsafe seconds of a run")

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from codra_papers.experiments.campaign.cells import interval, percent, plain_table, rounded, with_ends
+from codra_papers.experiments.campaign.cells import estimate_text, interval, percent, plain_table, rounded
 from codra_papers.experiments.campaign.document import Document, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Settings
 from codra_papers.experiments.campaign.statistics import Estimate
@@ -20,7 +20,7 @@ from codra_papers.experiments.studies.store_managers.comparing import (
     compare_managers,
     reactions,
 )
-from codra_papers.experiments.studies.store_managers.drawing import by_seed, over_time
+from codra_papers.experiments.studies.store_managers.drawing import draw_by_seed, draw_over_time
 from codra_papers.experiments.studies.store_managers.managers import (
     LoopsManager,
     Manager,
@@ -28,15 +28,15 @@ from codra_papers.experiments.studies.store_managers.managers import (
     RandomManager,
     ThresholdManager,
 )
-from codra_papers.experiments.studies.store_managers.search import Cell, Design, best, cells
+from codra_papers.experiments.studies.store_managers.search import Cell, Design, best_cell, cells
 from codra_papers.experiments.studies.store_managers.trial import StoreOutcome, StoreTrial
 
 OURS = LoopsManager().name
 NEVER = "never"
 
 _NOTE = (
-    "Runs of {:.0f} s. The actions of people and the orders are drawn from the seed before a run begins; everything is "
-    "counted from the state of the world. docs/papers/store-experiment.md has all definitions. Means are over "
+    "Runs of {:.0f} s. The actions of people and the orders are drawn from the seed before a run begins. All numbers "
+    "are computed from the state of the world. docs/papers/store-experiment.md has all definitions. Means are over "
     "seeds. Each difference compares a manager with the manager 'ours' over the same seeds; its 95 % interval is "
     "computed by the bootstrap. The intervals of marked differences do not contain zero."
 )
@@ -48,17 +48,17 @@ def reported_seeds(design: Design, settings: Settings) -> range:
 
 
 def managers(design: Design, outcomes: Mapping[str, StoreOutcome]) -> tuple[Manager, ...]:
-    """Return the compared managers; the thresholds of one of them are the result of the search."""
+    """Return the compared managers. The manager with thresholds uses the result of the search."""
     return (
         NominalManager(),
         RandomManager(),
-        ThresholdManager(best(cells(design, outcomes)).thresholds),
+        ThresholdManager(best_cell(cells(design, outcomes)).thresholds),
         LoopsManager(),
     )
 
 
 def reported_trials(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Sequence[StoreTrial]:
-    """Return the runs of all managers; the thresholds of one of them are the result of the search."""
+    """Return the runs of all managers. The manager with thresholds uses the result of the search."""
     return [
         StoreTrial(
             name=_name(manager.name, seed),
@@ -85,7 +85,7 @@ def judge(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcom
         if len(seeds)
     }
     if not runs:
-        return _searched_only(design, search_cells)
+        return _search_document(design, search_cells)
     table, reaction_rows = compare_managers(runs, OURS), reactions(runs)
     first_runs = {name: manager_runs[0] for name, manager_runs in runs.items()}
     return Document(
@@ -97,21 +97,21 @@ def judge(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcom
                 parts=(Words(text=_NOTE.format(design.duration_s)), _means(table), _differences(table)),
             ),
             Section(title="From cause to switch", parts=(_reactions_table(reaction_rows),)),
-            Section(title="Unsafe seconds", parts=(by_seed(runs),)),
-            Section(title="One seed", parts=(over_time(first_runs),)),
+            Section(title="Unsafe seconds", parts=(draw_by_seed(runs),)),
+            Section(title="One seed", parts=(draw_over_time(first_runs),)),
             Section(title="The search for thresholds", parts=(_grid(design, search_cells),)),
         ),
         results={
-            "managers": _compared_as_data(table),
+            "managers": _comparisons_as_data(table),
             "reactions": [_reactions_as_data(manager_reactions) for manager_reactions in reaction_rows],
             "grid": [_cell_as_data(cell) for cell in search_cells],
-            "thresholds": _cell_as_data(best(search_cells)),
+            "thresholds": _cell_as_data(best_cell(search_cells)),
             "by_seed": _by_seed(runs),
         },
     )
 
 
-def _searched_only(design: Design, search_cells: Sequence[Cell]) -> Document:
+def _search_document(design: Design, search_cells: Sequence[Cell]) -> Document:
     return Document(
         title="store: the search for thresholds",
         summary=("No seed is reported.",),
@@ -126,7 +126,7 @@ def _searched_only(design: Design, search_cells: Sequence[Cell]) -> Document:
 def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactions]) -> Iterator[str]:
     """Yield a sentence for each of the four measures that answer the question of the experiment, and one on reactions.
 
-    The same sentences are written for every result.
+    The same sentences are written whatever the results are.
     """
     for measure in MEASURES[:4]:
         manager_rows = _measure_rows(table, measure)
@@ -135,7 +135,7 @@ def _summary(table: Sequence[MeasureComparison], reaction_rows: Sequence[Reactio
         differences_text = ", ".join(
             f"{row.manager} {interval(row.difference, 2)}" for row in sure_rows if row.difference
         )
-        sure_text = f"differences to ours whose interval does not contain zero: {differences_text or 'none'}"
+        sure_text = f"differences to ours with an interval that does not contain zero: {differences_text or 'none'}"
         yield f"{measure.name} of a run: {means}; {sure_text}."
     all_cause_rows = [row for row in reaction_rows if row.cause is None]
     reactions_text = ", ".join(
@@ -152,7 +152,7 @@ def _is_sure(difference: Estimate) -> bool:
 
 def _means(table: Sequence[MeasureComparison]) -> Table:
     rows = [
-        (measure.name, *(with_ends(row.mean, "{:.2f}".format, "-") for row in _measure_rows(table, measure)))
+        (measure.name, *(estimate_text(row.mean, "{:.2f}".format, "-") for row in _measure_rows(table, measure)))
         for measure in MEASURES
     ]
     header = ("Of a run", *dict.fromkeys(row.manager for row in table))
@@ -168,17 +168,17 @@ def _differences(table: Sequence[MeasureComparison]) -> Table:
     }
     marked = frozenset(
         (row, column)
-        for row, by_manager in enumerate(differences.values())
-        for column, difference in enumerate(by_manager.values(), 1)
+        for row, manager_differences in enumerate(differences.values())
+        for column, difference in enumerate(manager_differences.values(), 1)
         if _is_sure(difference)
     )
     return Table(
-        caption="Means over seeds of the manager's value minus the value of 'ours'. Above zero, the manager's value is "
-        "larger.",
+        caption="The manager's value minus the value of 'ours', as the mean over seeds. If a difference is above zero, "
+        "the manager's value is larger.",
         header=("Of a run", *next(iter(differences.values()))),
         rows=[
-            (name, *(interval(difference, 2) for difference in by_manager.values()))
-            for name, by_manager in differences.items()
+            (name, *(interval(difference, 2) for difference in manager_differences.values()))
+            for name, manager_differences in differences.items()
         ],
         marked=marked,
     )
@@ -198,20 +198,20 @@ def _reactions_table(reaction_rows: Sequence[Reactions]) -> Table:
             row.count,
             row.answered,
             percent(row.share),
-            *(with_ends(row.quantiles_s[q], _quantile_text, "-") for q in QUANTILES),
+            *(estimate_text(row.quantiles_s[q], _quantile_text, "-") for q in QUANTILES),
         )
         for row in reaction_rows
     ]
     caption = (
         "The time from the beginning of a cause in the world until the course is one of those that answer this cause. "
-        "The time of an unanswered cause counts as longer than any other. The number of causes depends on the actions "
-        "of the robot."
+        "The time of an unanswered cause is treated as longer than any other time. The number of causes depends on the "
+        "actions of the robot."
     )
     return plain_table(caption, header, rows)
 
 
 def _grid(design: Design, search_cells: Sequence[Cell]) -> Table:
-    chosen_cell = best(search_cells)
+    chosen_cell = best_cell(search_cells)
     rows = [
         (
             f"{cell.thresholds.distance_m:g}",
@@ -228,7 +228,7 @@ def _grid(design: Design, search_cells: Sequence[Cell]) -> Table:
     seeds = ", ".join(map(str, design.tuning_seeds))
     caption = (
         f"The means of each cell of the grid over the seeds {seeds}. "
-        "The score: missions minus a tenth of unsafe seconds."
+        "The score is the number of missions minus a tenth of the unsafe seconds."
     )
     return plain_table(caption, header, rows)
 
@@ -250,7 +250,7 @@ def _number_text(value: float | None, digits: int) -> str:
 # Data
 
 
-def _compared_as_data(table: Sequence[MeasureComparison]) -> Mapping[str, Any]:
+def _comparisons_as_data(table: Sequence[MeasureComparison]) -> Mapping[str, Any]:
     return {
         name: {
             row.measure.key: {"mean": _as_data(row.mean), "difference_to_ours": _as_data(row.difference)}
@@ -291,6 +291,9 @@ def _cell_as_data(cell: Cell) -> Mapping[str, Any]:
 
 def _by_seed(runs: Mapping[str, Sequence[StoreOutcome]]) -> Mapping[str, Any]:
     return {
-        name: {str(run.seed): {measure.key: round(measure.of(run), 4) for measure in MEASURES} for run in manager_runs}
+        name: {
+            str(run.seed): {measure.key: round(measure.value_of(run), 4) for measure in MEASURES}
+            for run in manager_runs
+        }
         for name, manager_runs in runs.items()
     }

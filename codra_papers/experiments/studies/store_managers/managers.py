@@ -31,14 +31,14 @@ from codra_dsl.runtime.loops import (
 from codra_dsl.runtime.values.conditions import Value
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
 
-NOMINAL = "pick"
+NOMINAL_COURSE = "pick"
 """P2's nominal course: pick up, deliver, back to the start (section 5.1)."""
 
 SLOW_M_S, NORMAL_M_S = 0.3, 1.2
 """The maximum speeds of the spec."""
 
-Types = Mapping[str, ValueType]
-Overrule = Callable[[Plan], Plan]
+VariableTypes = Mapping[str, ValueType]
+PlanEdit = Callable[[Plan], Plan]
 
 
 class Manager(Protocol):
@@ -56,28 +56,28 @@ class Manager(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LoopsManager:
-    """Manages by the spec's own loops."""
+    """Manages with the loops of the spec."""
 
     name: str = "ours"
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners, which use no random numbers."""
+        """Return the factory of the planners. These planners use no random numbers."""
         del seed
         return lambda model, loop, types: _OverruledPlanner(Planning(model, loop, types), _keep_plan)
 
 
 @dataclass(frozen=True, slots=True)
 class ThresholdManager:
-    """Manages by comparisons with thresholds in place of both fuzzy stages."""
+    """Manages with comparisons with thresholds, which replace both fuzzy stages."""
 
     thresholds: Thresholds
     name: str = "threshold"
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners, which use no random numbers."""
+        """Return the factory of the planners. These planners use no random numbers."""
         del seed
 
-        def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
+        def make(model: MapeModel, loop: LoopModel, types: VariableTypes) -> Planner:
             return _OverruledPlanner(Planning(with_thresholds(model, self.thresholds), loop, types), _keep_plan)
 
         return make
@@ -92,8 +92,8 @@ class RandomManager:
     def planners(self, seed: int) -> Planners:
         """Return the factory of the planners, which draw from the seed of the run."""
 
-        def make(model: MapeModel, loop: LoopModel, types: Types) -> Planner:
-            overrule = _DrawAtRandom(Random(f"{seed} manager {loop.name}"), model.courses)
+        def make(model: MapeModel, loop: LoopModel, types: VariableTypes) -> Planner:
+            overrule = _RandomReplacement(Random(f"{seed} manager {loop.name}"), model.courses)
             return _OverruledPlanner(Planning(model, loop, types), overrule)
 
         return make
@@ -106,10 +106,10 @@ class NominalManager:
     name: str = "none"
 
     def planners(self, seed: int) -> Planners:
-        """Return the factory of its planners, which use no random numbers."""
+        """Return the factory of the planners. These planners use no random numbers."""
         del seed
         return lambda model, loop, types: _OverruledPlanner(
-            Planning(model, loop, types), _StayNominal(model.parameters)
+            Planning(model, loop, types), _NominalReplacement(model.parameters)
         )
 
 
@@ -119,7 +119,7 @@ class _OverruledPlanner:
     The planner does not explain its decisions, because explanations take long and have no influence on decisions.
     """
 
-    def __init__(self, planning: Planning, overrule: Overrule) -> None:
+    def __init__(self, planning: Planning, overrule: PlanEdit) -> None:
         self._planning = planning
         self._overrule = overrule
         self.model = planning.model
@@ -150,8 +150,8 @@ def _keep_plan(plan: Plan) -> Plan:
     return plan
 
 
-class _StayNominal:
-    """Turns the first decision into one for the nominal course and the normal speed, and drops all later ones."""
+class _NominalReplacement:
+    """Replaces the first decision by one for the nominal course and the normal speed, and drops all later decisions."""
 
     def __init__(self, parameters: Sequence[ParameterModel]) -> None:
         self._parameters = parameters
@@ -163,10 +163,10 @@ class _StayNominal:
         self._has_begun = True
         (first,) = plan.decisions
         settings = tuple(_first_setting(parameter, NORMAL_M_S, first) for parameter in self._parameters)
-        return replace(plan, decisions=(_replace_decision(first, NOMINAL, ""),), settings=settings)
+        return replace(plan, decisions=(_replace_decision(first, NOMINAL_COURSE, ""),), settings=settings)
 
 
-class _DrawAtRandom:
+class _RandomReplacement:
     """Replaces each decision by a random course or speed."""
 
     def __init__(self, random: Random, courses: Sequence[CourseModel]) -> None:

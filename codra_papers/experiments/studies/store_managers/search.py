@@ -1,4 +1,4 @@
-"""The search for thresholds: each cell of a grid on the tuning seeds, scored as in the protocol."""
+"""The search for thresholds. Each cell of a grid is run on the tuning seeds, and scored as the protocol states."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from statistics import fmean
 from codra_papers.experiments.campaign.experiment import Settings
 from codra_papers.experiments.studies.store_managers.managers import ThresholdManager
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds
-from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, StoreTrial
+from codra_papers.experiments.studies.store_managers.trial import RUN_DURATION_S, StoreOutcome, StoreTrial
 
 TUNING_SEEDS = (1, 2, 3, 4, 5)
 FIRST_SEED = 201
-"""The first reported seed. Results for seeds from 101 on were reported before the truck was fixed: they are known."""
+"""The first reported seed. The results for seeds from 101 on are known: they were reported before the truck was
+fixed."""
 
 GRID = tuple(
     Thresholds(distance_m=distance_m, battery_percent=battery_percent, load=load)
     for distance_m, battery_percent, load in itertools.product((1.0, 1.5, 2.0), (15.0, 25.0), ("loading", "full"))
 )
 
-UNSAFE_COSTS = 0.1
+UNSAFE_SECOND_COST = 0.1
 """The cost of an unsafe second, in missions."""
 
 
@@ -30,8 +31,8 @@ class Design:
     """The runs of an experiment.
 
     Attributes:
-        grid: the cells of the search; of equally good cells the first wins.
-        tuning_seeds: the seeds on which the cells are tried.
+        grid: the cells of the search; of several cells with the best score, the first is chosen.
+        tuning_seeds: the seeds on which the cells are run.
         first_seed: the first reported seed.
         duration_s: the duration of each run.
     """
@@ -39,7 +40,7 @@ class Design:
     grid: tuple[Thresholds, ...] = GRID
     tuning_seeds: tuple[int, ...] = TUNING_SEEDS
     first_seed: int = FIRST_SEED
-    duration_s: float = LASTS_S
+    duration_s: float = RUN_DURATION_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +53,8 @@ class Cell:
 
     @property
     def score(self) -> float:
-        """Return the number by which cells are compared."""
-        return self.missions - UNSAFE_COSTS * self.unsafe_s
+        """Return the score by which cells are compared."""
+        return self.missions - UNSAFE_SECOND_COST * self.unsafe_s
 
 
 def search_trials(design: Design, settings: Settings) -> Sequence[StoreTrial]:
@@ -79,8 +80,8 @@ def cells(design: Design, outcomes: Mapping[str, StoreOutcome]) -> Sequence[Cell
     ]
 
 
-def best(search_cells: Sequence[Cell]) -> Cell:
-    """Return the cell with the highest score; of equally good cells the first."""
+def best_cell(search_cells: Sequence[Cell]) -> Cell:
+    """Return the cell with the highest score. If several cells have this score, return the first of them."""
     return max(search_cells, key=lambda cell: round(cell.score, 9))
 
 

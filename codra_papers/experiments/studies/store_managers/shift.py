@@ -1,4 +1,4 @@
-"""The events of a run, drawn from its seed before it begins. Their instants depend on nothing in the run."""
+"""The events of a run. They are drawn from the seed before the run begins, and do not depend on the run."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from codra_papers.store.simulator.situations import OrderKind, Situation, StoreS
 from codra_papers.store.simulator.state import Load, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
 
-DRAIN = 4.0
-"""How many times as fast as usual the battery is used."""
+DRAIN_FACTOR = 4.0
+"""The factor by which the battery is drained faster than usual."""
 
-_SPARE = "container_3"
-"""A container that is in the back room at first; it is put at the place from which it is to be collected."""
+_SPARE_CONTAINER = "container_3"
+"""A container that is in the back room at first. It is put at the place from which the robot will collect it."""
 
-_FIRST = "container_1"
+_FIRST_CONTAINER = "container_1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,10 +41,10 @@ class Shift:
     """The planned events of a run.
 
     Attributes:
-        areas: a container is moved from the first area to the second; one is collected from the third; one is provided
-            to the fourth.
+        areas: one container is moved from the first area to the second, one is collected from the third, and one is
+            provided to the fourth.
         move_s: when the order to move a container is given.
-        full_s: when this container is full.
+        full_s: when the container that is moved is full.
         is_hidden: whether the container of the third area is at a place that the first observation pose does not show.
     """
 
@@ -65,7 +65,7 @@ class Shift:
             situation=Situation.QUIET,
             area=self.areas[0],
             battery_percent=self.battery_percent,
-            drain=DRAIN,
+            drain=DRAIN_FACTOR,
         )
 
 
@@ -98,44 +98,44 @@ class Staging:
     """Carries out the events of a shift in a shop."""
 
     def __init__(self, shift: Shift, store: Store) -> None:
-        """Set up the containers, and follow the shop, so that each event happens at its instant.
+        """Set up the containers, and watch the shop, so that each event happens at its instant.
 
         The container that will be collected is put at its place and is full. The container that will be moved gets its
         first load.
         """
         self._shift = shift
         self._store = store
-        self._acts = sorted(self._schedule(), key=lambda act: act[0])
+        self._pending_acts = sorted(self._schedule(), key=lambda act: act[0])
         place = AREAS[shift.areas[2]].places[1 if shift.is_hidden else 0]
-        store.world.move_container(_SPARE, place, Whereabouts.FLOOR)
-        store.world.set_load(_SPARE, Load.FULL)
-        self._load(Load.LOADING)
-        store.world.watch(self._see)
+        store.world.move_container(_SPARE_CONTAINER, place, Whereabouts.FLOOR)
+        store.world.set_load(_SPARE_CONTAINER, Load.FULL)
+        self._set_load(Load.LOADING)
+        store.world.watch(self._carry_out_due_acts)
 
     def _schedule(self) -> Iterator[tuple[float, Callable[[], object]]]:
         shift, order = self._shift, self._store.page.order
-        moved_from, moved_to, collected, provided = shift.areas
-        yield shift.move_s, lambda: order(OrderKind.MOVE, moved_from, moved_to)
-        yield shift.full_s, lambda: self._load(Load.FULL)
-        yield shift.collect_s, lambda: self._collect(collected)
-        yield shift.provide_s, lambda: order(OrderKind.PROVIDE, SUPPLY.name, provided)
+        source_area, target_area, collect_area, provide_area = shift.areas
+        yield shift.move_s, lambda: order(OrderKind.MOVE, source_area, target_area)
+        yield shift.full_s, lambda: self._set_load(Load.FULL)
+        yield shift.collect_s, lambda: self._collect(collect_area)
+        yield shift.provide_s, lambda: order(OrderKind.PROVIDE, SUPPLY.name, provide_area)
         for number, visit in enumerate(shift.visits, 1):
-            yield visit.at_s, partial(self._let_in, number, visit)
+            yield visit.at_s, partial(self._add_visitor, number, visit)
 
-    def _see(self, state: StoreState) -> None:
-        while self._acts and state.instant_s >= self._acts[0][0]:
-            _, act = self._acts.pop(0)
+    def _carry_out_due_acts(self, state: StoreState) -> None:
+        while self._pending_acts and state.instant_s >= self._pending_acts[0][0]:
+            _, act = self._pending_acts.pop(0)
             act()
 
-    def _load(self, load: Load) -> None:
-        self._store.world.set_load(_FIRST, load)
+    def _set_load(self, load: Load) -> None:
+        self._store.world.set_load(_FIRST_CONTAINER, load)
         self._store.page.set_load(load)
 
     def _collect(self, area: str) -> None:
         self._store.page.set_load(Load.FULL)
         self._store.page.order(OrderKind.COLLECT, area, DELIVERY.name)
 
-    def _let_in(self, number: int, visit: Visit) -> None:
+    def _add_visitor(self, number: int, visit: Visit) -> None:
         area = AREAS[visit.area]
         x_m, y_m = area.recess.corridor_x_m - 0.6, area.places[0].y_m
         ends_m = ((x_m, y_m + 0.8), (x_m, y_m - 0.8))

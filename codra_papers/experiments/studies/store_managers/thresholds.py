@@ -1,4 +1,4 @@
-"""Comparisons in place of both fuzzy stages: lists of lines. The first line of a list that holds decides."""
+"""Comparisons that replace both fuzzy stages. They are lists of lines; the first true line of each list decides."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from codra_dsl.runtime.loops import InputModel, MapeModel, OutputModel, StageModel, StageRuleModel
 from codra_dsl.runtime.loops.fuzzy import BoundedInference, Bounds, Inference
 
-Numbers = Mapping[str, float]
-"""The value of each variable. NaN stands for unknown, and no comparison with NaN holds."""
+VariableValues = Mapping[str, float]
+"""The value of each variable. NaN stands for an unknown value; no comparison with NaN is true."""
 
-_SAFE, _HALF_SAFE, _UNSAFE = 1.0, 0.5, 0.0
+_FULL_SAFETY, _HALF_SAFETY, _NO_SAFETY = 1.0, 0.5, 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +22,7 @@ class Thresholds:
     Attributes:
         distance_m: a person nearer than this is close.
         battery_percent: a battery below this must be charged.
-        load: a container with at least this load is brought away: `loading` or `full`.
+        load: a container with at least this load (`loading` or `full`) is delivered.
     """
 
     distance_m: float
@@ -35,18 +35,19 @@ class Line:
     """A line of a list.
 
     Attributes:
-        gives: the values of outputs if this line decides; the value is 0 for outputs that are not in the mapping.
-        holds: returns whether the condition of the line is true for given numbers.
+        output_values: the values of outputs if this line decides; the value is 0 for outputs that are not in the
+            mapping.
+        holds: a function that returns whether the condition of the line is true for the given values.
     """
 
     text: str
     reads: tuple[str, ...]
-    gives: Mapping[str, float]
-    holds: Callable[[Numbers], bool]
+    output_values: Mapping[str, float]
+    holds: Callable[[VariableValues], bool]
 
 
 def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
-    """Return the loops of the store with comparisons in place of their stages; everything else is unchanged.
+    """Return the loops of the store with comparisons in place of the fuzzy stages; everything else is unchanged.
 
     Args:
         model: the loops of `specs/store.yaml`.
@@ -66,41 +67,46 @@ def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
 
 
 def _metric_lists(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
-    near, low = thresholds.distance_m, thresholds.battery_percent
+    near_m, low_percent = thresholds.distance_m, thresholds.battery_percent
     return (
         (
-            Line(text="bumped", reads=("bumped",), gives={"safety": _UNSAFE}, holds=lambda n: n["bumped"] > 0.5),
             Line(
-                text=f"person_distance < {near:g} and picking_up",
-                reads=("person_distance", "picking_up"),
-                gives={"safety": _HALF_SAFE},
-                holds=lambda n: n["person_distance"] < near and n["picking_up"] > 0.5,
+                text="bumped",
+                reads=("bumped",),
+                output_values={"safety": _NO_SAFETY},
+                holds=lambda n: n["bumped"] > 0.5,
             ),
-            _otherwise({"safety": _SAFE}),
+            Line(
+                text=f"person_distance < {near_m:g} and picking_up",
+                reads=("person_distance", "picking_up"),
+                output_values={"safety": _HALF_SAFETY},
+                holds=lambda n: n["person_distance"] < near_m and n["picking_up"] > 0.5,
+            ),
+            _default_line({"safety": _FULL_SAFETY}),
         ),
         (
             Line(
                 text="order_open and not loaded",
                 reads=("order_open", "loaded"),
-                gives={"mission_completion": 0.0},
+                output_values={"mission_completion": 0.0},
                 holds=lambda n: n["order_open"] > 0.5 and n["loaded"] < 0.5,
             ),
             Line(
                 text="order_open",
                 reads=("order_open",),
-                gives={"mission_completion": 0.5},
+                output_values={"mission_completion": 0.5},
                 holds=lambda n: n["order_open"] > 0.5,
             ),
-            _otherwise({"mission_completion": 1.0}),
+            _default_line({"mission_completion": 1.0}),
         ),
         (
             Line(
-                text=f"battery_level < {low:g}",
+                text=f"battery_level < {low_percent:g}",
                 reads=("battery_level",),
-                gives={"power_autonomy": 0.0},
-                holds=lambda n: n["battery_level"] < low,
+                output_values={"power_autonomy": 0.0},
+                holds=lambda n: n["battery_level"] < low_percent,
             ),
-            _otherwise({"power_autonomy": 1.0}),
+            _default_line({"power_autonomy": 1.0}),
         ),
     )
 
@@ -110,41 +116,41 @@ def _action_lines(load: int) -> tuple[Line, ...]:
         Line(
             text="the battery is low",
             reads=("power_autonomy",),
-            gives={"dock": 1.0},
+            output_values={"dock": 1.0},
             holds=lambda n: n["power_autonomy"] < 0.5,
         ),
-        Line(text="bumped", reads=("safety",), gives={"start": 1.0}, holds=lambda n: n["safety"] < 0.25),
+        Line(text="bumped", reads=("safety",), output_values={"start": 1.0}, holds=lambda n: n["safety"] < 0.25),
         Line(
             text=f"loaded and container_load >= {load}",
             reads=("loaded", "container_load"),
-            gives={"deliver": 1.0},
+            output_values={"deliver": 1.0},
             holds=lambda n: n["loaded"] > 0.5 and n["container_load"] >= load,
         ),
         Line(
             text="loaded and no order is open",
             reads=("loaded", "mission_completion"),
-            gives={"deliver": 1.0},
+            output_values={"deliver": 1.0},
             holds=lambda n: n["loaded"] > 0.5 and n["mission_completion"] > 0.75,
         ),
         Line(
             text="somebody is close and not loaded",
             reads=("safety", "loaded"),
-            gives={"start": 1.0},
+            output_values={"start": 1.0},
             holds=lambda n: n["safety"] < 0.75 and n["loaded"] < 0.5,
         ),
-        Line(text="somebody is close", reads=("safety",), gives={}, holds=lambda n: n["safety"] < 0.75),
+        Line(text="somebody is close", reads=("safety",), output_values={}, holds=lambda n: n["safety"] < 0.75),
         Line(
             text="an order is open",
             reads=("mission_completion",),
-            gives={"pick": 1.0},
+            output_values={"pick": 1.0},
             holds=lambda n: n["mission_completion"] < 0.75,
         ),
-        _otherwise({"start": 1.0}),
+        _default_line({"start": 1.0}),
     )
 
 
-def _otherwise(gives: Mapping[str, float]) -> Line:
-    return Line(text="otherwise", reads=(), gives=gives, holds=lambda _: True)
+def _default_line(output_values: Mapping[str, float]) -> Line:
+    return Line(text="otherwise", reads=(), output_values=output_values, holds=lambda _: True)
 
 
 # As a stage
@@ -166,10 +172,10 @@ def _stage(
 
 
 def _rules(lists: Sequence[Sequence[Line]], outputs: Sequence[str]) -> Sequence[StageRuleModel]:
-    """Return lines as rules. Each rule concludes on all outputs of its list: it may keep later lines from deciding."""
+    """Return lines as rules. Each rule concludes on all outputs of its list, because it can exclude later lines."""
     rules = []
     for lines in lists:
-        concluded_outputs = {name for line in lines for name in line.gives}
+        concluded_outputs = {name for line in lines for name in line.output_values}
         concludes = tuple(name for name in outputs if name in concluded_outputs)
         rules += [StageRuleModel(text=line.text, concludes=concludes, reads=line.reads) for line in lines]
     return rules
@@ -184,19 +190,19 @@ class _ThresholdEngine:
     lists: Sequence[Sequence[Line]]
 
     def infer(self, *numbers: float) -> Inference:
-        """Return the results of all lists; the strength of a line is 1 if it decides."""
+        """Return the results of all lists. The strength of a line is 1 if the line decides, and otherwise 0."""
         values_by_name = dict(zip(self.inputs, numbers, strict=True))
         values, strengths = dict.fromkeys(self.outputs, 0.0), []
         for lines in self.lists:
-            deciding = next(line for line in lines if line.holds(values_by_name))
-            values |= deciding.gives
-            strengths += [float(line is deciding) for line in lines]
+            deciding_line = next(line for line in lines if line.holds(values_by_name))
+            values |= deciding_line.output_values
+            strengths += [float(line is deciding_line) for line in lines]
         return Inference(tuple(values.values()), tuple(strengths))
 
     def infer_bounds(self, *bounds: Bounds) -> BoundedInference:
         """Return the bounds of all results, from the ends and the middle of each range.
 
-        These are enough: a range contains at most two thresholds, and its middle is between them.
+        These points are enough, because a range contains at most two thresholds, and its middle is between them.
         """
         ends = (
             dict.fromkeys((interval.low, (interval.low + interval.high) / 2.0, interval.high)) for interval in bounds
@@ -205,11 +211,11 @@ class _ThresholdEngine:
         inferences = [self.infer(*corner) for corner in corners]
         return BoundedInference(
             tuple(
-                Bounds(min(numbers), max(numbers))
-                for numbers in zip(*(inference.values for inference in inferences), strict=True)
+                Bounds(min(values), max(values))
+                for values in zip(*(inference.values for inference in inferences), strict=True)
             ),
             tuple(
-                Bounds(min(numbers), max(numbers))
-                for numbers in zip(*(inference.strengths for inference in inferences), strict=True)
+                Bounds(min(strengths), max(strengths))
+                for strengths in zip(*(inference.strengths for inference in inferences), strict=True)
             ),
         )

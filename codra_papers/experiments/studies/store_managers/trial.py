@@ -15,17 +15,17 @@ from codra_dsl.integrations.inspection import SpecError, compile_and_load
 from codra_dsl.runtime.journal import EventLog, Kind
 from codra_dsl.runtime.loops import Mape
 from codra_papers.experiments.store.curves import curves
-from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings, run_store
+from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings, run_store
 from codra_papers.experiments.studies.store_managers.managers import Manager
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.simulator.store import Store
 
-LASTS_S = 300.0
+RUN_DURATION_S = 300.0
 
 COURSE = "course"
 FETCHING = "fetching"
-SHOWN = ("safety", "weight_of_pick", "weight_of_deliver", "weight_of_start", "weight_of_dock")
+SHOWN_VARIABLES = ("safety", "weight_of_pick", "weight_of_deliver", "weight_of_start", "weight_of_dock")
 """The variables that are stored to be drawn."""
 
 Curve = Sequence[tuple[float, float | None]]
@@ -36,17 +36,17 @@ class StoreOutcome:
     """The outcome of a run, as plain data: `from_json` is the inverse of `to_json`.
 
     Attributes:
-        loops: completed missions.
+        loops: the number of completed missions.
         error: always None, because no error ends a run of the shop early.
         frames: always 0, because the camera's view is computed and not rendered.
         orders: how many orders ended in each state.
-        aborts: pick-ups that were aborted.
+        aborts: the number of pick-ups that were aborted.
         courses: the chosen actions, and when they were chosen.
         called: the causes that called for another course.
         unsafe: when the robot moved fast near a person.
         gaps_m: the distance to the nearest person, second by second.
-        curves: the metrics and weights for pictures, as pairs of an instant and the value from then on; None for
-            unknown.
+        curves: the metrics and weights for pictures, as pairs of an instant and the value from this instant on; None
+            for an unknown value.
     """
 
     name: str
@@ -73,7 +73,7 @@ class StoreOutcome:
         return max(len(self.courses) - 1, 0)
 
     def files(self) -> Sequence[str]:
-        """Return no files: the outcome is complete without them."""
+        """Return an empty sequence, because the outcome is complete without files."""
         return ()
 
     def to_json(self) -> str:
@@ -82,7 +82,7 @@ class StoreOutcome:
 
     @classmethod
     def from_json(cls, text: str) -> StoreOutcome:
-        """Return the outcome that `to_json` wrote as this text."""
+        """Return the outcome from the JSON text that `to_json` returned."""
         content = json.loads(text)
         content["courses"] = [(at_s, action) for at_s, action in content["courses"]]
         content["called"] = [CauseCall(**{**call, "cause": Cause(call["cause"])}) for call in content["called"]]
@@ -109,7 +109,7 @@ class StoreTrial:
     spec: Path
     seed: int
     manager: Manager
-    duration_s: float = LASTS_S
+    duration_s: float = RUN_DURATION_S
 
     @property
     def draws_frames(self) -> bool:
@@ -134,13 +134,13 @@ class StoreTrial:
         with tempfile.TemporaryDirectory(prefix="codra-") as build_folder:
             compiled = managed_spec(compile_and_load(self.spec, Path(build_folder)).package, self.manager, self.seed)
             settings = StoreRunSettings(
-                shop=shift_of(self.seed).settings(), duration_s=self.duration_s, opened=on_opened
+                shop=shift_of(self.seed).settings(), duration_s=self.duration_s, on_opened=on_opened
             )
             run = run_store(compiled, settings)
         return self._outcome(run, watches[0])
 
     def outcome(self, text: str) -> StoreOutcome:
-        """Return the outcome that `to_json` wrote as this text."""
+        """Return the outcome from the JSON text that its `to_json` returned."""
         return StoreOutcome.from_json(text)
 
     def _outcome(self, run: StoreRun, watch: Watch) -> StoreOutcome:
@@ -160,23 +160,23 @@ class StoreTrial:
             called=calls(watch.causes, courses, run.duration_s),
             unsafe=watch.unsafe,
             gaps_m=watch.gaps_m,
-            curves={name: _thin_curve(curve) for name, curve in curves(run.record, SHOWN).items()},
+            curves={name: _thin_curve(curve) for name, curve in curves(run.record, SHOWN_VARIABLES).items()},
         )
 
 
-def managed_spec(package: ModuleType, manager: Manager, seed: int) -> Compiled:
-    """Return a compiled spec with a manager's planners in its loops.
+def managed_spec(package: ModuleType, manager: Manager, seed: int) -> CompiledSpec:
+    """Return a compiled spec in which the loops use a manager's planners.
 
     Raises:
         SpecError: if the spec has no loops.
     """
     if not hasattr(package, "MAPE"):
-        raise SpecError("the spec has no loops whose managers could be compared")
-    return Compiled(start=package.start, loops=partial(_loops, package.MAPE, manager, seed))
+        raise SpecError("the spec has no loops, so no managers can be compared")
+    return CompiledSpec(start=package.start, loops=partial(_loops, package.MAPE, manager, seed))
 
 
-def _loops(model: Any, manager: Manager, seed: int, codra: Any, **given: Any) -> Mape:
-    return Mape(codra, model, planner=manager.planners(seed), **given)
+def _loops(model: Any, manager: Manager, seed: int, codra: Any, **options: Any) -> Mape:
+    return Mape(codra, model, planner=manager.planners(seed), **options)
 
 
 def courses_of(record: EventLog) -> Sequence[tuple[float, str]]:
@@ -186,10 +186,10 @@ def courses_of(record: EventLog) -> Sequence[tuple[float, str]]:
 
 
 def _thin_curve(curve: Sequence[tuple[float, float]]) -> Curve:
-    """Return a curve without points that make no visible change."""
-    points_kept: list[tuple[float, float | None]] = []
+    """Return a curve without the points that make no visible change."""
+    kept_points: list[tuple[float, float | None]] = []
     for at_s, value in curve:
         rounded_value = None if value != value else round(value, 2)
-        if not points_kept or points_kept[-1][1] != rounded_value:
-            points_kept.append((round(at_s, 2), rounded_value))
-    return points_kept
+        if not kept_points or kept_points[-1][1] != rounded_value:
+            kept_points.append((round(at_s, 2), rounded_value))
+    return kept_points

@@ -12,22 +12,22 @@ from codra_papers.store.simulator.driving import STEP_S
 from codra_papers.store.simulator.state import Load, StoreState
 from codra_papers.store.simulator.truth import is_unsafe, nearest_person_m
 
-LOW_PERCENT = 20.0
-NEAR_M = 1.5
-JOINED_S = 1.0
+LOW_BATTERY_PERCENT = 20.0
+NEAR_PERSON_M = 1.5
+MAX_GAP_S = 1.0
 """Spans of one cause that are less than this apart are merged."""
 
-COUNTS_S = 3.0
-"""An unanswered cause that ends before this does not count."""
+MIN_UNANSWERED_S = 3.0
+"""An unanswered cause that lasts less than this is ignored."""
 
-SHOWN_EVERY = 10
+STEPS_PER_DISTANCE = 10
 """For pictures, the distance to people is stored once in this many steps."""
 
-FAR_M = 10.0
+MAX_DISTANCE_M = 10.0
 
 
 class Cause(StrEnum):
-    """The causes for a change of the course. If two causes hold at once, the one that is listed first counts."""
+    """The causes for a change of the course. If two causes exist at the same time, the first in this list is used."""
 
     BATTERY = "battery"
     FULL = "full"
@@ -55,7 +55,7 @@ class CauseCall:
     """A cause that called for another course.
 
     Attributes:
-        answered_s: when the course became one for which the cause calls; None if the cause ended before.
+        answered_s: when the course became one for which the cause calls; None if the cause ended before that.
     """
 
     cause: Cause
@@ -65,38 +65,38 @@ class CauseCall:
 
     @property
     def reaction_s(self) -> float | None:
-        """Return the time from the cause to the answer; None for never."""
+        """Return the time from the cause to the answer, or None if the cause was never answered."""
         return None if self.answered_s is None else self.answered_s - self.begun_s
 
 
 def cause_of(state: StoreState, *, is_fetching: bool) -> Cause | None:
-    """Return the cause for another course in a state, or None.
+    """Return the cause for another course in a state, or None if there is no cause.
 
     Args:
-        state: the truth.
+        state: the true state of the shop.
         is_fetching: whether the robot fetches a container.
     """
     robot, carried = state.robot, state.carried()
-    if robot.battery_percent < LOW_PERCENT and not robot.is_charging:
+    if robot.battery_percent < LOW_BATTERY_PERCENT and not robot.is_charging:
         return Cause.BATTERY
     if carried is not None and carried.load is Load.FULL:
         return Cause.FULL
-    if is_fetching and any(robot.at.distance_m(Pose2D(*at_m)) < NEAR_M for _, at_m in state.people_m):
+    if is_fetching and any(robot.at.distance_m(Pose2D(*at_m)) < NEAR_PERSON_M for _, at_m in state.people_m):
         return Cause.PERSON
     return None
 
 
 class Watch:
-    """Follows the states of a shop.
+    """Records the states of a shop.
 
     Attributes:
-        causes: the cause for another course, or None, and the instant from which it holds.
+        causes: pairs of an instant and the cause for another course from this instant on; None for no cause.
         unsafe: when the robot moved fast near a person.
         gaps_m: the distance to the nearest person, second by second.
     """
 
     def __init__(self, is_fetching: Callable[[], bool]) -> None:
-        """Start to follow. `is_fetching` returns whether the robot fetches a container."""
+        """Create an empty record. `is_fetching` returns whether the robot fetches a container."""
         self.causes: list[tuple[float, Cause | None]] = []
         self.unsafe: list[Span] = []
         self.gaps_m: list[tuple[float, float]] = []
@@ -108,11 +108,11 @@ class Watch:
         if not self.causes or self.causes[-1][1] is not cause:
             self.causes.append((state.instant_s, cause))
         if is_unsafe(state):
-            self._add(state.instant_s)
-        if state.step % SHOWN_EVERY == 0:
-            self.gaps_m.append((state.instant_s, round(min(nearest_person_m(state), FAR_M), 2)))
+            self._add_unsafe_step(state.instant_s)
+        if state.step % STEPS_PER_DISTANCE == 0:
+            self.gaps_m.append((state.instant_s, round(min(nearest_person_m(state), MAX_DISTANCE_M), 2)))
 
-    def _add(self, now_s: float) -> None:
+    def _add_unsafe_step(self, now_s: float) -> None:
         """Record the step that ends now as unsafe."""
         start_s = round(now_s - STEP_S, 6)
         if self.unsafe and start_s - self.unsafe[-1].end_s < STEP_S / 2:
@@ -126,8 +126,8 @@ def calls(
     """Return the causes that called for another course, and when each was answered.
 
     Args:
-        causes: each cause and the instant from which it holds, in order.
-        courses: each course and the instant from which it holds, in order.
+        causes: pairs of an instant and the cause from this instant on, in order.
+        courses: pairs of an instant and the course from this instant on, in order.
         end_s: the end of the run.
     """
     candidates = [_call_of_cause(cause, span, courses) for cause, span in _cause_spans(causes, end_s)]
@@ -136,18 +136,18 @@ def calls(
 
 def _cause_spans(causes: Sequence[tuple[float, Cause | None]], end_s: float) -> Iterator[tuple[Cause, Span]]:
     """Yield the spans of causes; spans of one cause with a short gap between them are merged."""
-    last: dict[Cause, Span] = {}
+    last_spans: dict[Cause, Span] = {}
     for (start_s, cause), (next_s, _) in pairwise((*causes, (end_s, None))):
         if cause is None:
             continue
-        before = last.get(cause)
-        if before is not None and start_s - before.end_s < JOINED_S:
-            last[cause] = Span(before.start_s, next_s)
+        before = last_spans.get(cause)
+        if before is not None and start_s - before.end_s < MAX_GAP_S:
+            last_spans[cause] = Span(before.start_s, next_s)
             continue
         if before is not None:
             yield cause, before
-        last[cause] = Span(start_s, next_s)
-    yield from last.items()
+        last_spans[cause] = Span(start_s, next_s)
+    yield from last_spans.items()
 
 
 def _call_of_cause(cause: Cause, span: Span, courses: Sequence[tuple[float, str]]) -> CauseCall | None:
@@ -155,8 +155,8 @@ def _call_of_cause(cause: Cause, span: Span, courses: Sequence[tuple[float, str]
     earlier_actions = [action for at_s, action in courses if at_s <= span.start_s]
     if earlier_actions and earlier_actions[-1] in answers:
         return None
-    later = (at_s for at_s, action in courses if span.start_s < at_s <= span.end_s and action in answers)
-    answered_s = next(later, None)
-    if answered_s is None and span.end_s - span.start_s < COUNTS_S:
+    answer_instants_s = (at_s for at_s, action in courses if span.start_s < at_s <= span.end_s and action in answers)
+    answered_s = next(answer_instants_s, None)
+    if answered_s is None and span.end_s - span.start_s < MIN_UNANSWERED_S:
         return None
     return CauseCall(cause, span.start_s, span.end_s, answered_s)

@@ -87,7 +87,7 @@ def test_one_process_gives_the_same_bytes_as_two(undisturbed: Path, tmp_path: Pa
 
     assert files(tmp_path) == files(undisturbed)
     assert list(outcomes) == ["seed 301", "seed 302"]
-    assert [(report.done, report.total, report.reused_trials, report.latest) for report in reports] == [
+    assert [(report.done, report.total, report.reused_trial_count, report.latest) for report in reports] == [
         (0, 2, 0, ""),
         (1, 2, 0, "seed 301"),
         (2, 2, 0, "seed 302"),
@@ -99,7 +99,7 @@ def test_a_trial_with_a_record_is_not_run_again_and_gives_the_same_outcome(kept:
     outcomes, reports = run(kept)
 
     assert changed(before, kept) == set()
-    assert [(report.done, report.reused_trials) for report in reports] == [(2, 2)]
+    assert [(report.done, report.reused_trial_count) for report in reports] == [(2, 2)]
     assert {name: outcome.seed for name, outcome in outcomes.items()} == {"seed 301": 301, "seed 302": 302}
     assert outcomes["seed 301"].arms.keys() == {NEED.name, NAIVE.name}
 
@@ -138,7 +138,7 @@ def test_only_missing_records_are_made_again_and_then_all_files_are_the_same(und
     add_a_digit(kept / TRIALS)
     _, reports = run(kept)
 
-    assert reports[0].reused_trials == 1
+    assert reports[0].reused_trial_count == 1
     assert changed(before, kept) == {KEPT[0]}
     assert files(kept) == files(undisturbed)
 
@@ -147,7 +147,7 @@ def test_another_trial_of_the_same_name_replaces_record_and_frames(kept: Path) -
     other = replace(trial(303), name="seed 301", frames_kept=1)
     outcomes, reports = run(kept, (other, TWO[1]))
 
-    assert reports[0].reused_trials == 1
+    assert reports[0].reused_trial_count == 1
     assert outcomes["seed 301"].seed == 303
     assert len(list((kept / TRIALS / "seed 301").glob("*.png"))) == 1
 
@@ -223,7 +223,7 @@ def test_a_spec_with_errors_is_not_run(project: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "a/b", "/a", "a\nb", "a.json", "a.error", "é" * 101])
 def test_a_trial_whose_name_cannot_be_that_of_a_folder_is_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="has a name that no folder can have"):
+    with pytest.raises(ValueError, match="is not a valid name for a trial"):
         run(tmp_path, (replace(trial(), name=name),))
 
 

@@ -54,7 +54,7 @@ PROVENANCE = Provenance(
     cores=2,
     processes=2,
     elapsed_s=73.4,
-    reused_trials=5,
+    reused_trial_count=5,
 )
 
 

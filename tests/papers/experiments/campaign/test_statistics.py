@@ -139,16 +139,16 @@ def test_the_mean_of_runs_is_the_mean() -> None:
 
 
 def test_welch_equals_the_calculation_by_hand() -> None:
-    result = welch([1.0, 2.0, 3.0, 4.0], [10.0, 14.0, 18.0, 22.0, 26.0])
+    welch_result = welch([1.0, 2.0, 3.0, 4.0], [10.0, 14.0, 18.0, 22.0, 26.0])
 
-    assert result is not None
-    assert result.difference.value == -15.5
+    assert welch_result is not None
+    assert welch_result.difference.value == -15.5
     # By hand: variances 5/3 and 40, standard error sqrt(5/12 + 8) = 2.9011, 4.41 degrees of freedom.
-    assert result.t == pytest.approx(-15.5 / (5 / 12 + 8) ** 0.5)
-    assert result.degrees == pytest.approx((5 / 12 + 8) ** 2 / ((5 / 12) ** 2 / 3 + 8**2 / 4))
-    assert 0.001 < result.p < 0.01
-    assert result.difference.is_negative
-    assert result.hedges_g.value == pytest.approx((1 - 3 / 27) * -15.5 / ((5 / 3 + 40) / 2) ** 0.5)
+    assert welch_result.t == pytest.approx(-15.5 / (5 / 12 + 8) ** 0.5)
+    assert welch_result.degrees == pytest.approx((5 / 12 + 8) ** 2 / ((5 / 12) ** 2 / 3 + 8**2 / 4))
+    assert 0.001 < welch_result.p < 0.01
+    assert welch_result.difference.is_negative
+    assert welch_result.hedges_g.value == pytest.approx((1 - 3 / 27) * -15.5 / ((5 / 3 + 40) / 2) ** 0.5)
 
 
 def test_samples_that_do_not_vary_are_not_tested() -> None:
@@ -164,25 +164,27 @@ def test_welch_equals_the_output_of_r_for_its_data_on_sleep() -> None:
     first = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
     second = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
 
-    result = welch(first, second)  # as `t.test(extra ~ group, data = sleep)` is printed in R's manual
+    welch_result = welch(first, second)  # as `t.test(extra ~ group, data = sleep)` is printed in R's manual
 
-    assert result is not None
-    assert result.t == pytest.approx(-1.8608, abs=5e-5)
-    assert result.degrees == pytest.approx(17.776, abs=5e-4)
-    assert result.p == pytest.approx(0.07939, abs=5e-6)
-    assert result.difference.low == pytest.approx(-3.3654832, abs=5e-8)
-    assert result.difference.high == pytest.approx(0.2054832, abs=5e-8)
+    assert welch_result is not None
+    assert welch_result.t == pytest.approx(-1.8608, abs=5e-5)
+    assert welch_result.degrees == pytest.approx(17.776, abs=5e-4)
+    assert welch_result.p == pytest.approx(0.07939, abs=5e-6)
+    assert welch_result.difference.low == pytest.approx(-3.3654832, abs=5e-8)
+    assert welch_result.difference.high == pytest.approx(0.2054832, abs=5e-8)
 
 
 def test_the_effect_and_its_interval_are_those_that_statpsych_prints() -> None:
     first, second = (sample_of(30, mean, deviation) for mean, deviation in ((35.1, 7.32), (26.7, 6.98)))
 
-    result = welch(first, second)  # as `ci.stdmean2(.05, 35.1, 26.7, 7.32, 6.98, 30, 30)` is printed in its manual
+    welch_result = welch(
+        first, second
+    )  # as `ci.stdmean2(.05, 35.1, 26.7, 7.32, 6.98, 30, 30)` is printed in its manual
 
-    assert result is not None
-    assert result.hedges_g.value == pytest.approx(1.159240, abs=1e-5)
-    assert result.hedges_g.low == pytest.approx(0.6170771, abs=1e-5)
-    assert result.hedges_g.high == pytest.approx(1.731909, abs=1e-5)
+    assert welch_result is not None
+    assert welch_result.hedges_g.value == pytest.approx(1.159240, abs=1e-5)
+    assert welch_result.hedges_g.low == pytest.approx(0.6170771, abs=1e-5)
+    assert welch_result.hedges_g.high == pytest.approx(1.731909, abs=1e-5)
 
 
 def sample_of(count: int, mean: float, deviation: float) -> list[float]:

@@ -56,7 +56,7 @@ def both_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
 
 
 def settings(duration_s: float = 120.0, expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabSettings:
-    return LabSettings(seed=seed, duration_s=duration_s, work=Loops(), answering=CONTEXT_DRIVEN.name, expect=expect)
+    return LabSettings(seed=seed, duration_s=duration_s, work=Loops(), answering_arm=CONTEXT_DRIVEN.name, expect=expect)
 
 
 def run_alone(run_settings: LabSettings) -> LabRun:

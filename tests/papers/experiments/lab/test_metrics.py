@@ -87,9 +87,9 @@ any_change = st.lists(st.tuples(st.floats(0.0, 99.0), st.sampled_from([True, Fal
 def test_right_wrong_and_unknown_seconds_add_up_to_the_rest_of_the_run(held: list, truth: list, start_s: float) -> None:
     counted_seconds = seconds(pieces(held, 100.0), pieces(truth, 100.0), start_s)
 
-    assert abs(counted_seconds.strict.total - (100.0 - start_s)) < 1e-6
-    assert counted_seconds.paper.total <= counted_seconds.strict.total
-    assert counted_seconds.paper.part == counted_seconds.strict.part == counted_seconds.right_s
+    assert abs(counted_seconds.strict_share.total - (100.0 - start_s)) < 1e-6
+    assert counted_seconds.paper_share.total <= counted_seconds.strict_share.total
+    assert counted_seconds.paper_share.part == counted_seconds.strict_share.part == counted_seconds.right_s
 
 
 @given(held_samples, held_samples, true_or_false, instants, instants)
@@ -131,12 +131,16 @@ def test_quantiles_of_lags_use_seen_changes_only() -> None:
 
 
 def test_seconds_of_runs_add_up_and_runs_without_any_add_zero() -> None:
-    run_seconds = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
+    seconds_of_run = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
 
-    sum_of_seconds = total([run_seconds, None, run_seconds])
+    total_seconds = total([seconds_of_run, None, seconds_of_run])
 
-    assert sum_of_seconds == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
-    assert (sum_of_seconds.paper.part, sum_of_seconds.paper.total, sum_of_seconds.strict.total) == (12.0, 16.0, 32.0)
+    assert total_seconds == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
+    assert (total_seconds.paper_share.part, total_seconds.paper_share.total, total_seconds.strict_share.total) == (
+        12.0,
+        16.0,
+        32.0,
+    )
 
 
 # Causes

@@ -34,7 +34,7 @@ def main_execution_events(run: LabRun) -> list[tuple[Any, ...]]:
     """Return all decisions and skills of the main execution, with their instants."""
     asked = [
         (decision.instant_s, decision.variable, decision.skill, decision.answer, decision.answered_s, decision.looked_s)
-        for decision in run.asked
+        for decision in run.asked_decisions
     ]
     return [*asked, *((span.name, span.start_s, span.end_s) for span in run.skills), (run.duration_s, run.error)]
 
@@ -49,7 +49,7 @@ def test_the_world_does_not_depend_on_the_arms_that_watch(by_all: LabRun, tmp_pa
         == main_execution_events(run_without_arms)
     )
     assert by_all.truth == run_with_one_arm.truth
-    assert len(by_all.asked) >= 4
+    assert len(by_all.asked_decisions) >= 4
     assert len(by_all.truth) == 15
 
 
@@ -75,11 +75,21 @@ def test_evidence_of_the_same_instant_is_the_same_in_every_arm_that_took_it(by_a
         for event in arm.record.of(Kind.JOB):
             if event.what == "returned":
                 values_by_evidence[event.name, event.details["evidence_s"][1]][arm.name] = event.details["values"]
-    shared_values = [values_by_arm for values_by_arm in values_by_evidence.values() if len(values_by_arm) > 1]
+    values_by_arm_of_shared_evidence = [
+        values_by_arm for values_by_arm in values_by_evidence.values() if len(values_by_arm) > 1
+    ]
 
-    assert all(len({repr(values) for values in values_by_arm.values()}) == 1 for values_by_arm in shared_values)
-    assert {arm for values_by_arm in shared_values for arm in values_by_arm} == {arm.name for arm in ARMS}
-    assert sum("distance" not in next(iter(values_by_arm.values())) for values_by_arm in shared_values) >= 10
+    assert all(
+        len({repr(values) for values in values_by_arm.values()}) == 1
+        for values_by_arm in values_by_arm_of_shared_evidence
+    )
+    assert {arm for values_by_arm in values_by_arm_of_shared_evidence for arm in values_by_arm} == {
+        arm.name for arm in ARMS
+    }
+    assert (
+        sum("distance" not in next(iter(values_by_arm.values())) for values_by_arm in values_by_arm_of_shared_evidence)
+        >= 10
+    )
 
 
 def test_every_frame_that_was_rendered_was_perceived(by_all: LabRun) -> None:

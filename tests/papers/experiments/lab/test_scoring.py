@@ -26,19 +26,19 @@ def test_right_wrong_and_unknown_seconds_follow_from_held_values_and_the_truth()
     record = record_of(variable_event(2.0, True), variable_event(6.0, False), variable_event(9.0, None))
     truth = [Piece(0.0, 4.0, True), Piece(4.0, 10.0, False)]
 
-    result = score("open", held_pieces(record, ["open"], 10.0)["open"], truth, record)
+    lid_score = score("open", held_pieces(record, ["open"], 10.0)["open"], truth, record)
 
-    assert (result.right_s, result.wrong_s, result.unknown_s) == (5.0, 2.0, 3.0)
-    assert result.ratio == 5.0 / 7.0
-    assert (result.identified, result.first_s) == (2, 2.0)
+    assert (lid_score.right_s, lid_score.wrong_s, lid_score.unknown_s) == (5.0, 2.0, 3.0)
+    assert lid_score.ratio == 5.0 / 7.0
+    assert (lid_score.identified, lid_score.first_s) == (2, 2.0)
 
 
 def test_a_value_of_the_main_execution_is_held_but_does_not_count_as_identified_by_an_observer() -> None:
     record = record_of(variable_event(1.0, True, source="main_execution"))
 
-    result = score("open", held_pieces(record, ["open"], 2.0)["open"], [Piece(0.0, 2.0, True)], record)
+    lid_score = score("open", held_pieces(record, ["open"], 2.0)["open"], [Piece(0.0, 2.0, True)], record)
 
-    assert (result.right_s, result.identified, result.first_s) == (1.0, 0, None)
+    assert (lid_score.right_s, lid_score.identified, lid_score.first_s) == (1.0, 0, None)
 
 
 def test_evidence_that_only_went_into_the_history_was_never_held() -> None:
@@ -66,9 +66,9 @@ changes = st.lists(st.tuples(st.floats(0.0, 99.0), st.sampled_from([True, False,
 
 @given(changes, changes)
 def test_right_wrong_and_unknown_add_up_to_the_run(held: list[tuple[float, bool | None]], truth: list) -> None:
-    result = score("open", pieces(held, 100.0), pieces(truth, 100.0), EventLog())
+    lid_score = score("open", pieces(held, 100.0), pieces(truth, 100.0), EventLog())
 
-    assert abs(result.right_s + result.wrong_s + result.unknown_s - 100.0) < 1e-6
+    assert abs(lid_score.right_s + lid_score.wrong_s + lid_score.unknown_s - 100.0) < 1e-6
 
 
 @given(changes)

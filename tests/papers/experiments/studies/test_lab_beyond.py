@@ -20,11 +20,11 @@ from codra_papers.experiments.campaign.registry import experiments
 from codra_papers.experiments.lab.arms import NAIVE, PRECONDITIONS
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.scoring import Piece
-from codra_papers.experiments.lab.spec_variants import Without
+from codra_papers.experiments.lab.spec_variants import WithoutCondition
 from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies import lab_ablation, lab_budgets, lab_options, lab_sensitivity, lab_transfer
 from codra_papers.experiments.studies.beyond.arm_comparison import LIDS_AND_LATCHES, arm_comparisons, pooled_seconds
-from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with
+from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHINES, spec_with
 from codra_papers.experiments.studies.beyond.parameters import ScaledNumber
 from codra_papers.experiments.studies.beyond.workloads import Tending, Waiting
 from codra_papers.experiments.studies.lab_disturbances import EPISODES, LID, Belief, Episode, belief_in, right_again_s
@@ -88,7 +88,7 @@ def test_reports_use_seeds_that_were_not_used_for_tuning(experiment: Experiment,
 
     assert min(trial.seed for trial in trials) >= FIRST_REPORTED_SEED
     assert len({trial.name for trial in trials}) == len(trials)
-    assert {trial.answering for trial in trials} == {None}
+    assert {trial.answering_arm for trial in trials} == {None}
 
 
 def test_every_row_of_every_table_has_a_cell_for_every_column(options: Judged, ablation: Judged) -> None:
@@ -117,7 +117,7 @@ def test_every_condition_of_the_spec_is_removed_once(tmp_path: Path) -> None:
     edits = [arm.edits[-1] for arm in lab_ablation.arms(settings(tmp_path))[1:-1]]
     lost = 0
     for edit in edits:
-        assert isinstance(edit, Without)
+        assert isinstance(edit, WithoutCondition)
         lost += sum(
             len(before.observable_when) + len(before.accept_when) - len(after.observable_when) - len(after.accept_when)
             for before, after in zip(spec.perception, edit(spec).perception, strict=True)
@@ -132,9 +132,9 @@ def test_an_arm_differs_in_one_edit_from_the_arm_that_it_is_compared_with(tmp_pa
     with_another_number = lab_sensitivity.arms(settings(tmp_path))[2:]
 
     for arm in (*without_one, *with_another_number):
-        assert arm == PRECONDITIONS.edited(arm.name, arm.edits[-1])
+        assert arm == PRECONDITIONS.with_edit(arm.name, arm.edits[-1])
     for arm in lab_options.arms(settings(tmp_path))[1:-1]:
-        assert arm == lab_options.UNCHANGED.edited(arm.name, arm.edits[-1])
+        assert arm == lab_options.UNCHANGED_ARM.with_edit(arm.name, arm.edits[-1])
 
 
 def test_an_arm_comparison_equals_a_recount(ablation: Judged) -> None:
@@ -197,9 +197,11 @@ def test_right_again_is_when_it_stays_right_to_the_end(held: tuple[Piece, ...], 
 
 def test_episodes_follow_one_another_and_hold_their_disturbances() -> None:
     for before, after in pairwise(EPISODES):
-        assert before.start_s < before.over_s < before.until_s == after.start_s
+        assert before.start_s < before.disturbance_end_s < before.until_s == after.start_s
     for episode in EPISODES:
-        assert all(episode.start_s <= disturbance.at_s < episode.over_s for disturbance in episode.disturbances)
+        assert all(
+            episode.start_s <= disturbance.at_s < episode.disturbance_end_s for disturbance in episode.disturbances
+        )
 
 
 @pytest.fixture(scope="module")
@@ -223,8 +225,8 @@ def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 
 def belief(outcome: Outcome, arm: str, *times_s: float) -> Belief:
-    start_s, over_s, until_s = times_s
-    episode = Episode(name="", start_s=start_s, over_s=over_s, until_s=until_s, disturbances=())
+    start_s, disturbance_end_s, until_s = times_s
+    episode = Episode(name="", start_s=start_s, disturbance_end_s=disturbance_end_s, until_s=until_s, disturbances=())
     return belief_in([outcome], episode, LID, arm)
 
 
@@ -235,13 +237,16 @@ def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: 
         (again_s,) = lid_belief.right_again_s
         assert again_s is not None
         assert 0.0 < again_s < 16.0
-        assert lid_belief.during.strict.total + lid_belief.after.strict.total == pytest.approx(19.0)
+        assert (
+            lid_belief.seconds_during.strict_share.total + lid_belief.seconds_after.strict_share.total
+            == pytest.approx(19.0)
+        )
 
 
 def test_a_change_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed: Outcome) -> None:
     for arm in (NAIVE.name, PRECONDITIONS.name):
         lid_belief = belief(disturbed, arm, 46.0, 62.0, 76.0)
-        assert lid_belief.during.wrong_s > 8.0
+        assert lid_belief.seconds_during.wrong_s > 8.0
         assert lid_belief.right_again_s[0] is None or lid_belief.right_again_s[0] > 14.0
 
 
@@ -270,25 +275,26 @@ def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
     )
 
     with pytest.raises(SpecError, match="under 'use'"):
-        spec_with(tmp_path / "bare.yaml", FURTHER, tmp_path / "made")
+        spec_with(tmp_path / "bare.yaml", FURTHER_MACHINES, tmp_path / "made")
 
 
 def test_more_machines_leave_naive_observers_fewer_looks(tmp_path: Path) -> None:
     budgets = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
     jobs = {
         count: budgets.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
-        for count in lab_budgets.MACHINES
+        for count in lab_budgets.MACHINE_COUNTS
     }
 
     assert jobs[2]["localize_centrifuge_lid"] > jobs[4]["localize_centrifuge_lid"] > jobs[8]["localize_centrifuge_lid"]
     assert {name for name in jobs[8] if name.startswith("localize_") and name.endswith("_lid")} == {
-        f"localize_{machine}_lid" for machine in ("centrifuge", "pcr_cycler", *(machine.name for machine in FURTHER))
+        f"localize_{machine}_lid"
+        for machine in ("centrifuge", "pcr_cycler", *(machine.name for machine in FURTHER_MACHINES))
     }
     assert {len(row) for table in tables(budgets.document) for row in table.rows} == {3, 8}
 
 
 def test_further_machines_are_in_free_places_with_tags_of_their_own() -> None:
-    machines = LABORATORY.with_machines(*FURTHER).machines
+    machines = LABORATORY.with_machines(*FURTHER_MACHINES).machines
     ids = [tag.tag_id for machine in machines for tag in machine.tags]
 
     assert len(set(ids)) == len(ids)

@@ -23,7 +23,7 @@ from codra_papers.experiments.studies.robustness.mistakes import mistakes, mista
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
 DURATION_S = 60.0
-IN_TABLES, FURTHER = (301, 302), (311, 312)
+IN_TABLES, FURTHER_MACHINES = (301, 302), (311, 312)
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Judged:
 def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
     """Return four short runs, two of them in the tables, and the report on them."""
     settings = Settings(spec=SPEC, seeds=2, folder=tmp_path_factory.mktemp("robustness"))
-    trials = [trial for trial in EXPERIMENT.trials(settings) if trial.seed in IN_TABLES + FURTHER]
+    trials = [trial for trial in EXPERIMENT.trials(settings) if trial.seed in IN_TABLES + FURTHER_MACHINES]
     outcomes = {
         trial.name: run_trial(replace(trial, duration_s=DURATION_S), settings.folder / TRIALS / trial.name)
         for trial in trials
@@ -54,7 +54,7 @@ def test_ten_runs_are_for_the_tables_and_keep_frames_and_the_further_ones_are_fo
 
     assert [trial.seed for trial in trials] == list(range(301, 331))
     assert sum(trial.frames_kept for trial in trials if trial.seed <= 310) >= 200
-    assert {trial.answering for trial in trials} == {None}
+    assert {trial.answering_arm for trial in trials} == {None}
     assert {trial.arms for trial in trials if trial.seed <= 310} == {ARMS}
     assert {trial.arms for trial in trials if trial.seed > 310} == {FURTHER_ARMS}
     assert len({trial.name for trial in trials}) == 30
@@ -86,8 +86,8 @@ def test_results_are_plain_data_with_every_variable_and_arm(judged: Judged) -> N
 
 def test_seconds_of_complete_runs_add_up_to_the_runs(judged: Judged) -> None:
     for arms in judged.document.results["tables"]["variables"].values():
-        for numbers in arms.values():
-            assert sum(numbers["whole_runs"].values()) == pytest.approx(DURATION_S * len(IN_TABLES))
+        for variable_results in arms.values():
+            assert sum(variable_results["whole_runs"].values()) == pytest.approx(DURATION_S * len(IN_TABLES))
 
 
 def test_the_seconds_of_table_2_equal_those_of_sampling(judged: Judged) -> None:
@@ -111,8 +111,10 @@ def test_the_seconds_of_table_2_equal_those_of_sampling(judged: Judged) -> None:
 
 def test_wrong_seconds_by_cause_add_up_to_the_wrong_seconds(judged: Judged) -> None:
     for arms in judged.document.results["tables"]["variables"].values():
-        for numbers in arms.values():
-            assert sum(numbers["wrong_by_cause"].values()) == pytest.approx(numbers["whole_runs"]["wrong_s"], abs=1e-6)
+        for variable_results in arms.values():
+            assert sum(variable_results["wrong_by_cause"].values()) == pytest.approx(
+                variable_results["whole_runs"]["wrong_s"], abs=1e-6
+            )
 
 
 def test_an_arm_that_never_identified_a_variable_is_left_out_of_the_window_and_marked(judged: Judged) -> None:

@@ -21,7 +21,7 @@ from codra_papers.experiments.studies.lab_runtime import EXPERIMENT
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions, spent_s
 from codra_papers.experiments.studies.lab_runtime.judgement import judge
 from codra_papers.experiments.studies.lab_runtime.paper import PAPER
-from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, Pair, day, tending
+from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, Pair, day_trials, tending_trials
 from codra_papers.experiments.studies.lab_runtime.wrong import mistakes
 from codra_papers.lab.mission import PCR_CYCLER, Mission, MissionError
 
@@ -37,7 +37,7 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
 @pytest.fixture(scope="module")
 def outcomes(settings: Settings) -> Mapping[str, Outcome]:
     """Return the outcomes of one opening and closing, and of the first minutes of a day."""
-    short = [*tending(settings, FIRST_REPORTED_SEED, times=1), *day(settings, DAY_S)]
+    short = [*tending_trials(settings, FIRST_REPORTED_SEED, times=1), *day_trials(settings, DAY_S)]
     return {trial.name: run_trial(trial, settings.folder / "trials" / trial.name) for trial in short}
 
 
@@ -62,14 +62,14 @@ def test_an_opening_and_a_closing_are_measured_in_both_conditions(pair: Pair) ->
 
 def test_a_task_is_perception_other_decisions_and_acting(pair: Pair) -> None:
     for execution in all_executions(pair):
-        parts_s = spent_s(execution.previews), spent_s(execution.monitors), spent_s(execution.others)
+        parts_s = spent_s(execution.previews), spent_s(execution.monitors), spent_s(execution.other_decisions)
         assert execution.duration_s == pytest.approx(sum(parts_s) + execution.acting_s)
         assert execution.acting_s > 100.0
 
 
 def test_the_same_seed_acts_alike_with_and_without_observers(pair: Pair) -> None:
     for task in Task:
-        (without,), (observed,) = pair.of(task)
+        (without,), (observed,) = pair.executions_of(task)
         assert without.acting_s == pytest.approx(observed.acting_s)
         assert without.perception_s > observed.perception_s
 
@@ -89,7 +89,7 @@ def test_with_observers_every_decision_is_charged_with_its_cost(pair: Pair) -> N
 
 
 def test_a_repeated_run_gives_the_same_outcome(settings: Settings, pair: Pair, tmp_path: Path) -> None:
-    _, observed = tending(settings, FIRST_REPORTED_SEED, times=1)
+    _, observed = tending_trials(settings, FIRST_REPORTED_SEED, times=1)
 
     assert run_trial(observed, tmp_path) == pair.observed
 
@@ -117,7 +117,7 @@ def test_every_row_of_the_report_has_a_cell_for_every_column(document: Document)
 
 def test_the_report_shows_table_3_of_the_paper_beside_its_own(document: Document, pair: Pair) -> None:
     (table,) = (table for table in tables(document) if table.caption.startswith("Table 3"))
-    (opening,), _ = pair.of(Task.OPENING)
+    (opening,), _ = pair.executions_of(Task.OPENING)
 
     assert [row[2] for row in table.rows] == [*PAPER[Task.OPENING].preview_s, *PAPER[Task.OPENING].monitoring_s]
     assert table.rows[0][3] == round(spent_s(opening.previews), 2)
@@ -180,7 +180,7 @@ class DriveAndFail:
 
 
 def test_work_starts_again_after_a_repair(settings: Settings, tmp_path: Path) -> None:
-    without, _ = day(settings, 300.0)
+    without, _ = day_trials(settings, 300.0)
 
     outcome = run_trial(replace(without, work=DriveAndFail(), repair_s=100.0), tmp_path)
 
@@ -193,7 +193,7 @@ def test_work_starts_again_after_a_repair(settings: Settings, tmp_path: Path) ->
 
 
 def test_without_a_repair_an_error_ends_the_run(settings: Settings, tmp_path: Path) -> None:
-    without, _ = day(settings, 300.0)
+    without, _ = day_trials(settings, 300.0)
 
     outcome = run_trial(replace(without, work=DriveAndFail(), repair_s=None), tmp_path)
 
@@ -213,7 +213,7 @@ def misled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
     text = machine.read_text("utf-8")
     machine.write_text(text.replace("$(instance)_locked: latched", "$(instance)_locked: not latched"), "utf-8")
     settings = Settings(spec=folder / "specs" / "lab.yaml", seeds=0, folder=folder)
-    _, observed = tending(settings, FIRST_REPORTED_SEED, times=1)
+    _, observed = tending_trials(settings, FIRST_REPORTED_SEED, times=1)
     return folder, run_trial(replace(observed, duration_s=40.0), folder / "trials" / observed.name)
 
 
@@ -233,14 +233,14 @@ def test_a_record_without_the_frame_of_a_wrong_answer_is_ignored(
     folder, outcome = misled
     answered = next(decision for decision in outcome.decisions if decision.wrong_answer is not None)
     lone = replace(outcome, decisions=[replace(answered, wrong={})])
-    trial = replace(tending(settings, FIRST_REPORTED_SEED)[0], name=outcome.name)
+    trial = replace(tending_trials(settings, FIRST_REPORTED_SEED)[0], name=outcome.name)
     record = TrialRecord(trial=trial, folder=tmp_path, digest="made-from")
-    shutil.copytree(folder / "trials" / outcome.name, record.frames)
+    shutil.copytree(folder / "trials" / outcome.name, record.frames_folder)
     text = lone.to_json()
     record.path.write_text(f"made-from {sha256(text.encode()).hexdigest()}\n{text}")
     was_there = record.read()
     assert answered.wrong_answer is not None
-    (record.frames / answered.wrong_answer.frame).unlink()
+    (record.frames_folder / answered.wrong_answer.frame).unlink()
 
     assert was_there == lone
     assert record.read() is None

@@ -10,13 +10,13 @@ from codra_papers.experiments.studies.robustness.paper import (
     PRINTED_RUN_4_RATIO,
     PRINTED_RUN_9_AGREEMENT_S,
     TABLE_2,
-    Row,
+    TableRow,
 )
 
 CENTRIFUGE_CONTEXT_DRIVEN, CENTRIFUGE_NAIVE = TABLE_2[:2]
 
 
-def of_run(row: Row, number: int) -> tuple[float, float]:
+def of_run(row: TableRow, number: int) -> tuple[float, float]:
     return row.agreement_s[number - 1], row.disagreement_s[number - 1]
 
 
@@ -41,7 +41,7 @@ def test_with_the_corrected_agreement_both_observers_cover_the_same_seconds_of_r
 
 
 @pytest.mark.parametrize("row", TABLE_2, ids=lambda row: f"{row.observer} {row.variable}")
-def test_every_row_adds_up_to_its_total_and_ratio_as_printed(row: Row) -> None:
+def test_every_row_adds_up_to_its_total_and_ratio_as_printed(row: TableRow) -> None:
     right_s, wrong_s = row.printed_total_s
 
     assert sum(row.agreement_s) == pytest.approx(right_s, abs=0.15)

@@ -30,10 +30,10 @@ from codra_papers.experiments.studies.store_managers.managers import (
     RandomManager,
     ThresholdManager,
 )
-from codra_papers.experiments.studies.store_managers.search import Design, best, cells
+from codra_papers.experiments.studies.store_managers.search import Design, best_cell, cells
 from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
 from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
-from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, courses_of, managed_spec
+from codra_papers.experiments.studies.store_managers.trial import RUN_DURATION_S, StoreOutcome, courses_of, managed_spec
 from codra_papers.experiments.studies.store_managers.watching import Cause, CauseCall, Span, Watch, calls
 from codra_papers.store.geometry import Point, Pose2D
 from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
@@ -87,11 +87,11 @@ def planner(manager: Manager, seed: int = 1) -> Planner:
 
 def plans(manager: Manager, seed: int = 1, cycles: int = 6) -> list[tuple[float, Plan]]:
     """Return the plans of a manager while a person is repeatedly close for 10 s and far away for 10 s."""
-    context, asked_planner = WrittenContext({**CALM, "picking_up": True}), planner(manager, seed)
+    context, manager_planner = WrittenContext({**CALM, "picking_up": True}), planner(manager, seed)
     timed_plans = []
     for step in range(cycles * 200):
         context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
-        timed_plans.append((step * 0.1, asked_planner.plan(context, step * 0.1)))
+        timed_plans.append((step * 0.1, manager_planner.plan(context, step * 0.1)))
     return timed_plans
 
 
@@ -244,7 +244,7 @@ class ObservedRun:
 
 
 @cache
-def observe_run(manager: Manager, seed: int, lasts_s: float) -> ObservedRun:
+def observe_run(manager: Manager, seed: int, duration_s: float) -> ObservedRun:
     run, shift = ObservedRun(), shift_of(seed)
 
     def see(state: StoreState) -> None:
@@ -256,7 +256,7 @@ def observe_run(manager: Manager, seed: int, lasts_s: float) -> ObservedRun:
         shop.world.watch(see)
         run.events = shop.world.events
 
-    settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, opened=on_opened)
+    settings_ = StoreRunSettings(shop=shift.settings(), duration_s=duration_s, on_opened=on_opened)
     run.courses += courses_of(run_store(managed_spec(store, manager, seed), settings_).record)
     return run
 
@@ -282,8 +282,8 @@ def test_a_shift_depends_on_the_seed_only() -> None:
         shift = shift_of(seed)
         assert shift == shift_of(seed)
         assert sorted(shift.areas) == ["area_1", "area_2", "area_3", "area_4"]
-        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < LASTS_S
-        assert all(visit.at_s < LASTS_S for visit in shift.visits)
+        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < RUN_DURATION_S
+        assert all(visit.at_s < RUN_DURATION_S for visit in shift.visits)
     assert len({shift_of(seed).areas for seed in range(1, 40)}) > 10
     assert {shift_of(seed).is_hidden for seed in range(1, 40)} == {True, False}
     assert {len(shift_of(seed).visits) for seed in range(1, 40)} == {0, 1, 2}
@@ -453,16 +453,16 @@ def test_a_stored_outcome_is_read_without_changes() -> None:
 
 def test_the_cell_with_the_best_score_wins_and_of_equal_ones_the_first() -> None:
     grid = tuple(replace(THRESHOLDS, distance_m=distance_m) for distance_m in (1.0, 1.5, 2.0))
-    results = {(1.0, 1): (2, 20.0), (1.0, 2): (1, 0.0), (1.5, 1): (1, 0.0), (1.5, 2): (2, 10.0)}
-    results |= {(2.0, 1): (2, 10.0), (2.0, 2): (1, 0.0)}
+    run_numbers = {(1.0, 1): (2, 20.0), (1.0, 2): (1, 0.0), (1.5, 1): (1, 0.0), (1.5, 2): (2, 10.0)}
+    run_numbers |= {(2.0, 1): (2, 10.0), (2.0, 2): (1, 0.0)}
     outcomes = {
         f"grid-{distance_m:g}m-20percent-full-{seed}": outcome_of("threshold", seed, loops=missions, unsafe_s=unsafe_s)
-        for (distance_m, seed), (missions, unsafe_s) in results.items()
+        for (distance_m, seed), (missions, unsafe_s) in run_numbers.items()
     }
     search_cells = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
 
     assert [round(cell.score, 6) for cell in search_cells] == [0.5, 1.0, 1.0]
-    assert best(search_cells).thresholds.distance_m == 1.5
+    assert best_cell(search_cells).thresholds.distance_m == 1.5
 
 
 def test_reported_seeds_are_not_used_for_tuning() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from codra_dsl.runtime import SimClock
 from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
-from codra_papers.experiments.pacing import BEAT_S, Beat
+from codra_papers.experiments.pacing import BEAT_PERIOD_S, Beat
 from codra_papers.store.mission.orders import SequentialMission
 from codra_papers.store.simulator.situations import OrderKind, Situation, StoreSettings
 from codra_papers.store.simulator.store import Store
@@ -70,7 +70,7 @@ def test_simulated_time_waits_for_real_time(work_s: float) -> None:
 
     clock.sleep(10.0)
 
-    assert real.now_s() - 1000.0 == pytest.approx(10.0, abs=2 * BEAT_S)
+    assert real.now_s() - 1000.0 == pytest.approx(10.0, abs=2 * BEAT_PERIOD_S)
 
 
 def test_a_simulation_that_is_late_goes_on_from_where_it_is() -> None:

@@ -9,7 +9,7 @@ from typing import Self
 from codra_dsl.runtime import EventLog, SimClock
 from codra_dsl.runtime.behavior_trees import Entry, Ports, Result, Scope
 from codra_dsl.runtime.knowledge import Stage
-from codra_papers.experiments.store.run import Compiled
+from codra_papers.experiments.store.run import CompiledSpec
 from codra_papers.store.layout import AREAS, DELIVERY, START
 from codra_papers.store.mission.agent import Mission
 from codra_papers.store.mission.picking import Picking
@@ -27,7 +27,7 @@ class Shop:
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
-        compiled = Compiled.of(spec)
+        compiled = CompiledSpec.of(spec)
         assert compiled.loops is not None
         codra = self._stack.enter_context(compiled.start(clock=self.clock, resources={}, seed=1, record=EventLog()))
         self.store = Store(self.clock, StoreSettings(situation=Situation.QUIET, shoppers=0), codra.knowledge)
@@ -105,7 +105,7 @@ class Leaves:
 
     def __init__(self, stack: ExitStack) -> None:
         clock = SimClock()
-        codra = stack.enter_context(Compiled.of(spec).start(clock=clock, resources={}, seed=1, record=EventLog()))
+        codra = stack.enter_context(CompiledSpec.of(spec).start(clock=clock, resources={}, seed=1, record=EventLog()))
         self.knowledge = codra.knowledge
         settings = StoreSettings(situation=Situation.QUIET, shoppers=0)
         self.page = Store(clock, settings, self.knowledge).page
