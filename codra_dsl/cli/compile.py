@@ -24,7 +24,15 @@ from codra_dsl.cli.console import (
     text_for_log,
     write_result,
 )
-from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, Specs
+from codra_dsl.cli.options import (
+    ColourOption,
+    FailOnOption,
+    FindingsFormat,
+    NoCacheOption,
+    OutputOption,
+    Specs,
+    TimingsOption,
+)
 
 if TYPE_CHECKING:
     from codra_dsl.compiler import Compilation
@@ -32,7 +40,7 @@ if TYPE_CHECKING:
     from codra_dsl.workspace.cache import Cache, Run
     from codra_dsl.workspace.timings import Timings
 
-Out = Annotated[
+OutOption = Annotated[
     Path | None,
     typer.Option(
         "--out",
@@ -41,19 +49,19 @@ Out = Annotated[
         show_default=False,
     ),
 ]
-Check = Annotated[bool, typer.Option("--check", help="Write nothing; show where the output is not up to date.")]
+CheckOption = Annotated[bool, typer.Option("--check", help="Write nothing; show where the output is not up to date.")]
 
 
 def compile_command(
     paths: Specs,
     *,
-    out: Out = None,
-    check: Check = False,
+    out: OutOption = None,
+    check: CheckOption = False,
     format_: FindingsFormat = None,
-    output: Output = None,
+    output: OutputOption = None,
     fail_on: FailOnOption = None,
-    no_cache: NoCache = False,
-    timings: ShowTimings = False,
+    no_cache: NoCacheOption = False,
+    timings: TimingsOption = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Compile specs to readable Python packages, each with its observers, the types of the context, and the graph."""
@@ -169,7 +177,10 @@ def _check_or_renew_schema(run: Run, root: Path, check: bool) -> tuple[Diagnosti
 
 
 def _diagnostic_relative_to_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
-    """Return a finding about the output folder, with its file relative to the root instead of the folder's parent."""
+    """Return a finding about the output folder, with the path of the file changed to a path relative to the root.
+
+    Before, the path is relative to the parent of the output folder. A parent outside of the root stays as it is.
+    """
     from codra_dsl.language.diagnostics import Place
 
     parent_folder = folder.parent

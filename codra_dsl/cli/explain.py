@@ -1,4 +1,4 @@
-"""`codra explain`: the meaning of a finding, with a spec that has it and the same spec corrected."""
+"""`codra explain`: the meaning of a finding, with a spec that causes the finding, and this spec after correction."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _requested_pages(codes_or_names: list[str]) -> Iterator[Page]:
             hint = (
                 f"did you mean {similar_code} ({all_rules()[similar_code].name})?"
                 if similar_code
-                else "'codra explain' lists all"
+                else "'codra explain' lists all findings"
             )
             raise typer.BadParameter(f"there is no finding '{visible_text(code)}': {hint}", param_hint="CODE")
         yield page

@@ -43,7 +43,7 @@ _FUNCTION_FIELDS = frozenset({"parameters", "given", "returns", "uses"})
 def compare_algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
     """Yield the changes of each algorithm that observers run in both versions.
 
-    For an algorithm that took the place of another one, yield only the changes of its observability preconditions.
+    For an algorithm that replaces another algorithm, yield only the changes of its observability preconditions.
     """
     for old_name, new_name in scope.pair.algorithms.items():
         algorithm_scope = _algorithm_scope(scope, old_name, new_name)
@@ -60,7 +60,7 @@ def _algorithm_scope(scope: Scope, old_name: str, new_name: str) -> Scope:
 
 
 def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
-    """Return the first algorithm in A and the first one in B of each variable that has lost all its algorithms of A."""
+    """Return the first algorithm in A and the first one in B of each variable for which B has only other algorithms."""
     replacements: dict[tuple[str, str], None] = {}
     for variable, old_names in pair.old.producers.items():
         new_names = pair.new.producers.get(variable, ())
@@ -110,7 +110,7 @@ def result_wording(new: Returned | None) -> Wording:
 
 
 def compare_optionality(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
-    """Yield a change if a result may now be absent, or may no longer be absent. It is reported at the result itself."""
+    """Yield a change if a result may now be absent, or may no longer be absent. The key is the key of the result."""
     yield from _OPTIONAL_COMPARER(scope, "", old, new)
 
 
@@ -136,7 +136,7 @@ def returned_types(scope: Scope, _: object) -> Types:
 
 
 def _conditions_with_pose_comparisons(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Yield conditions with the comparisons of poses in place of the names of their variables."""
+    """Yield conditions in which each implicit variable is replaced by the comparison of poses that it stands for."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 
@@ -162,9 +162,9 @@ def _result_types(algorithm: Algorithm) -> dict[str, ValueType]:
 
 
 def compare_identification(scope: Scope, _: str, *rules: Any) -> Iterator[Change]:
-    """Yield a change if the value of a variable is computed in another way, and one if it is confirmed otherwise."""
+    """Yield a change if a variable is identified by another rule, and a change if its value is confirmed otherwise."""
     old, new = scope.values
-    if old.variable.name in scope.pair.one_sided_names:
+    if old.variable.name in scope.pair.one_sided_variable_names:
         return
     if not _is_same_identification(scope, old, new):
         yield scope.make_change(
@@ -244,10 +244,10 @@ def _confirmation_wording(before: tuple[int, int], after: tuple[int, int]) -> Wo
 
 
 def _compare_waiting_times(scope: Scope, old_name: str, new_name: str) -> Iterator[Change]:
-    """Yield a change if an algorithm waits for variables that take longer, or less long, than those before.
+    """Yield a change if an algorithm waits for other variables, and therefore longer or shorter than before.
 
-    To leave out changes of the variables' own times, both times are taken from one version: from B if the wait becomes
-    longer, from A if it becomes shorter.
+    The times of a variable in A and B can differ as well. To leave this difference out, both waiting times are computed
+    with the times of one version: with those of B to find a longer wait, with those of A to find a shorter wait.
     """
     old, new = scope.pair.sides
     before, after = {*old.algorithms[old_name].waits_for}, {*new.algorithms[new_name].waits_for}
@@ -268,7 +268,7 @@ def _compare_waiting_times(scope: Scope, old_name: str, new_name: str) -> Iterat
 def _longest_time_s(names: Iterable[str], side: Side, other_side: Side | None = None) -> float:
     """Return the longest worst-case time of some variables in one version.
 
-    For a variable that this version does not have, the time of the other version counts.
+    For a variable that this version does not have, the time in the other version is used.
     """
     other_times_s = {} if other_side is None else other_side.worst_latencies_s
     return max((side.worst_latencies_s.get(name, other_times_s.get(name, 0.0)) for name in names), default=0.0)

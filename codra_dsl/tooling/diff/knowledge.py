@@ -41,7 +41,7 @@ def compare_monitor(scope: Scope, key: str, old: Sequence[Expectation], new: Seq
     )
     before, after = _expectations_by_subject(old), _expectations_by_subject(new)
     for subject in dict.fromkeys((*before, *after)):
-        if subject[0] not in scope.pair.one_sided_names:
+        if subject[0] not in scope.pair.one_sided_variable_names:
             for old_expectation, new_expectation in zip_longest(before.get(subject, ()), after.get(subject, ())):
                 yield from _compare_expectation(scope, key, old_expectation, new_expectation)
 

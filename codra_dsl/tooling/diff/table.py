@@ -45,7 +45,7 @@ KIND_BY_SECTION: Mapping[str, str] = {
         )
     },
 }
-"""The kinds of elements in identifiers, by section of a spec."""
+"""A mapping from each section of a spec to the kind of its elements, as identifiers write it."""
 
 _NOUN_BY_KIND = {"type": "type of nodes", "edge": "type of edges"}
 _HIDDEN_VALUE_COMPARER = equality_comparer(show=show_nothing)
@@ -192,4 +192,4 @@ FIELD_COMPARERS: ComparerTable = {
     },
     model.Loop: {"period_s": _INTERVAL_COMPARER},
 }
-"""The comparers by class and field."""
+"""The comparers, by class and then by field."""

@@ -1,4 +1,4 @@
-"""The results of earlier runs, so that a run in which nothing has changed does not repeat their work.
+"""Stored results of earlier runs. If nothing has changed since a run, a command shows the stored result.
 
 A run is stored under its command and paths, with digests of everything that its result depends on: the bytes of the
 specs, of their parts and of the project's settings, codra itself, its libraries and Python. Only runs without errors
