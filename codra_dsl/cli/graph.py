@@ -115,7 +115,7 @@ def _select_part(graph: Graph, include_selectors: Sequence[str], exclude_selecto
                 select(choices, [selector])
             except SelectorError as error:
                 raise typer.BadParameter(str(error), param_hint=option) from error
-    selected_graph = graph.part(select(choices, include_selectors, exclude_selectors))
+    selected_graph = graph.select_part(select(choices, include_selectors, exclude_selectors))
     say(f"{len(selected_graph.elements)} of {len(graph.elements)} nodes")
     return selected_graph
 

@@ -1,8 +1,8 @@
 """DSR graphs as MultiDiGraph of networkx, and as GraphML for tools that draw and analyse graphs.
 
-A node in networkx is the name of a DSR node, the key of an edge is its label, and attributes are plain Python values
-under their own names. The attribute `dsr` holds the rest: the numbers of nodes, the type codes of values, and
-additional contents of files.
+In networkx, a node is the name of a DSR node, the key of an edge is the label of a DSR edge, and attributes have the
+same names as in DSR, and plain Python values. The attribute `dsr` contains the rest: the numbers of nodes, the type
+codes of values, and additional contents of files.
 """
 
 from __future__ import annotations
@@ -89,7 +89,9 @@ def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
         for name, data in graph.nodes(data=True)
     ]
     if len({node.name for node in nodes}) < len(nodes):
-        raise ExchangeError("two nodes have the same name as text: node names must be unique")
+        raise ExchangeError(
+            "two node names are equal when they are converted to text: node names must be unique as text"
+        )
     if not all(node.name for node in nodes):
         raise ExchangeError("a node has no name: give it a non-empty text")
     graph_data = _require_mapping(graph.graph.get(DSR_KEY, {}), "the graph")
@@ -155,7 +157,7 @@ def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
         raise ExchangeError(f"{source}: the file declares a document type: remove this declaration, it is not needed")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # networkx warns when it only guesses, which would lose data
+            warnings.simplefilter("error")  # networkx warns when it only guesses; a guess could lose data
             parsed_graph = networkx.read_graphml(io.BytesIO(text.encode("utf-8", "replace")), force_multigraph=True)
         for data in (
             parsed_graph.graph,
@@ -294,7 +296,10 @@ def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
 
 
 def _xml_attributes(data: Mapping[str, object], subject: str) -> dict[str, object]:
-    """Return attributes for XML: plain values unchanged, other values as JSON, and the list of the values in JSON."""
+    """Return attributes for XML: plain values unchanged, and other values as JSON.
+
+    If there are values as JSON, the attribute `json` lists the attributes that have such values.
+    """
     xml_attributes: dict[str, object] = {}
     json_kinds: dict[str, str] = {}
     for key, value in data.items():

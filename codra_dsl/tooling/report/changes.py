@@ -56,11 +56,11 @@ def render_markdown(review: Review, versions: Versions) -> str:
     versions_text = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
     lines = [f"### codra diff: {review.verdict}", "", f"{versions_text}: {_counts_text(review) or 'no difference'}", ""]
     for level in Level:
-        rows = [change for change in review.changes if change.level is level]
-        if rows:
+        level_changes = [change for change in review.changes if change.level is level]
+        if level_changes:
             lines += [f"**{level}**", "", "| category | element | change | place |", "| --- | --- | --- | --- |"]
-            lines += [_row(change, versions) for change in rows[:_MAX_ROWS]]
-            lines += ["", f"and {len(rows) - _MAX_ROWS} more", ""] if len(rows) > _MAX_ROWS else [""]
+            lines += [_row(change, versions) for change in level_changes[:_MAX_ROWS]]
+            lines += ["", f"and {len(level_changes) - _MAX_ROWS} more", ""] if len(level_changes) > _MAX_ROWS else [""]
     if review.latencies:
         lines += ["**worst time from declared to known**", "", "| variable | before | after |", "| --- | --- | --- |"]
         lines += [

@@ -25,7 +25,7 @@ _MARGIN = 60
 _WIDE_CATEGORIES = ("W", "F")
 _MARKUP_ESCAPES = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
-_NOT_ASCII = re.compile("[^\x00-\x7f]+")
+_NON_ASCII_TEXT = re.compile("[^\x00-\x7f]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ def render_json(diagnostics: Iterable[Diagnostic]) -> str:
 
 
 def number_findings(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
-    """Yield each finding with its number, from 1 on, among the findings with the same fingerprint."""
+    """Yield each finding with a number. Findings with the same fingerprint are numbered from 1."""
     counts_by_fingerprint: Counter[str] = Counter()
     for diagnostic in diagnostics:
         counts_by_fingerprint[diagnostic.fingerprint] += 1
@@ -87,7 +87,7 @@ def as_json(value: object, indent: int | None = None) -> str:
     """
     text = _LONE_SURROGATE.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
     text = text.replace("##[", r"##\u005b")
-    return _NOT_ASCII.sub(lambda match: json.dumps(match[0])[1:-1], text)  # outside strings JSON is ASCII
+    return _NON_ASCII_TEXT.sub(lambda match: json.dumps(match[0])[1:-1], text)  # outside strings JSON is ASCII
 
 
 def help_text(diagnostic: Diagnostic) -> str:
@@ -104,7 +104,7 @@ def help_text(diagnostic: Diagnostic) -> str:
 def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
     """Return all places of a finding except its main place.
 
-    These are the places that it names. For the main place and each of these, the use of its template is added, if any.
+    These are the places that the finding names. If one of these or the main place is in a template, its use is added.
     """
     places_and_messages = [
         (diagnostic.place, ""),
@@ -244,7 +244,7 @@ def visible_lines(text: str) -> str:
 
 
 def _column_count(text: str) -> int:
-    """Return the number of terminal columns that a text takes."""
+    """Return the number of columns of a text on a terminal."""
     return sum(_column_width(letter) for letter in visible_text(text))
 
 

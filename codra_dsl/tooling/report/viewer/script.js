@@ -8,12 +8,12 @@ const SVG = "http://www.w3.org/2000/svg";
 const { needs, neededBy } = neighboursOf(nodes.length, edges);
 const boxes = boxesOf(nodes, data.specs);
 
-const LARGE = 150; // nodes; beyond, the page opens with an overview
+const LARGE = 150; // with more nodes than this, the page opens with an overview
 const state = {
   view: nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole",
   node: null, // the chosen node
   box: null, // the chosen box
-  members: null, // the subject of the part view, if it is not a node
+  members: null, // the nodes of the part view, if it does not show the chosen node and its neighbours
   hidden: new Set(),
   help: nodes.length > LARGE,
 };
@@ -58,7 +58,7 @@ function outline(kind, width, height) {
 }
 
 function backwards(from, to) {
-  // The node that needs it is left of it, or above: a cycle. The arrow passes below both.
+  // In a cycle, the node that needs another node can be left of that node or above it. The arrow passes below both nodes.
   const low = Math.max(from.y + from.height / 2, to.y + to.height / 2) + 46, foot = to.y + to.height / 2 + 7;
   const line = `M${from.x},${from.y + from.height / 2}C${from.x},${low} ${to.x},${low} ${to.x},${foot}`;
   return [line, `${to.x - 3.5},${foot} ${to.x},${foot - 7} ${to.x + 3.5},${foot}`];
@@ -163,7 +163,7 @@ function extent(shapes) {
 }
 
 function fit() {
-  // To the chosen node and its neighbours, else to everything.
+  // Zoom to the chosen node and its neighbours, or else to the entire graph.
   const touched = state.node === null ? [] : [...picture.nodes.values()].filter((each) => !each.matches(".away, .gone"));
   const frame = stage.getBoundingClientRect(), box = touched.length ? extent(touched) : picture.inner.getBBox();
   if (!box.width || !frame.width) return;
