@@ -391,7 +391,7 @@ def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
 
 
 def _evidence_start_s(node: Behaviour, variable: str) -> float:
-    """Return the start of usable evidence: the end of the last action of skills around a node that changes a variable."""
+    """Return the end of the last action, in skills around a node, that changes a variable. Only later evidence is used."""
     return max((skill.last_action_end_s(variable) for skill in _skills_above(node)), default=-math.inf)
 
 
