@@ -391,7 +391,10 @@ def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
 
 
 def _evidence_start_s(node: Behaviour, variable: str) -> float:
-    """Return the end of the last action, in skills around a node, that changes a variable. Only later evidence is used."""
+    """Return when the last action that changes a variable ended, in the skills around a node.
+
+    Evidence from before this instant is not used.
+    """
     return max((skill.last_action_end_s(variable) for skill in _skills_above(node)), default=-math.inf)
 
 
