@@ -105,7 +105,7 @@ class View:
             append_to_summary(render_summary(diagnostics, f"{self.title}: {counts_text(diagnostics)}"))
 
     def render(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
-        """Return findings in the requested format. The text formats use colours if the stream supports them."""
+        """Return findings in the requested format. Text has colours if `is_coloured` is true for the stream."""
         match self.format:
             case Format.JSON:
                 from codra_dsl.tooling.report.findings import render_json
@@ -343,7 +343,7 @@ def made_folder(folder: Path) -> Path:
 
 
 def writable_journal(journal: Path) -> Path:
-    """Return the path of a journal. A journal that cannot be written is a usage error, even before the run."""
+    """Return the path of a journal. Before the run, report a journal that cannot be written as a usage error."""
     from codra_dsl.runtime.journal.file_lock import create_locked_file
 
     try:

@@ -44,7 +44,7 @@ class LintInput:
         return read_rewritable_files(files, self.root) if self.stdin_data is None else {STANDARD_INPUT: self.stdin_data}
 
     def may_change(self, file: str) -> bool:
-        """Return whether fixes may change a file: if the file or a folder of it is on the command line."""
+        """Return whether fixes may change a file: the file, or a folder that contains it, is on the command line."""
         from codra_dsl.language.project import covers
 
         return covers(self.requested_paths, file)

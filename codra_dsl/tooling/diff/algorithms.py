@@ -110,7 +110,7 @@ def result_wording(new: Returned | None) -> Wording:
 
 
 def compare_optionality(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
-    """Yield a change if a result may now be absent, or may no longer be absent. The key is the key of the result."""
+    """Yield a change, with the key of the result, if a result may now be absent or may no longer be absent."""
     yield from _OPTIONAL_COMPARER(scope, "", old, new)
 
 

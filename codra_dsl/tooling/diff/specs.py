@@ -83,7 +83,7 @@ def _element_of_error(broken_spec: BrokenSpec, error: Diagnostic) -> str:
 
 
 def _repair_or_removal(broken_spec: BrokenSpec, after: Version) -> Iterator[Change]:
-    """Yield a change if a spec with errors in A is repaired or removed. If it has errors in B, yield nothing."""
+    """Yield a change if a spec with errors in A is repaired or removed. If the spec has errors in B, yield nothing."""
     plan = next((plan for plan in after.plans if _is_same_spec(broken_spec, plan)), None)
     if plan is not None:
         message = "the spec had errors and is valid now: there is no earlier version to compare with"

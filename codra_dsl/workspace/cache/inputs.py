@@ -41,7 +41,7 @@ def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
 
 
 def _digest(file: Path, root: Path) -> str | None:
-    """Return a digest of a file's bytes and of the path to which the file's links lead; None if there is none."""
+    """Return a digest of a file's bytes and real path, `absent` for a missing file, or None for an unsuitable one."""
     try:
         file_status = file.stat()
         if not stat.S_ISREG(file_status.st_mode) or file_status.st_size > MAX_BYTES:

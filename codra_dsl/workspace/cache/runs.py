@@ -21,7 +21,7 @@ FOLDER = ".codra_cache"
 _FORMAT = "codra-cache-1"
 
 _CALL_NOT_FOUND_RULE = "call-not-found"
-"""The rule whose findings suggest names of modules. A suggestion depends on which files exist, too."""
+"""The rule whose findings suggest names of modules. Suggestions depend on which files exist, not only on contents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

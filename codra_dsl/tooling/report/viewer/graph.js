@@ -47,12 +47,12 @@ function linksBetween(boxes, edges) {
   return [...links.values()];
 }
 
-function found(nodes, asked) {
+function matchingNodes(nodes, query) {
   // The nodes that match every word of the query. Nodes come first if their label begins with the first word, then if it contains this word.
   const fold = (text) => text.toLowerCase();
-  const words = fold(asked).split(/\s+/).filter(Boolean);
-  const said = (node) => fold([node.label, node.name, node.id, node.place, node.description, ...Object.values(node.facts)].join("\n"));
-  const hits = words.length ? [...nodes.keys()].filter((number) => words.every((word) => said(nodes[number]).includes(word))) : [];
+  const words = fold(query).split(/\s+/).filter(Boolean);
+  const searchText = (node) => fold([node.label, node.name, node.id, node.place, node.description, ...Object.values(node.facts)].join("\n"));
+  const hits = words.length ? [...nodes.keys()].filter((number) => words.every((word) => searchText(nodes[number]).includes(word))) : [];
   const rank = (number) => (fold(nodes[number].label).startsWith(words[0]) ? 0 : fold(nodes[number].label).includes(words[0]) ? 1 : 2);
   return hits.sort((one, other) => rank(one) - rank(other) || one - other);
 }
@@ -111,7 +111,7 @@ const TALL = 20; // a column with more nodes than this is split into several col
 
 const MAX_BENDS = 4000;
 
-function bent(items, links, rank) {
+function bendLinks(items, links, rank) {
   // A link over several columns has a bend in each column. The bend gets space there, so that the link passes between the nodes.
   const all = [...items], ranks = [...rank], ways = [], parts = [];
   const wide = new Set();
@@ -137,7 +137,7 @@ function bent(items, links, rank) {
 
 function layOut(nodesOnly, linksOnly) {
   const first = columnsOf(nodesOnly.length, linksOnly);
-  const { all: items, ranks: rank, ways, parts: links } = bent(nodesOnly, linksOnly, first.rank);
+  const { all: items, ranks: rank, ways, parts: links } = bendLinks(nodesOnly, linksOnly, first.rank);
   const { out, into, order } = columnsOf(items.length, links);
   const columns = [];
   for (const number of order) (columns[rank[number]] ??= []).push(number);
