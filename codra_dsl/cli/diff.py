@@ -405,8 +405,8 @@ def _versions_of(sides: tuple[_Side, _Side]) -> Versions:
 def _choose_format(requested_format: DiffFormat | None, output: Path | None) -> DiffFormat:
     if requested_format is not None:
         return requested_format
-    on_github = output is None and os.environ.get("GITHUB_ACTIONS") == "true"
-    return DiffFormat.GITHUB if on_github else DiffFormat.FULL
+    is_on_github = output is None and os.environ.get("GITHUB_ACTIONS") == "true"
+    return DiffFormat.GITHUB if is_on_github else DiffFormat.FULL
 
 
 def _annotate(review: Review, versions: Versions, folder: str, output: Path | None) -> None:

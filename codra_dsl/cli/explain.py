@@ -36,12 +36,12 @@ def explain_command(
     format_: Annotated[PageFormat, typer.Option("--format", help="How pages are shown.")] = PageFormat.TEXT,
 ) -> None:
     """Explain a finding, with an example and its correction."""
-    from codra_dsl.tooling.report.explain import all_pages, as_object, as_text, list_as_markdown, list_as_text
+    from codra_dsl.tooling.report.explain import all_pages, as_json_line, as_text, list_as_markdown, list_as_text
 
     pages = list(_requested_pages(codes) if codes else all_pages())
     match format_:
         case PageFormat.JSON:
-            text = "".join(map(as_object, pages))
+            text = "".join(map(as_json_line, pages))
         case PageFormat.MARKDOWN:
             text = "\n".join(page.markdown for page in pages) if codes else list_as_markdown(pages)
         case PageFormat.TEXT:

@@ -43,7 +43,7 @@ class _DsrData(NamedTuple):
     """The contents of the attribute `dsr`."""
 
     codes: Mapping[str, int]
-    extras: Mapping[str, Mapping[str, object]]
+    attribute_extras: Mapping[str, Mapping[str, object]]
     extra: Mapping[str, object]
     number: int | None = None
 
@@ -189,22 +189,24 @@ def _unreserved_name(name: str) -> str:
 
 def _dsr_attribute(attributes: Mapping[str, DsrValue], extra: Mapping[str, object]) -> dict[str, object]:
     codes = {name: int(value.code) for name, value in attributes.items()}
-    extras = {name: dict(value.extra) for name, value in attributes.items() if value.extra}
-    return {"codes": codes, "extras": extras, "extra": dict(extra)}
+    attribute_extras = {name: dict(value.extra) for name, value in attributes.items() if value.extra}
+    return {"codes": codes, "extras": attribute_extras, "extra": dict(extra)}
 
 
 def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
     content = _require_mapping(data.get(DSR_KEY, {}), subject)
-    codes, extras, extra = (_require_mapping(content.get(key, {}), subject) for key in ("codes", "extras", "extra"))
+    codes, attribute_extras, extra = (
+        _require_mapping(content.get(key, {}), subject) for key in ("codes", "extras", "extra")
+    )
     number = content.get("number")
     is_valid_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MAX_NODE_NUMBER
     if not (number is None or is_valid_number) or not all(type(code) is int for code in codes.values()):
         raise ExchangeError(f"{subject}: {DSR_KEY!r} does not hold a valid number and valid codes: remove {DSR_KEY!r}")
-    for name, value_extra in extras.items():
+    for name, value_extra in attribute_extras.items():
         _require_mapping(value_extra, f"{subject}.{name}")
     return _DsrData(
         cast("Mapping[str, int]", codes),
-        cast("Mapping[str, Mapping[str, object]]", extras),
+        cast("Mapping[str, Mapping[str, object]]", attribute_extras),
         extra,
         cast("int | None", number),
     )
@@ -230,7 +232,7 @@ def _dsr_attributes(
             continue
         name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _RESERVED_KEYS else str(key)
         try:
-            yield name, encode_value(value, dsr_data.codes.get(name), dsr_data.extras.get(name))
+            yield name, encode_value(value, dsr_data.codes.get(name), dsr_data.attribute_extras.get(name))
         except (ValueError, OverflowError) as error:
             raise ExchangeError(f"{subject}.{name}: {error}") from None
 

@@ -261,9 +261,9 @@ class _Search:
         return self._methods[name]
 
 
-def _choice_hint(name: str, allowed: Sequence[str]) -> str:
-    similar_name = suggest(name, allowed)
-    return f"did you mean '{similar_name}'?" if similar_name else f"choose from {', '.join(allowed)}"
+def _choice_hint(name: str, allowed_names: Sequence[str]) -> str:
+    similar_name = suggest(name, allowed_names)
+    return f"did you mean '{similar_name}'?" if similar_name else f"choose from {', '.join(allowed_names)}"
 
 
 def _reachable_ids(neighbours: Mapping[str, Sequence[str]], start_ids: frozenset[str], steps: int) -> frozenset[str]:

@@ -127,8 +127,8 @@ def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None
     """
     values: dict[str, Value | None] = dict.fromkeys(subject.inputs)
     for assignment in assignments:
-        name, equals, text = _split_assignment(assignment)
-        if not equals:
+        name, equals_sign, text = _split_assignment(assignment)
+        if not equals_sign:
             raise SweepError(f"'{assignment}' has no value: write {name}=VALUE")
         variable = subject.input(name.strip())
         values[variable.name] = None if text.strip() == UNKNOWN else value_of(variable, text.strip())
@@ -146,20 +146,20 @@ def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tup
     Raises:
         SweepError: if the text has an impossible value.
     """
-    name, equals, text = _split_assignment(assignment)
+    name, equals_sign, text = _split_assignment(assignment)
     variable = subject.input(name.strip())
-    if not equals:
+    if not equals_sign:
         return variable, _all_values(variable, steps)
-    first, dots, last = text.partition("..")
-    if dots and variable.type.kind in (Kind.FLOAT, Kind.INT):
+    first, range_sign, last = text.partition("..")
+    if range_sign and variable.type.kind in (Kind.FLOAT, Kind.INT):
         return variable, _values_between(variable, _number(variable, first), _number(variable, last), steps)
     return variable, tuple(value_of(variable, value_text.strip()) for value_text in text.split(","))
 
 
 def _split_assignment(assignment: str) -> tuple[str, str, str]:
     """Split `NAME=VALUE` at `=`. The name of a pose condition can itself contain this sign, as in `<=`."""
-    name, equals, text = _NAME_AND_VALUE.fullmatch(assignment).groups()  # type: ignore[union-attr]  # any text matches
-    return name, equals, text
+    name, equals_sign, text = _NAME_AND_VALUE.fullmatch(assignment).groups()  # type: ignore[union-attr]  # any text matches
+    return name, equals_sign, text
 
 
 def _all_values(variable: Variable, steps: int) -> tuple[Value, ...]:

@@ -111,7 +111,7 @@ def _read_annotation(data: object) -> Annotation:
 def _names(raw_names: str | Sequence[str]) -> tuple[str, ...]:
     """Return names from a list, or from a text with commas, which RAFCON's editor writes."""
     names = raw_names.split(",") if isinstance(raw_names, str) else raw_names
-    return tuple(stripped for name in names if (stripped := name.strip()))
+    return tuple(stripped_name for name in names if (stripped_name := name.strip()))
 
 
 def _seconds(data: Mapping[str, Any], key: str, default: float) -> float:

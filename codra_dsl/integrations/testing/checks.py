@@ -105,8 +105,8 @@ def _unmet_text(check: Belief, why: Why) -> str | None:
         expected_text = "unknown" if check.reason is None else f"unknown ({check.reason})"
         is_met = not why.known and check.reason in (None, why.reading.reason)
     else:
-        within = "" if check.within is None else f" within {shown(check.within)}"
-        expected_text = f"{shown(check.value)}{_unit_text(why.unit)}{within}" if check.is_stated else "known"
+        within_text = "" if check.within is None else f" within {shown(check.within)}"
+        expected_text = f"{shown(check.value)}{_unit_text(why.unit)}{within_text}" if check.is_stated else "known"
         expected_text += f" from {check.source}" if check.source else ""
         is_met = why.known and _has_expected_value(check, why) and check.source in ("", why.reading.source)
     if check.because:
@@ -116,14 +116,16 @@ def _unmet_text(check: Belief, why: Why) -> str | None:
 
 
 def _has_expected_value(check: Belief, why: Why) -> bool:
-    expected, actual = check.value, why.reading.content
+    expected_value, actual_value = check.value, why.reading.content
     if not check.is_stated:
         return True
-    if isinstance(expected, float) and isinstance(actual, int | float):
-        return math.isclose(expected, actual, rel_tol=_TOLERANCE, abs_tol=max(check.within or 0.0, _TOLERANCE))
-    if check.within is not None and isinstance(expected, int) and isinstance(actual, int):
-        return abs(expected - actual) <= check.within
-    return expected == actual
+    if isinstance(expected_value, float) and isinstance(actual_value, int | float):
+        return math.isclose(
+            expected_value, actual_value, rel_tol=_TOLERANCE, abs_tol=max(check.within or 0.0, _TOLERANCE)
+        )
+    if check.within is not None and isinstance(expected_value, int) and isinstance(actual_value, int):
+        return abs(expected_value - actual_value) <= check.within
+    return expected_value == actual_value
 
 
 def _state_text(why: Why) -> str:

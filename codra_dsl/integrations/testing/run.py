@@ -223,12 +223,12 @@ class Run:
                 self.codra.expect(*step.names)
             else:
                 for name in step.names:
-                    self._perform_for(step.verb, name)
+                    self._perform_step_for(step.verb, name)
         except Exception as error:
             message = f"'{step.verb}' is not possible: {type(error).__name__}: {error}"
             raise StoryFailed(failures_text([Failure(step.place, message)], self._timeline.source)) from error
 
-    def _perform_for(self, verb: Verb, name: str) -> None:
+    def _perform_step_for(self, verb: Verb, name: str) -> None:
         match verb:
             case Verb.DECLARE:
                 self.codra.declare(name)

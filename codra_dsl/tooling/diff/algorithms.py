@@ -34,7 +34,7 @@ from codra_dsl.tooling.diff.walk import Scope, Wording, entry_comparer, equality
 
 _LENGTH_TYPE = ValueType(kind=Kind.FLOAT, unit="m", range=(0.0, math.inf))
 _LITERALS_COMPARER = equality_comparer(Category.PERCEIVED_OTHERWISE, "gets another value", select_part=frozenset)
-_OPTIONAL_COMPARER = order_comparer(
+_OPTIONALITY_COMPARER = order_comparer(
     (Category.EASED, "is optional now"), (Category.CONTRACT, "is no longer optional"), show_nothing
 )
 _FUNCTION_FIELDS = frozenset({"parameters", "given", "returns", "uses"})
@@ -111,7 +111,7 @@ def result_wording(new: Returned | None) -> Wording:
 
 def compare_optionality(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
     """Yield a change, with the key of the result, if a result may now be absent or may no longer be absent."""
-    yield from _OPTIONAL_COMPARER(scope, "", old, new)
+    yield from _OPTIONALITY_COMPARER(scope, "", old, new)
 
 
 # Guards
@@ -155,7 +155,7 @@ def _names_and_types(side: Side) -> Iterator[tuple[str, ValueType]]:
 
 
 def _result_types(algorithm: Algorithm) -> dict[str, ValueType]:
-    return {returned.name: returned.type for returned in algorithm.returns}
+    return {returned_value.name: returned_value.type for returned_value in algorithm.returns}
 
 
 # Identified variables

@@ -145,7 +145,7 @@ class Review:
         return next((Verdict(level.value) for level in Level if level in levels), Verdict.SAME)
 
 
-def in_order(changes: Iterable[Change]) -> tuple[Change, ...]:
+def sort_changes(changes: Iterable[Change]) -> tuple[Change, ...]:
     """Return changes without duplicates, the worst category first, and within a category by element."""
     unique_changes = dict.fromkeys(changes)
     return tuple(

@@ -21,8 +21,8 @@ _HANDLE_COMPARER = order_comparer(
 _SLOTS_COMPARER = order_comparer(
     (Category.SLOWER, "more algorithms share its slots"),
     (Category.FASTER, "fewer algorithms share its slots"),
-    show=lambda share: f"{share[0]} for {share[1] or 'any number'}",
-    rank_of=lambda share: 1.0 if share[1] is None else max(1.0, share[0] / share[1]),
+    show=lambda counts: f"{counts[0]} for {counts[1] or 'any number'}",
+    rank_of=lambda counts: 1.0 if counts[1] is None else max(1.0, counts[0] / counts[1]),
 )
 """Compares pairs of the number of algorithms and the number of slots by their ratio; a ratio below 1 is taken as 1."""
 
@@ -72,11 +72,11 @@ def _compare_names(scope: Scope, predecessors: tuple[Tree, ...], tree: Tree) -> 
 def _compare_priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
     """Yield a change if a new priority of an observer changes the order in which it and other observers get a slot."""
     slot_names, reordered_names = _slot_names(tree) & _slot_names(old), []
-    for other in scope.pair.new.plan.forest if old.priority != tree.priority else ():
-        predecessors = () if other is tree else _predecessors(scope.pair, other)
-        if predecessors and slot_names & _slot_names(other) & _slot_names(predecessors[0]):
-            is_reordered = _priority_order(old, predecessors[0]) != _priority_order(tree, other)
-            reordered_names += [other.name] if is_reordered else []
+    for other_tree in scope.pair.new.plan.forest if old.priority != tree.priority else ():
+        predecessors = () if other_tree is tree else _predecessors(scope.pair, other_tree)
+        if predecessors and slot_names & _slot_names(other_tree) & _slot_names(predecessors[0]):
+            is_reordered = _priority_order(old, predecessors[0]) != _priority_order(tree, other_tree)
+            reordered_names += [other_tree.name] if is_reordered else []
     if reordered_names:
         message = f"the order in which it and {', '.join(sorted(reordered_names))} get a slot has changed"
         yield scope.make_change(Category.SLOWER, "priority", message, str(old.priority), str(tree.priority))

@@ -7,7 +7,7 @@ from itertools import chain
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, suggest
-from codra_dsl.tooling.diff.changes import Category, Change, Latency, Review, in_order
+from codra_dsl.tooling.diff.changes import Category, Change, Latency, Review, sort_changes
 from codra_dsl.tooling.diff.observers import compare_layout
 from codra_dsl.tooling.diff.table import FIELD_COMPARERS, KIND_BY_SECTION
 from codra_dsl.tooling.diff.version import BrokenSpec, Pair, Version, make_pair
@@ -40,7 +40,9 @@ def review(before: Version, after: Version) -> Review:
         ):
             place = new_plan.checked.spec.place
             changes.append(Change(category=Category.ADDED, element=name, message="new spec", new_place=place))
-    return Review(changes=in_order(changes), latencies=tuple(sorted(latencies, key=lambda latency: latency.element)))
+    return Review(
+        changes=sort_changes(changes), latencies=tuple(sorted(latencies, key=lambda latency: latency.element))
+    )
 
 
 def _compare_spec(pair: Pair) -> Iterator[Change]:

@@ -27,11 +27,13 @@ def _find_successor(pair: Pair, old: Variable) -> str | None:
     no such algorithm, the new variable has a similar name, and no algorithm identifies it.
     """
     same_type_names = [name for name in sorted(pair.added_variable_names) if pair.new.variables[name].type == old.type]
-    paired_names = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
-    identified_names = [name for name in same_type_names if paired_names & {*pair.new.producers.get(name, ())}]
+    paired_algorithms = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
+    identified_names = [name for name in same_type_names if paired_algorithms & {*pair.new.producers.get(name, ())}]
     if identified_names:
         return identified_names[0] if len(identified_names) == 1 else suggest(old.name, identified_names)
-    return suggest(old.name, [name for name in same_type_names if not paired_names and name not in pair.new.producers])
+    return suggest(
+        old.name, [name for name in same_type_names if not paired_algorithms and name not in pair.new.producers]
+    )
 
 
 def _compare_producers(scope: Scope) -> Iterator[Change]:

@@ -138,18 +138,20 @@ def make_pair(old: BuildPlan, new: BuildPlan) -> Pair:
     """
     sides = Side(plan=old), Side(plan=new)
     before, after = (side.algorithms for side in sides)
-    pairs = {name: name for name in before if name in after}
+    new_name_by_old_name = {name: name for name in before if name in after}
     unpaired_identities = {
         name: _identity(checked_algorithm) for name, checked_algorithm in after.items() if name not in before
     }
     for name, checked_algorithm in before.items():
         matching_names = [
-            other for other, identity in unpaired_identities.items() if identity == _identity(checked_algorithm)
+            other_name
+            for other_name, identity in unpaired_identities.items()
+            if identity == _identity(checked_algorithm)
         ]
-        if name not in pairs and len(matching_names) == 1:
-            pairs[name] = matching_names[0]
+        if name not in new_name_by_old_name and len(matching_names) == 1:
+            new_name_by_old_name[name] = matching_names[0]
             del unpaired_identities[matching_names[0]]
-    return Pair(old=sides[0], new=sides[1], algorithms=pairs)
+    return Pair(old=sides[0], new=sides[1], algorithms=new_name_by_old_name)
 
 
 def _identity(checked_algorithm: CheckedAlgorithm) -> tuple[str, frozenset[str]]:

@@ -124,8 +124,8 @@ class Scope:
         element, value = self.elements[index], self.values[index]
         if element is None:
             return None
-        holders = (element, *(getattr(element, field.name) for field in fields(element)))
-        places = ChainMap(*(holder.places for holder in holders if hasattr(holder, "places")))
+        candidates = (element, *(getattr(element, field.name) for field in fields(element)))
+        places = ChainMap(*(candidate.places for candidate in candidates if hasattr(candidate, "places")))
         value_place = getattr(value, "place", None) if self.path else None
         place: Place = places.get(key) or value_place or places.get(key.partition(".")[0]) or element.place
         return place

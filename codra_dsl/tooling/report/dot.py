@@ -78,9 +78,9 @@ def render_drawing(graph: Graph) -> str:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
     picture = _parse_picture(_draw(_dot_for_drawing(graph)))
-    size = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
-    content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
-    return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{content}</svg>'
+    size_attributes = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
+    picture_content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
+    return f'<svg {size_attributes} xmlns="http://www.w3.org/2000/svg">{picture_content}</svg>'
 
 
 def _dot_for_drawing(graph: Graph) -> str:
@@ -237,14 +237,16 @@ def _add_legend(picture: re.Match[str], graph: Graph) -> str:
     width = max(
         int(picture["width"]), 16 + _COLUMN_WIDTH_PT * (1 + max((column for column, _, _ in legend_entries), default=0))
     )
-    size = f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
+    size_attributes = (
+        f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
+    )
     legend = "".join(
         f'<g transform="translate({16 + _COLUMN_WIDTH_PT * column} {legend_top + _ROW_HEIGHT_PT * row})">{text}</g>\n'
         for column, row, text in legend_entries
     )
     return (
         '<?xml version="1.0" encoding="UTF-8" standalone="no"?>\n'
-        f'<svg {size} viewBox="0 0 {width} {height}"{picture["rest"]}>\n'
+        f'<svg {size_attributes} viewBox="0 0 {width} {height}"{picture["rest"]}>\n'
         f'<rect width="{width}" height="{height}" fill="white"/>\n{picture["inside"]}'
         f'<g class="legend" font-family="{_FONT}" font-size="{_LABEL_PT}">\n{legend}</g>\n</svg>\n'
     )
@@ -298,8 +300,8 @@ def _arrow_sample(look: EdgeLook) -> str:
     line = f'<path d="M12,0H46" stroke="{look.colour}" stroke-width="{width}"{_DASHES.get(look.style, "")}/>'
     fill = "white" if look.head == "empty" else look.colour if look.head in ("normal", "vee") else "none"
     head = f'<polygon points="44,-4 52,0 44,4" fill="{fill}" stroke="{look.colour}"/>' if look.head != "none" else ""
-    ends = '<text x="0" y="4">A</text><text x="55" y="4">B</text>'
-    return ends + line + head + _legend_text(look.sentence)
+    end_letters = '<text x="0" y="4">A</text><text x="55" y="4">B</text>'
+    return end_letters + line + head + _legend_text(look.sentence)
 
 
 def _legend_text(text: str) -> str:

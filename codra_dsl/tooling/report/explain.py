@@ -100,13 +100,13 @@ def family_of(code: str) -> str:
 def as_text(page: Page) -> str:
     """Return a page for a terminal: without the marks of Markdown, with indented blocks."""
     lines: list[str] = []
-    in_block = False
+    is_in_block = False
     for line in page.markdown.splitlines():
         if line.startswith("```"):
-            lines += _head_of_block(line) if not in_block else []
-            in_block = not in_block
+            lines += _head_of_block(line) if not is_in_block else []
+            is_in_block = not is_in_block
         else:
-            lines.append(f"{_INDENT}{line}".rstrip() if in_block else _strip_marks(line))
+            lines.append(f"{_INDENT}{line}".rstrip() if is_in_block else _strip_marks(line))
     return "\n".join(lines) + "\n"
 
 
@@ -123,7 +123,7 @@ def _strip_marks(line: str) -> str:
     return re.sub("^#+ ", "", line).replace("`", "'")
 
 
-def as_object(page: Page) -> str:
+def as_json_line(page: Page) -> str:
     """Return a page as JSON in one line."""
     keys = ("code", "name", "severity", "summary", "markdown")
     return as_json({key: str(getattr(page, key)) for key in keys}) + "\n"

@@ -118,7 +118,7 @@ def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
 
 
 def _finding_lines(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
-    line = lines.at(diagnostic.place.span)
+    line = lines.line_of(diagnostic.place.span)
     text_lines = [_headline(diagnostic, palette)]
     help_ = f"{palette.help}help: {visible_text(diagnostic.help)}{palette.end}" if diagnostic.help else ""
     width = len(str(diagnostic.place.span.line))
@@ -200,7 +200,7 @@ class _Lines:
         self._sources = sources
         self._lines_by_file: dict[str, list[str]] = {}
 
-    def at(self, span: Span) -> str | None:
+    def line_of(self, span: Span) -> str | None:
         """Return the first line of a span."""
         if span.file not in self._lines_by_file:
             text = self._sources(span.file)

@@ -129,9 +129,9 @@ def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
 
 
 def _node(element: Element, number: int) -> str:
-    opening, closing = _SHAPES[shown_kind(element)]
+    opening_bracket, closing_bracket = _SHAPES[shown_kind(element)]
     label = "<br/>".join(filter(None, [_escape_label(label_of(element)), latency_text(element)]))
-    return f'n{number}{opening}"{label}"{closing}:::{shown_kind(element)}'
+    return f'n{number}{opening_bracket}"{label}"{closing_bracket}:::{shown_kind(element)}'
 
 
 def _escape_label(label: str) -> str:

@@ -14,7 +14,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE, has_stale_schema
 
 
-def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
+def check_schema(root: Path) -> tuple[Diagnostic, ...]:
     """Return a finding if a project's copy of the schema differs from the schema of this version. Write nothing."""
     if not has_stale_schema(root):
         return ()

@@ -33,16 +33,16 @@ class Run:
         files: the files of the specs, of their parts, of the Python modules with which calls were compared, and of
             behaviour trees, relative to the root.
         fail_on: the lowest severity that makes a command fail, from the project's settings.
-        outputs: a mapping from the path of each generated file in the output folder to the digest of the file.
-        covered: the files and folders that were compiled, relative to the root.
+        output_digests: a mapping from the path of each generated file in the output folder to the digest of the file.
+        covered_paths: the files and folders that were compiled, relative to the root.
     """
 
     diagnostics: tuple[Diagnostic, ...]
     specs: tuple[str, ...]
     files: tuple[str, ...]
     fail_on: Severity
-    outputs: Mapping[str, str] = field(default_factory=dict)
-    covered: tuple[str, ...] = ()
+    output_digests: Mapping[str, str] = field(default_factory=dict)
+    covered_paths: tuple[str, ...] = ()
 
 
 def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
@@ -131,8 +131,8 @@ def _record_of_run(run: Run) -> dict[str, object]:
         "specs": run.specs,
         "files": run.files,
         "fail_on": run.fail_on,
-        "outputs": dict(run.outputs),
-        "covered": run.covered,
+        "outputs": dict(run.output_digests),
+        "covered": run.covered_paths,
     }
 
 
@@ -146,6 +146,6 @@ def _run_from(record: Mapping[str, object]) -> Run:
         specs=texts_from(record["specs"]),
         files=texts_from(record["files"]),
         fail_on=Severity(text_from(record["fail_on"])),
-        outputs={text_from(path): text_from(digest) for path, digest in outputs.items()},
-        covered=texts_from(record["covered"]),
+        output_digests={text_from(path): text_from(digest) for path, digest in outputs.items()},
+        covered_paths=texts_from(record["covered"]),
     )

@@ -42,7 +42,7 @@ class Settings:
     severity: Mapping[str, Severity] = field(default_factory=dict)
     fail_on: Severity = Severity.ERROR
 
-    def wants(self, rule: Rule) -> bool:
+    def selects(self, rule: Rule) -> bool:
         """Return whether findings of a rule are reported; findings of a binding rule are always reported."""
         return rule.is_binding or _longest_match_length(self.select, rule.code) > _longest_match_length(
             self.ignore, rule.code

@@ -226,7 +226,7 @@ def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sourc
     is_complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in remaining_findings)
     findings = (*remaining_findings, *suppressions.findings(is_complete=is_complete))
     return in_file_order(
-        _with_level(diagnostic, settings) for diagnostic in findings if settings.wants(diagnostic.rule)
+        _with_level(diagnostic, settings) for diagnostic in findings if settings.selects(diagnostic.rule)
     )
 
 

@@ -89,11 +89,11 @@ def _replace(path: Path, data: bytes) -> None:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        temporary = Path(temporary_name)
+        temporary_path = Path(temporary_name)
         with contextlib.suppress(OSError):  # only the superuser can change the owner of a file
-            os.chown(temporary, file_status.st_uid, file_status.st_gid)
-        temporary.chmod(stat.S_IMODE(file_status.st_mode))
-        temporary.replace(path)
+            os.chown(temporary_path, file_status.st_uid, file_status.st_gid)
+        temporary_path.chmod(stat.S_IMODE(file_status.st_mode))
+        temporary_path.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):
             Path(temporary_name).unlink()
