@@ -300,7 +300,7 @@ def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
 def _xml_attributes(data: Mapping[str, object], subject: str) -> dict[str, object]:
     """Return attributes for XML: plain values unchanged, and other values as JSON.
 
-    If there are values as JSON, the attribute `json` lists the attributes that have such values.
+    If there are JSON values, an additional attribute `json` lists the attributes with JSON values.
     """
     xml_attributes: dict[str, object] = {}
     json_kinds: dict[str, str] = {}

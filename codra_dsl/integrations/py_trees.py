@@ -174,7 +174,7 @@ class Decide(Decorator):
             yield from Behaviour.tick(self)
 
     def update(self) -> Status:
-        """Return the status of the decision: answered, waiting or looking."""
+        """Return the status of the answer, or RUNNING while observers or the subtree look for the value."""
         assert self._pending_decision is not None
         match self._pending_decision.state:
             case DecisionState.WAITING:

@@ -81,7 +81,7 @@ def run_in_real_time(
     handles: Mapping[str, object] | None = None,
     answers: Answers = Answers.CONTEXT,
 ) -> Ended:
-    """Run a state machine whose states decide on context, each in its own thread. Return when the machine has ended.
+    """Run a state machine whose states decide on context, and wait for its end. Each state runs in its own thread.
 
     Args:
         machine: an `opened` or `entered` state machine.

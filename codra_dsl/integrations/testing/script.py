@@ -45,7 +45,7 @@ class _AlgorithmState:
         self.jobs_left = self.fault.jobs
 
     def take_fault(self) -> Fault:
-        """Return the fault of the next job, and reduce the number of jobs that the fault affects."""
+        """Return the fault of the next job, and reduce the number of jobs that the fault still affects."""
         self.jobs_left -= 1
         return self.fault if self.jobs_left >= 0 else _NO_FAULT
 
@@ -54,7 +54,7 @@ class Script:
     """Replaces perception functions, or adds faults to them.
 
     Attributes:
-        unscripted_since_s: a mapping from algorithms that were called without stated values to their first call.
+        unscripted_since_s: a mapping from algorithms without stated values to the instants of their first calls.
     """
 
     def __init__(self, scripted_names: Collection[str], handle_names: Collection[str]) -> None:
