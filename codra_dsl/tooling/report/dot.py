@@ -104,8 +104,8 @@ def _digraph(lines: Iterable[str]) -> str:
     graph_attributes = {"rankdir": "LR", "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
     node_attributes = {"fontname": _FONT, "fontsize": _LABEL_PT, "margin": "0.1,0.05", "height": 0.36, "penwidth": 0.8}
     edge_attributes = {"arrowsize": 0.7}
-    attributes_by_kind = {"graph": graph_attributes, "node": node_attributes, "edge": edge_attributes}
-    default_lines = (f"{kind} {_attributes(attributes)};" for kind, attributes in attributes_by_kind.items())
+    defaults = (("graph", graph_attributes), ("node", node_attributes), ("edge", edge_attributes))
+    default_lines = (f"{kind} {_attributes(attributes)};" for kind, attributes in defaults)
     body = "".join(f"  {line}\n" for line in (*default_lines, *lines))
     return f"digraph codra {{\n{body}}}\n"
 
