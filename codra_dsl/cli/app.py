@@ -1,6 +1,6 @@
 """The commands, and the behaviour that all of them share: exit codes, interruption, broken pipes, and no tracebacks.
 
-A command module imports its libraries inside its function, so that `codra --help` is fast.
+A module of a command imports libraries inside the command's function, so that `codra --help` is fast.
 """
 
 from __future__ import annotations

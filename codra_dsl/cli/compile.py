@@ -179,9 +179,10 @@ def _check_or_renew_schema(run: Run, root: Path, check: bool) -> tuple[Diagnosti
 
 
 def _diagnostic_relative_to_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
-    """Return a finding about the output folder, with the path of the file changed to a path relative to the root.
+    """Return a finding about the output folder, with its file relative to the root.
 
-    Before, the path is relative to the parent of the output folder. A parent outside of the root stays as it is.
+    In `diagnostic`, the file is relative to the parent of the output folder. If this parent is outside of the root,
+    return the finding unchanged.
     """
     from codra_dsl.language.diagnostics import Place
 

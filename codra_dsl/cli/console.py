@@ -77,7 +77,7 @@ class View:
     Attributes:
         root: the folder to which the files in findings are relative.
         text: the text of the spec, if it comes from standard input.
-        fail_on: the least severity that counts as a failure in a test report.
+        fail_on: the least severity with which a finding fails a test in a test report.
         title: the command that reports the findings.
     """
 

@@ -52,7 +52,7 @@ class LintInput:
     def count_fixable(self, diagnostics: Sequence[Diagnostic]) -> tuple[int, str]:
         """Return the number of findings that can be fixed, and a hint.
 
-        If linting a larger folder allowed to fix more findings, the hint names this folder. Otherwise it is empty.
+        If more findings could be fixed by linting a larger folder, the hint names this folder. Otherwise it is empty.
         """
         from codra_dsl.language.diagnostics import is_safe
 

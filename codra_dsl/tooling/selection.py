@@ -78,7 +78,7 @@ class SelectorError(ValueError):
 
 
 def select(choices: Choices, include_selectors: Sequence[str], exclude_selectors: Sequence[str] = ()) -> frozenset[str]:
-    """Return the ids of the nodes that at least one of `include_selectors` and none of `exclude_selectors` matches.
+    """Return the ids of the nodes that match at least one of `include_selectors` and none of `exclude_selectors`.
 
     Args:
         choices: the graph.

@@ -1,4 +1,4 @@
-"""Changes of perception algorithms: their functions, guards and identified variables, and the time that they wait."""
+"""Changes of perception algorithms: functions, guards, identified variables, and the times for which they wait."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def _result_types(algorithm: Algorithm) -> dict[str, ValueType]:
 
 
 def compare_identification(scope: Scope, _: str, *rules: Any) -> Iterator[Change]:
-    """Yield a change if a variable is identified by another rule, and a change if its value is confirmed otherwise."""
+    """Yield a change if another rule identifies a variable, and a change if other numbers of looks confirm the value."""
     old, new = scope.values
     if old.variable.name in scope.pair.one_sided_variable_names:
         return
@@ -246,8 +246,8 @@ def _confirmation_wording(before: tuple[int, int], after: tuple[int, int]) -> Wo
 def _compare_waiting_times(scope: Scope, old_name: str, new_name: str) -> Iterator[Change]:
     """Yield a change if an algorithm waits for other variables, and therefore longer or shorter than before.
 
-    The times of a variable in A and B can differ as well. To leave this difference out, both waiting times are computed
-    with the times of one version: with those of B to find a longer wait, with those of A to find a shorter wait.
+    The time of a variable can differ between A and B as well. To leave this difference out, both waiting times are
+    computed with the times of one version: B shows whether the wait is longer, and A shows whether it is shorter.
     """
     old, new = scope.pair.sides
     before, after = {*old.algorithms[old_name].waits_for}, {*new.algorithms[new_name].waits_for}

@@ -63,7 +63,7 @@ def order_comparer(
 
 
 def growth_comparer(increase_category: Category, decrease_category: Category) -> Comparer:
-    """Return the comparer of durations and numbers. If one value is None, they are only compared for equality."""
+    """Return the comparer of durations and numbers. If a value is None, both values are only compared for equality."""
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if old is None or new is None:

@@ -34,7 +34,7 @@ TERMS_COMPARER = set_comparer("the terms have changed")
 def compare_monitor(scope: Scope, key: str, old: Sequence[Expectation], new: Sequence[Expectation]) -> Iterator[Change]:
     """Yield the changes of monitored variables and expectations.
 
-    Expectations of the same variable and kind are paired in their order.
+    Expectations with the same variable and kind are paired in the order of the spec.
     """
     yield from _MONITOR_COMPARER(
         scope, key, *([expectation.variable for expectation in expectations] for expectations in (old, new))
@@ -153,7 +153,7 @@ def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
 def compare_terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
     """Yield a change if a variable has other terms.
 
-    The terms of a derived variable are those of its metric or action, and are reported there.
+    A derived variable has the terms of its metric or action. Changes of these terms are reported for the metric or action.
     """
     if not scope.values[1].is_derived:
         yield from TERMS_COMPARER(scope, key, *values)

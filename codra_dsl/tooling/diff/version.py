@@ -16,7 +16,7 @@ from codra_dsl.language.model import Access, Spec, Variable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrokenSpec:
-    """A spec with errors, even if there is a plan for it.
+    """A spec with errors. A plan for this spec can exist nevertheless.
 
     Attributes:
         name: the name of the spec; None if the spec could not be read.

@@ -104,7 +104,7 @@ def help_text(diagnostic: Diagnostic) -> str:
 def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
     """Return all places of a finding except its main place.
 
-    These are the places that the finding names. If one of these or the main place is in a template, its use is added.
+    These are the places that the finding names, and the uses of templates that contain one of these or the main place.
     """
     places_and_messages = [
         (diagnostic.place, ""),

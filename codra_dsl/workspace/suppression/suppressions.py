@@ -53,8 +53,8 @@ class Sources:
 
     Attributes:
         texts: the contents of files that may have such comments, by their names in findings.
-        paths: the requested files and folders, relative to the root. Another spec may include the same other files,
-            and may need a comment in them.
+        paths: the requested files and folders, relative to the root. A comment in any other file may be needed by a
+            spec that is not part of this run.
     """
 
     texts: Mapping[str, str]

@@ -32,7 +32,7 @@ class TomlPlaces:
     text: str
 
     def key(self, *steps: str | int) -> Place:
-        """Return the place of a key, given the steps to it; for an item of a list, the place of the list's key."""
+        """Return the place of the key to which some steps lead; for an item of a list, the place of the list's key."""
         *table, key = [step for step in steps if isinstance(step, str)]
         start, end = self._find_occurrence(key, _MARKER, lambda document: _MARKER in _value_at(document, table)) or (
             0,
