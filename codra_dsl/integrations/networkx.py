@@ -1,6 +1,6 @@
 """DSR graphs as MultiDiGraph of networkx, and as GraphML for tools that draw and analyse graphs.
 
-In networkx, a node is the name of a DSR node, the key of an edge is the label of a DSR edge, and attributes have the
+In networkx, a node is the name of a DSR node, and the key of an edge is the label of a DSR edge. Attributes have the
 same names as in DSR, and plain Python values. The attribute `dsr` contains the rest: the numbers of nodes, the type
 codes of values, and additional contents of files.
 """

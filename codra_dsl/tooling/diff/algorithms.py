@@ -162,7 +162,7 @@ def _result_types(algorithm: Algorithm) -> dict[str, ValueType]:
 
 
 def compare_identification(scope: Scope, _: str, *rules: Any) -> Iterator[Change]:
-    """Yield a change if another rule identifies a variable, and a change if other numbers of looks confirm the value."""
+    """Yield a change if another rule identifies a variable, and a change if other numbers of looks confirm a value."""
     old, new = scope.values
     if old.variable.name in scope.pair.one_sided_variable_names:
         return

@@ -153,7 +153,7 @@ def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
 def compare_terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
     """Yield a change if a variable has other terms.
 
-    A derived variable has the terms of its metric or action. Changes of these terms are reported for the metric or action.
+    A derived variable has the terms of its metric or action. Changes of these terms are reported there.
     """
     if not scope.values[1].is_derived:
         yield from TERMS_COMPARER(scope, key, *values)

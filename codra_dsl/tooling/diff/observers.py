@@ -121,7 +121,7 @@ def compare_layout(scope: Scope) -> Iterator[Change]:
 
 
 def _module_by_element(side: Side) -> Mapping[tuple[str, str], str]:
-    """Return a mapping from section and name of each variable, observer and skill to the name of the element's module."""
+    """Return a mapping from the section and name of each variable, observer and skill to its module."""
     return {
         (section, name): module.name
         for module in side.plan.modules

@@ -1,6 +1,6 @@
 """The dependency graph of compiled specs as one value, and as JSON. Other modules of this package draw the graph.
 
-In JSON and for Graphviz an edge reads as a sentence: a skill decides on a variable, an observer runs an algorithm, an
+In JSON and for Graphviz, an edge reads as a sentence. A skill decides on a variable; an observer runs an algorithm; an
 algorithm requires one variable and identifies another. In pictures, arrows follow the flow of knowledge, from left to
 right: from the variables that perception needs, through the variables that it identifies, to the decisions.
 """
@@ -27,8 +27,8 @@ class Element:
         spec: the name of the spec.
         group: the name of the generated module that has the element. The module is named after the use of a template or
             the file that declares the element.
-        use: the use of a template that created the element; empty without one.
-        observer: the id of the observer that identifies or runs the element; for an observer, its own id; may be empty.
+        use: the use of a template that created the element; empty if no template created it.
+        observer: the id of the observer that identifies or runs the element; for an observer, its own id; otherwise empty.
         json_entry: the element's entry in `graph.json`.
         description: the description of a variable.
         worst_case_s: the longest time from declared to known, for a variable that observers identify.
