@@ -28,7 +28,7 @@ class Element:
         group: the name of the generated module that has the element. The module is named after the use of a template or
             the file that declares the element.
         use: the use of a template that created the element; empty if no template created it.
-        observer: the id of the observer that identifies or runs the element; for an observer, its own id; otherwise empty.
+        observer: the id of the observer that identifies or runs the element; for an observer, its own id; or empty.
         json_entry: the element's entry in `graph.json`.
         description: the description of a variable.
         worst_case_s: the longest time from declared to known, for a variable that observers identify.
