@@ -156,7 +156,7 @@ class MomentReader:
         if not fault_keys and "late" not in node.entries:
             if "jobs" in node.entries:
                 place = reader.origin.of(node.entries["jobs"][0])
-                message = "'jobs' belongs to a fault, and there is none"
+                message = "'jobs' belongs to a fault, but there is no fault"
                 reader.fail("misplaced-key", message, place, "remove 'jobs'", *steps)
             return None
         return Fault(

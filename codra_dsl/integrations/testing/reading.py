@@ -200,4 +200,6 @@ class _TimelineReader:
                 behaviour.takes_s is not None or behaviour.evidence_s is not None
             ):
                 message = f"the results of {behaviour.algorithm!r} are not stated, so its own function is called"
-                self._findings.add("misplaced-key", message, behaviour.place, help="add 'returns', or only faults")
+                self._findings.add(
+                    "misplaced-key", message, behaviour.place, help="add 'returns', or state only faults"
+                )

@@ -56,7 +56,9 @@ _REFRESH_MESSAGE = "'refresh' has changed"
 
 
 def _ends_comparer(key: str) -> Comparer:
-    return name_comparer((Category.NARROWED, f"leads {key} fewer"), (Category.WIDENED, f"leads {key} more"))
+    return name_comparer(
+        (Category.NARROWED, f"'{key}' allows fewer ends"), (Category.WIDENED, f"'{key}' allows more ends")
+    )
 
 
 FIELD_COMPARERS: ComparerTable = {
@@ -160,7 +162,7 @@ FIELD_COMPARERS: ComparerTable = {
         "pose": compare_nothing,
     },
     model.Task: {
-        "origin": equality_comparer(Category.RETYPED, "another node does it"),
+        "origin": equality_comparer(Category.RETYPED, "another node does the task"),
         "by": _EXECUTOR_COMPARER,
         "requesters": compare_requesters,
         "results": name_comparer((Category.NARROWED, "has lost results"), (Category.WIDENED, "has new results")),

@@ -179,7 +179,7 @@ class _SettingsReader:
             forbidden_use: what codes of binding errors cannot be, such as `ignored`; empty if these codes are allowed.
         """
         if not isinstance(code, str):
-            self._report_wrong_setting("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
+            self._report_wrong_setting("a code must be a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
             return False
         matching_rules = [rule for known_code, rule in known_rules().items() if known_code.startswith(code)]
         place = self._places.value(*steps) if isinstance(steps[-1], int) else self._places.key(*steps)
