@@ -77,7 +77,7 @@ class Compilation:
 
     def as_run(self) -> Run:
         """Return the part that a command shows and the cache keeps."""
-        return replace(self.planned.as_run(), outputs=digests(self.files), covered=self.covered)
+        return replace(self.planned.as_run(), output_digests=digests(self.files), covered_paths=self.covered)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

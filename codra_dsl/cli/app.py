@@ -1,6 +1,6 @@
-"""The commands, and the behaviour that they share: exit codes, interruption, broken pipes, and no tracebacks.
+"""The commands, and the behaviour that all of them share: exit codes, interruption, broken pipes, and no tracebacks.
 
-A command module imports its libraries inside its function, so that `codra --help` is fast.
+A module of a command imports libraries inside the command's function, so that `codra --help` is fast.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _last_place(error: Exception) -> str:
 
 
 def _replace_closed_streams() -> None:
-    """Replace each closed stream, which is None in Python, by a stream that discards everything."""
+    """Replace each closed output stream by a stream that discards everything. In Python, a closed stream is None."""
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:

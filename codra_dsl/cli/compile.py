@@ -24,7 +24,15 @@ from codra_dsl.cli.console import (
     text_for_log,
     write_result,
 )
-from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, Specs
+from codra_dsl.cli.options import (
+    ColourOption,
+    FailOnOption,
+    FindingsFormat,
+    NoCacheOption,
+    OutputOption,
+    Specs,
+    TimingsOption,
+)
 
 if TYPE_CHECKING:
     from codra_dsl.compiler import Compilation
@@ -32,7 +40,7 @@ if TYPE_CHECKING:
     from codra_dsl.workspace.cache import Cache, Run
     from codra_dsl.workspace.timings import Timings
 
-Out = Annotated[
+OutOption = Annotated[
     Path | None,
     typer.Option(
         "--out",
@@ -41,19 +49,19 @@ Out = Annotated[
         show_default=False,
     ),
 ]
-Check = Annotated[bool, typer.Option("--check", help="Write nothing; show where the output is not up to date.")]
+CheckOption = Annotated[bool, typer.Option("--check", help="Write nothing; show where the output is not up to date.")]
 
 
 def compile_command(
     paths: Specs,
     *,
-    out: Out = None,
-    check: Check = False,
+    out: OutOption = None,
+    check: CheckOption = False,
     format_: FindingsFormat = None,
-    output: Output = None,
+    output: OutputOption = None,
     fail_on: FailOnOption = None,
-    no_cache: NoCache = False,
-    timings: ShowTimings = False,
+    no_cache: NoCacheOption = False,
+    timings: TimingsOption = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Compile specs to readable Python packages, each with its observers, the types of the context, and the graph."""
@@ -62,7 +70,7 @@ def compile_command(
 
     paths = existing(paths)
     root = common_root(paths)
-    folder = (out if out is not None else _default_out(paths[0])).absolute()
+    folder = (out if out is not None else _default_output_folder(paths[0])).absolute()
     stage_timings = make_timings(timings)
     cache = None if no_cache or timings else cache_of(root, "compile", paths)
     run, output_result = _compile_or_recall(paths, root, folder, check=check, cache=cache, timings=stage_timings)
@@ -85,10 +93,12 @@ def compile_command(
         say(output_result.summary)
     if timings:
         say(stage_timings.table())
-    raise typer.Exit(ExitCode.FAILED if not run.outputs or is_failure(findings, failure_threshold) else ExitCode.CLEAN)
+    raise typer.Exit(
+        ExitCode.FAILED if not run.output_digests or is_failure(findings, failure_threshold) else ExitCode.CLEAN
+    )
 
 
-def _default_out(path: Path) -> Path:
+def _default_output_folder(path: Path) -> Path:
     from codra_dsl.language.project import project_of
 
     return (project_of(path) or Path.cwd()) / "generated"
@@ -118,9 +128,9 @@ def _compile_or_recall(
     from codra_dsl.generation.output import is_as_made
 
     run = None if cache is None else cache.load()
-    if run is not None and is_as_made(run.outputs, folder, run.covered):
+    if run is not None and is_as_made(run.output_digests, folder, run.covered_paths):
         return run, _OutputResult(
-            summary="" if check else f"{folder.name}: {len(run.outputs)} files, 0 written, 0 removed"
+            summary="" if check else f"{folder.name}: {len(run.output_digests)} files, 0 written, 0 removed"
         )
     from codra_dsl.compiler import compile_paths
 
@@ -161,15 +171,19 @@ def _check_or_renew_schema(run: Run, root: Path, check: bool) -> tuple[Diagnosti
     """
     from codra_dsl.language.project import has_stale_schema
 
-    if not run.outputs or not has_stale_schema(root):
+    if not run.output_digests or not has_stale_schema(root):
         return ()
-    from codra_dsl.tooling.scaffold.schema import judge_schema, renew_schema
+    from codra_dsl.tooling.scaffold.schema import check_schema, renew_schema
 
-    return judge_schema(root) if check else renew_schema(root)
+    return check_schema(root) if check else renew_schema(root)
 
 
 def _diagnostic_relative_to_root(diagnostic: Diagnostic, folder: Path, root: Path) -> Diagnostic:
-    """Return a finding about the output folder, with its file relative to the root instead of the folder's parent."""
+    """Return a finding about the output folder, with its file relative to the root.
+
+    In `diagnostic`, the file is relative to the parent of the output folder. If this parent is outside of the root,
+    return the finding unchanged.
+    """
     from codra_dsl.language.diagnostics import Place
 
     parent_folder = folder.parent

@@ -52,7 +52,7 @@ class Format(StrEnum):
 
 
 class Colour(StrEnum):
-    """When text is coloured. `auto` means: on a terminal, unless `NO_COLOR` is set or the terminal is dumb."""
+    """When text is coloured. `auto` means: on a terminal, unless `NO_COLOR` is set or `TERM` is `dumb`."""
 
     AUTO = "auto"
     ALWAYS = "always"
@@ -77,7 +77,7 @@ class View:
     Attributes:
         root: the folder to which the files in findings are relative.
         text: the text of the spec, if it comes from standard input.
-        fail_on: the least severity that counts as a failure in a test report.
+        fail_on: the least severity with which a finding fails a test in a test report.
         title: the command that reports the findings.
     """
 
@@ -105,7 +105,7 @@ class View:
             append_to_summary(render_summary(diagnostics, f"{self.title}: {counts_text(diagnostics)}"))
 
     def render(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
-        """Return findings in the requested format; the stream decides whether they have colours."""
+        """Return findings in the requested format. Text has colours if `is_coloured` is true for the stream."""
         match self.format:
             case Format.JSON:
                 from codra_dsl.tooling.report.findings import render_json
@@ -125,15 +125,15 @@ class View:
                 return self._render_text(diagnostics, stream)
 
     def suggest_explain_command(self, diagnostics: Sequence[Diagnostic]) -> None:
-        """Show the command for the page about the first error, or else about the first finding.
+        """Show the command that explains the first error, or the first finding if there are no errors.
 
         This is shown only in the format `full`, if standard error is a terminal.
         """
         from codra_dsl.language.diagnostics import has_errors
 
         if diagnostics and self.format is Format.FULL and sys.stderr.isatty():
-            first = next((diagnostic for diagnostic in diagnostics if has_errors([diagnostic])), diagnostics[0])
-            say(f"more about it: codra explain {first.code}")
+            first_finding = next((diagnostic for diagnostic in diagnostics if has_errors([diagnostic])), diagnostics[0])
+            say(f"to learn more: codra explain {first_finding.code}")
 
     def _render_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
         from codra_dsl.tooling.report import findings
@@ -167,7 +167,7 @@ class View:
 def choose_format(requested_format: Format | None, output: Path | None = None) -> Format:
     """Return the requested format of findings, or else the default format.
 
-    The default is `github` if GitHub Actions logs standard output and there is no output file; otherwise it is `full`.
+    The default is `github` in GitHub Actions, if there is no output file; otherwise it is `full`.
     """
     if requested_format is not None:
         return requested_format
@@ -190,7 +190,7 @@ def _in_github_actions() -> bool:
 def folder_in_repository(root: Path) -> str:
     """Return the path of a root within the repository that GitHub checked out.
 
-    The path is empty if the root is the repository's own folder or outside of it, or if this is not GitHub Actions.
+    The path is empty if the root is the folder of the repository or outside of it, or outside of GitHub Actions.
     """
     workspace = os.environ.get("GITHUB_WORKSPACE")
     if not workspace:
@@ -229,12 +229,12 @@ def is_failure(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
 
 
 def choose_failure_threshold(requested_threshold: FailOn | None, configured_severity: Severity) -> FailOn:
-    """Return the least severity that makes a command fail: the requested one, or else that of the settings."""
+    """Return the least severity that makes a command fail: the requested one, or else the one in the settings."""
     return FailOn(configured_severity.value) if requested_threshold is None else requested_threshold
 
 
 def make_timings(is_enabled: bool) -> Timings:
-    """Return the timings of a command. They measure nothing unless they are wanted."""
+    """Return the timings of a command. If `is_enabled` is false, they measure nothing."""
     import time
 
     from codra_dsl.workspace.timings import UNTIMED, Timings
@@ -259,7 +259,7 @@ def say(text: str) -> None:
 
 
 def write_result(result: str | bytes, output: Path | None = None) -> None:
-    """Write a result to standard output, or to the requested file. Bytes are written unchanged."""
+    """Write a result to standard output, or to the file `output`. Bytes are written unchanged."""
     encoding = sys.stdout.encoding if output is None else "utf-8"
     data = result.encode(encoding, errors="backslashreplace") if isinstance(result, str) else result
     try:
@@ -300,7 +300,7 @@ def existing(paths: Iterable[Path]) -> list[Path]:
 
 
 def common_root(paths: Sequence[Path]) -> Path:
-    """Return the folder to which all paths in the output are relative. Specs of several projects are a usage error."""
+    """Return the folder to which all paths in the output are relative. Specs in several projects are a usage error."""
     from codra_dsl.language.project import root_of
 
     roots = sorted({root_of(path) for path in paths})
@@ -312,7 +312,7 @@ def common_root(paths: Sequence[Path]) -> Path:
 
 
 def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
-    """Return the build plan of the only spec at a path, and write its findings to standard output.
+    """Return the build plan of the only spec at a path, and write the findings about this spec to standard output.
 
     Several specs are a usage error. If there is no plan because of errors, exit.
     """
@@ -332,7 +332,7 @@ def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
 
 
 def made_folder(folder: Path) -> Path:
-    """Create the output folder of a run and return its path. If it is not writable, fail before the run."""
+    """Create the output folder of a run and return the path. A folder that is not writable is a usage error."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -343,7 +343,7 @@ def made_folder(folder: Path) -> Path:
 
 
 def writable_journal(journal: Path) -> Path:
-    """Return the path of a journal. If the journal cannot be written, fail before the run."""
+    """Return the path of a journal. Before the run, report a journal that cannot be written as a usage error."""
     from codra_dsl.runtime.journal.file_lock import create_locked_file
 
     try:

@@ -23,7 +23,7 @@ from codra_dsl.cli.console import (
     say,
     write_result,
 )
-from codra_dsl.cli.options import ColourOption, Output
+from codra_dsl.cli.options import ColourOption, OutputOption
 
 if TYPE_CHECKING:
     from codra_dsl.language.diagnostics import Diagnostic
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from codra_dsl.tooling.diff import BrokenSpec, Change, Review, Verdict, Version
     from codra_dsl.tooling.report.changes import Versions
 
-_SPECS = "specs"
+_SPECS_FOLDER = "specs"
 
 
 class DiffFormat(StrEnum):
@@ -52,10 +52,10 @@ class FailOnVerdict(StrEnum):
     NEVER = "never"
 
 
-Before = Annotated[
+BeforeArgument = Annotated[
     str, typer.Argument(metavar="A", help="The version before: a path, or else a git revision.", show_default=False)
 ]
-After = Annotated[
+AfterArgument = Annotated[
     str, typer.Argument(metavar="B", help="The version after: a path, or else a git revision.", show_default=False)
 ]
 Paths = Annotated[
@@ -77,26 +77,26 @@ FormatOption = Annotated[
 FailOnOption = Annotated[
     FailOnVerdict, typer.Option("--fail-on", help="The mildest verdict that makes the command fail.")
 ]
-Allow = Annotated[
+AllowOption = Annotated[
     list[str] | None,
     typer.Option(
         "--allow",
         metavar="CATEGORY[:ELEMENT]",
-        help="Accept these changes: they do not count for the verdict. The option may be repeated.",
+        help="Accept these changes: they do not affect the verdict. The option may be repeated.",
         show_default=False,
     ),
 ]
 
 
 def diff_command(
-    before: Before,
-    after: After,
+    before: BeforeArgument,
+    after: AfterArgument,
     paths: Paths = None,
     *,
     format_: FormatOption = None,
-    output: Output = None,
+    output: OutputOption = None,
     fail_on: FailOnOption = FailOnVerdict.BREAKING,
-    allow: Allow = None,
+    allow: AllowOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Report what a change of specs means for a robot.
@@ -195,9 +195,9 @@ def _default_project_and_paths(names: tuple[str, str]) -> tuple[Path, Sequence[P
 
     project = Path(os.path.realpath(project_of(Path.cwd()) or Path.cwd()))
     repository = Repository.around(project)
-    specs = _path_in_repository(project / _SPECS, Path(os.path.realpath(repository.top)))
-    has_specs = any(repository.holds(repository.commit(name), specs) for name in names)
-    return project, [PurePosixPath(_SPECS)] if has_specs else ()
+    specs_path = _path_in_repository(project / _SPECS_FOLDER, Path(os.path.realpath(repository.top)))
+    has_specs = any(repository.holds(repository.commit(name), specs_path) for name in names)
+    return project, [PurePosixPath(_SPECS_FOLDER)] if has_specs else ()
 
 
 def _side_on_disk(name: str, path: Path, relative_paths: Sequence[PurePosixPath]) -> _Side:
@@ -212,7 +212,7 @@ def _side_on_disk(name: str, path: Path, relative_paths: Sequence[PurePosixPath]
 
 
 def _side_in_revision(name: str, base_path: Path, relative_paths: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
-    """Return a revision as a side. Its spec files are in a folder, which is removed when the stack is closed."""
+    """Extract a revision to a temporary folder, and return it as a side. Closing the stack removes this folder."""
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
 
@@ -247,7 +247,7 @@ def _side_in_revision(name: str, base_path: Path, relative_paths: Sequence[PureP
 
 
 def _folder_of(path: Path) -> Path:
-    """Return a folder itself, or the folder of a file. A path that does not exist counts as a file."""
+    """Return a folder itself, or the folder of a file. A path that does not exist is treated as a file."""
     return path if path.is_dir() else path.parent
 
 
@@ -264,13 +264,15 @@ def _root_of(paths: Sequence[Path], top: Path) -> Path:
 
     Args:
         paths: the compared paths.
-        top: a project outside of this folder does not count.
+        top: a project outside of this folder is ignored.
     """
     from codra_dsl.language.project import project_of
 
     projects = {project if project and project.is_relative_to(top) else None for project in map(project_of, paths)}
     if len(projects) > 1:
-        raise typer.BadParameter("the paths belong to several projects: compare one at a time", param_hint="PATH")
+        raise typer.BadParameter(
+            "the paths belong to several projects: compare one project at a time", param_hint="PATH"
+        )
     common_folder = os.path.commonpath([_folder_of(path.absolute()) for path in paths])
     return projects.pop() or Path(common_folder)
 
@@ -361,14 +363,14 @@ def _parse_allow_option(text: str) -> tuple[str, str]:
 
     category, _, element = text.partition(":")
     if category not in list(Category):
-        names = ", ".join(Category)
-        raise typer.BadParameter(f"unknown category '{category}': choose one of {names}", param_hint="--allow")
+        category_names = ", ".join(Category)
+        raise typer.BadParameter(f"unknown category '{category}': choose one of {category_names}", param_hint="--allow")
     return category, element
 
 
 def _apply_allow_options(change: Change, allow_options: Sequence[tuple[str, str]]) -> Change:
     return (
-        replace(change, allowed=True)
+        replace(change, is_allowed=True)
         if any(_accepts(allow_option, change) for allow_option in allow_options)
         else change
     )
@@ -403,8 +405,8 @@ def _versions_of(sides: tuple[_Side, _Side]) -> Versions:
 def _choose_format(requested_format: DiffFormat | None, output: Path | None) -> DiffFormat:
     if requested_format is not None:
         return requested_format
-    on_github = output is None and os.environ.get("GITHUB_ACTIONS") == "true"
-    return DiffFormat.GITHUB if on_github else DiffFormat.FULL
+    is_on_github = output is None and os.environ.get("GITHUB_ACTIONS") == "true"
+    return DiffFormat.GITHUB if is_on_github else DiffFormat.FULL
 
 
 def _annotate(review: Review, versions: Versions, folder: str, output: Path | None) -> None:

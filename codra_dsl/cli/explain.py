@@ -1,4 +1,4 @@
-"""`codra explain`: the meaning of a finding, with a spec that has it and the same spec corrected."""
+"""`codra explain`: the meaning of a finding, with a spec that causes the finding, and this spec after correction."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def explain_command(
     format_: Annotated[PageFormat, typer.Option("--format", help="How pages are shown.")] = PageFormat.TEXT,
 ) -> None:
     """Explain a finding, with an example and its correction."""
-    from codra_dsl.tooling.report.explain import all_pages, as_object, as_text, list_as_markdown, list_as_text
+    from codra_dsl.tooling.report.explain import all_pages, as_json_line, as_text, list_as_markdown, list_as_text
 
     pages = list(_requested_pages(codes) if codes else all_pages())
     match format_:
         case PageFormat.JSON:
-            text = "".join(map(as_object, pages))
+            text = "".join(map(as_json_line, pages))
         case PageFormat.MARKDOWN:
             text = "\n".join(page.markdown for page in pages) if codes else list_as_markdown(pages)
         case PageFormat.TEXT:
@@ -62,7 +62,7 @@ def _requested_pages(codes_or_names: list[str]) -> Iterator[Page]:
             hint = (
                 f"did you mean {similar_code} ({all_rules()[similar_code].name})?"
                 if similar_code
-                else "'codra explain' lists all"
+                else "'codra explain' lists all findings"
             )
             raise typer.BadParameter(f"there is no finding '{visible_text(code)}': {hint}", param_hint="CODE")
         yield page

@@ -25,9 +25,10 @@ class LintInput:
     """The specs to lint.
 
     Attributes:
+        root: the folder to which the files in findings are relative.
         requested_paths: the files and folders on the command line, relative to the root.
-        plan: plans the specs. Its argument holds the new contents of files, which replace those on disk.
-        data: the text from standard input; None if the specs are in files.
+        plan: plans the specs. The argument contains the new contents of files; these replace the contents on disk.
+        stdin_data: the text from standard input; None if the specs are in files.
     """
 
     root: Path
@@ -43,7 +44,7 @@ class LintInput:
         return read_rewritable_files(files, self.root) if self.stdin_data is None else {STANDARD_INPUT: self.stdin_data}
 
     def may_change(self, file: str) -> bool:
-        """Return whether fixes may change a file: one on the command line, or in a folder on the command line."""
+        """Return whether fixes may change a file: the file, or a folder that contains it, is on the command line."""
         from codra_dsl.language.project import covers
 
         return covers(self.requested_paths, file)
@@ -51,7 +52,7 @@ class LintInput:
     def count_fixable(self, diagnostics: Sequence[Diagnostic]) -> tuple[int, str]:
         """Return the number of findings that can be fixed, and a hint.
 
-        If more could be fixed by linting a larger folder, the hint names this folder. Otherwise the hint is empty.
+        If more findings could be fixed by linting a larger folder, the hint names this folder. Otherwise it is empty.
         """
         from codra_dsl.language.diagnostics import is_safe
 
@@ -68,7 +69,7 @@ class LintInput:
 
 
 def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
-    """Return the specs at or below some paths, for linting."""
+    """Return the specs at or below some paths as the input of linting."""
     from codra_dsl.language.project import relative
 
     paths = existing(paths)
@@ -83,7 +84,7 @@ def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
 
 
 def input_from_standard_input(timings: Timings) -> LintInput:
-    """Return the spec from standard input, for linting."""
+    """Return the spec from standard input as the input of linting."""
     from codra_dsl.compiler import plan_text
     from codra_dsl.language.load.yaml.source import MAX_BYTES
 
@@ -102,8 +103,8 @@ class FixResult:
     """The result of fixing.
 
     Attributes:
-        planned: the plans and findings after fixing.
-        diagnostics: the findings after fixing, with findings about files that could not be written.
+        planning_result: the plans and findings after fixing.
+        diagnostics: the findings after fixing, and findings about files that could not be written.
         fixed_count: the number of findings that were fixed.
         before: the previous contents of the files that fixes may change.
         after: the new contents of the files that have changed.
@@ -125,7 +126,7 @@ class FixResult:
 def fix(lint_input: LintInput, *, write: bool) -> FixResult:
     """Fix specs. If `write` is true and the specs are in files, write the changed files.
 
-    Each file is read once, before linting. If somebody saves a file in the meantime, it is left unchanged.
+    Each file is read once, before linting. If somebody else changes a file in the meantime, that file is not written.
     """
     from codra_dsl.language.load.yaml.source import MAX_BYTES
     from codra_dsl.workspace.suppression import fix_all, rewrite

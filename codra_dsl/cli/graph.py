@@ -23,7 +23,7 @@ from codra_dsl.cli.console import (
     say,
     write_result,
 )
-from codra_dsl.cli.options import ColourOption, Output, Specs
+from codra_dsl.cli.options import ColourOption, OutputOption, Specs
 from codra_dsl.tooling.report.graph_formats import DEFAULT_FORMAT, FORMATS, GraphFormat, format_by_ending
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def graph_command(
     format_: GraphFormatOption = None,
     select: SelectOption = None,
     exclude: ExcludeOption = None,
-    output: Output = None,
+    output: OutputOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Show the dependency graph of specs. Findings go to standard error."""
@@ -115,7 +115,7 @@ def _select_part(graph: Graph, include_selectors: Sequence[str], exclude_selecto
                 select(choices, [selector])
             except SelectorError as error:
                 raise typer.BadParameter(str(error), param_hint=option) from error
-    selected_graph = graph.part(select(choices, include_selectors, exclude_selectors))
+    selected_graph = graph.select_part(select(choices, include_selectors, exclude_selectors))
     say(f"{len(selected_graph.elements)} of {len(graph.elements)} nodes")
     return selected_graph
 

@@ -72,8 +72,8 @@ def _next_commands(folder: Path, name: str) -> str:
 
 
 def _warn_of_repository(folder: Path) -> None:
-    """Warn if the project is not at the root of its repository: some of its files are read only at the root."""
+    """Warn if the project is not at the root of its repository. Other tools find some of its files only at the root."""
     start = folder.resolve()
     if (start / ".git").exists() or not any((above / ".git").exists() for above in start.parents):
         return
-    say("The root of the repository is further up: .github/ and .pre-commit-config.yaml are read only there.")
+    say("The root of the repository is further up: .github/ and .pre-commit-config.yaml have an effect only there.")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.journal.recovery import Recovery
 
 JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal of a run.", show_default=False)]
-Target = Annotated[
+OutputOption = Annotated[
     Path | None,
     typer.Option(
         "--output",
@@ -24,7 +24,7 @@ Target = Annotated[
     ),
 ]
 
-Kinds = Annotated[
+KindOption = Annotated[
     list[str] | None,
     typer.Option(
         "--kind",
@@ -33,7 +33,7 @@ Kinds = Annotated[
         show_default=False,
     ),
 ]
-About = Annotated[
+AboutOption = Annotated[
     list[str] | None,
     typer.Option(
         "--about",
@@ -43,7 +43,7 @@ About = Annotated[
     ),
 ]
 
-Whats = Annotated[
+WhatOption = Annotated[
     list[str] | None,
     typer.Option(
         "--what",
@@ -53,7 +53,7 @@ Whats = Annotated[
     ),
 ]
 
-_LINES_AT_ONCE = 1000
+_LINES_PER_WRITE = 1000
 
 journal_commands = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]}
@@ -66,7 +66,7 @@ def _journal() -> None:
 
 
 @journal_commands.command("recover")
-def recover_command(file: JournalFile, *, output: Target = None) -> None:
+def recover_command(file: JournalFile, *, output: OutputOption = None) -> None:
     """Write a complete journal with everything that a damaged journal holds, and report losses. FILE is kept."""
     from codra_dsl.runtime.journal.reader import JournalError
     from codra_dsl.runtime.journal.recovery import recover
@@ -87,7 +87,9 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
 
 
 @journal_commands.command("show")
-def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, what: Whats = None) -> None:
+def show_command(
+    file: JournalFile, *, kind: KindOption = None, about: AboutOption = None, what: WhatOption = None
+) -> None:
     """Print the events of a journal, one per line: instant, kind, name, what happened, and details."""
     from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.journal import Kind
@@ -110,7 +112,7 @@ def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, 
                 and event.what in (what or (event.what,))
             ):
                 lines.append(_event_text(event))
-            if len(lines) == _LINES_AT_ONCE:
+            if len(lines) == _LINES_PER_WRITE:
                 write_result("".join(lines))
                 lines.clear()
         write_result("".join(lines))

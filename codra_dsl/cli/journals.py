@@ -1,4 +1,4 @@
-"""Functions that the commands share that read journals."""
+"""Functions for all commands that read journals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def open_journal(path: Path) -> Iterator[JournalReader]:
     except JournalError as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    except BrokenPipeError:  # of standard output, not of the journal
+    except BrokenPipeError:  # an error of standard output, not of the journal
         raise
     except OSError as error:
         say(f"codra: cannot read '{path}': {error.strerror or error}")

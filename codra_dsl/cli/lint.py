@@ -23,32 +23,40 @@ from codra_dsl.cli.console import (
     text_for_log,
     write_result,
 )
-from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, SpecsOrText
+from codra_dsl.cli.options import (
+    ColourOption,
+    FailOnOption,
+    FindingsFormat,
+    NoCacheOption,
+    OutputOption,
+    SpecsOrText,
+    TimingsOption,
+)
 
 if TYPE_CHECKING:
     from codra_dsl.cli.fixes import LintInput
     from codra_dsl.workspace.cache import Cache, Run
 
-Fix = Annotated[
+FixOption = Annotated[
     bool,
     typer.Option("--fix", help="Apply safe fixes, then show the rest; with -, write the text to standard output."),
 ]
-Diff = Annotated[bool, typer.Option("--diff", help="Show what --fix would change, and write nothing.")]
+DiffOption = Annotated[bool, typer.Option("--diff", help="Show what --fix would change, and write nothing.")]
 
 
 def lint_command(
     paths: SpecsOrText,
     *,
-    fix: Fix = False,
-    diff: Diff = False,
+    fix: FixOption = False,
+    diff: DiffOption = False,
     format_: FindingsFormat = None,
-    output: Output = None,
+    output: OutputOption = None,
     fail_on: FailOnOption = None,
-    no_cache: NoCache = False,
-    timings: ShowTimings = False,
+    no_cache: NoCacheOption = False,
+    timings: TimingsOption = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Check specs. The code that they name is not imported or run. Only fixes, FILE and the cache are written."""
+    """Check specs. Python code that they name is not imported or run. Only fixes, FILE and the cache are written."""
     from codra_dsl.cli.fixes import input_from_files, input_from_standard_input
     from codra_dsl.workspace.cache import cache_of
 
@@ -87,7 +95,7 @@ def _lint_or_recall(lint_input: LintInput, cache: Cache | None) -> Run:
 
 
 def _show_diff(lint_input: LintInput, output: Path | None) -> ExitCode:
-    """Show the changes that fixes would make. If there are any, the exit code is that of a failure, for use in CI."""
+    """Show the changes that fixes would make. If there are changes, the command fails, for use in CI."""
     from codra_dsl.cli.fixes import fix
 
     fix_result = fix(lint_input, write=False)
@@ -102,7 +110,7 @@ def _show_diff(lint_input: LintInput, output: Path | None) -> ExitCode:
 def _apply_fixes(lint_input: LintInput, view: View, fail_on: FailOnOption, output: Path | None) -> ExitCode:
     """Apply all safe fixes, and show the other findings.
 
-    For a text from standard input, standard output gets the fixed text, and standard error gets the findings.
+    For a text from standard input, the fixed text is the result of the command, and standard error gets the findings.
     """
     from codra_dsl.cli.fixes import fix
 

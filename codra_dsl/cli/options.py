@@ -43,10 +43,10 @@ FailOnOption = Annotated[
         show_default=False,
     ),
 ]
-NoCache = Annotated[
+NoCacheOption = Annotated[
     bool, typer.Option("--no-cache", help="Do not use stored results, and do not store the result (.codra_cache).")
 ]
-ShowTimings = Annotated[
+TimingsOption = Annotated[
     bool, typer.Option("--timings", help="Show on standard error how long each stage took. The cache is not used.")
 ]
 ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; NO_COLOR is respected.")]
@@ -70,7 +70,7 @@ def _check_writable(output: Path | None) -> Path | None:
     return output
 
 
-Output = Annotated[
+OutputOption = Annotated[
     Path | None,
     typer.Option(
         "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_check_writable

@@ -27,7 +27,10 @@ PAPERS_PACKAGE = "codra-papers"
 
 
 def find_plugins(group: str) -> Mapping[str, EntryPoint]:
-    """Return the entry points of a group by name, sorted. If several have one name, the first on the path counts."""
+    """Return a mapping from the names of a group's entry points to the entry points, sorted by name.
+
+    If several distributions declare the same name, the first of them on the import path is used.
+    """
     entry_points_by_name: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
         entry_points_by_name.setdefault(entry_point.name, entry_point)
@@ -50,7 +53,7 @@ def _origin_text(entry_point: EntryPoint) -> str:
 
 
 class PluginGroup(TyperGroup):
-    """The commands of `codra` itself and of other distributions, which cannot replace a command of `codra` itself."""
+    """The commands of `codra` itself, and commands of other distributions, which must have other names."""
 
     def list_commands(self, ctx: Context) -> list[str]:
         """Return the names of all commands. The commands of `codra` itself are first."""

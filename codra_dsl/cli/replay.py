@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
 
-Package = Annotated[
+PackageOption = Annotated[
     Path | None,
     typer.Option(
         "--package",
@@ -37,17 +37,17 @@ SpecOption = Annotated[
     Path | None,
     typer.Option("--spec", metavar="SPEC", help="Compile this spec and use its package.", show_default=False),
 ]
-Dsr = Annotated[
+DsrOption = Annotated[
     Path | None,
     typer.Option("--dsr", metavar="FILE", help="The DSR graph with which the run began, as JSON.", show_default=False),
 ]
-UnitM = Annotated[
+DsrUnitOption = Annotated[
     float,
     typer.Option(
         "--dsr-unit-m", metavar="METRES", help="The unit of translations in the DSR file, in metres.", min=0.0
     ),
 ]
-Copy = Annotated[
+JournalOption = Annotated[
     Path | None,
     typer.Option("--journal", metavar="FILE", help="Write the derived events as a journal.", show_default=False),
 ]
@@ -58,11 +58,11 @@ _MAX_SHOWN_CHANGES = 5
 def replay_command(
     file: JournalFile,
     *,
-    package: Package = None,
+    package: PackageOption = None,
     spec: SpecOption = None,
-    dsr: Dsr = None,
-    dsr_unit_m: UnitM = 0.001,
-    journal: Copy = None,
+    dsr: DsrOption = None,
+    dsr_unit_m: DsrUnitOption = 0.001,
+    journal: JournalOption = None,
 ) -> None:
     """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
     from codra_dsl.cli.journals import open_journal, report_damage
@@ -124,7 +124,7 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
         )
         try:
             module = load_package(folder)
-            module.MODEL  # noqa: B018 - every package has one
+            module.MODEL  # noqa: B018 - every package has a `MODEL`
         except Exception as error:
             say(f"codra: '{folder}' is not a package of codra that can be loaded: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -240,7 +240,7 @@ def _difference_text(difference: Difference, header: RunHeader) -> str:
         lines.append(f"  the comparison ends here: {difference.because}")
     lines.extend(f"  the spec differs: {change}" for change in difference.changes[:_MAX_SHOWN_CHANGES])
     if len(difference.changes) > _MAX_SHOWN_CHANGES:
-        lines.append(f"  and {len(difference.changes) - _MAX_SHOWN_CHANGES} more changes, farther away")
+        lines.append(f"  and {len(difference.changes) - _MAX_SHOWN_CHANGES} more changes, farther from this event")
     return "".join(f"{line}\n" for line in lines)
 
 

@@ -53,7 +53,7 @@ class RunCommand(TyperCommand):
     """The command `run`, with the options of the world that its arguments name."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
-        """Parse the arguments with the options of the world. Without a world, parse only the options of all worlds."""
+        """Parse the arguments with the options of the world. Without a world, parse only the options of every world."""
         world_name = _world_name_in(args)
         entry_point = find_plugins(WORLDS_GROUP).get(world_name or "")
         if world_name is None or entry_point is None:
@@ -122,7 +122,7 @@ def _world_name_in(args: Sequence[str]) -> str | None:
 
 
 def _make_command_function(world: World, world_name: str) -> Callable[..., None]:
-    """Return the command function for a world. It has the options of all worlds, and those of this world."""
+    """Return the command function for a world. It has the options of every world and those of this world only."""
     _, *world_parameters = inspect.signature(world, eval_str=True).parameters.values()
     shared_parameters = inspect.signature(run_command, eval_str=True).parameters
     if duplicates := [parameter.name for parameter in world_parameters if parameter.name in shared_parameters]:

@@ -1,4 +1,4 @@
-"""`codra shadow`: report from a run's journal how often context agreed with the perception that it will replace."""
+"""`codra shadow`: report from a run's journal how often context agreed with the robot's own perception."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say, write_result
-from codra_dsl.cli.options import ColourOption, Output
+from codra_dsl.cli.options import ColourOption, OutputOption
 
 if TYPE_CHECKING:
     from codra_dsl.integrations.inspection.sweep_pictures import Axis
@@ -30,7 +30,7 @@ class SweepFormat(StrEnum):
 
 
 SpecFile = Annotated[Path, typer.Argument(metavar="SPEC", help="The spec with the rules.", show_default=False)]
-Vary = Annotated[
+VaryOption = Annotated[
     list[str] | None,
     typer.Option(
         "--vary",
@@ -40,14 +40,14 @@ Vary = Annotated[
         show_default=False,
     ),
 ]
-With = Annotated[
+WithOption = Annotated[
     list[str] | None,
     typer.Option(
         "--with", metavar="NAME=VALUE", help="The value of another input.  [default: unknown]", show_default=False
     ),
 ]
-Steps = Annotated[int, typer.Option("--steps", min=1, max=1000, help="The number of steps in a range.")]
-Course = Annotated[
+StepsOption = Annotated[int, typer.Option("--steps", min=1, max=1000, help="The number of steps in a range.")]
+CourseOption = Annotated[
     str | None,
     typer.Option(
         "--course",
@@ -66,12 +66,12 @@ _MAX_VARIED_INPUTS = 2
 def sweep_command(
     spec: SpecFile,
     *,
-    vary: Vary = None,
-    with_: With = None,
-    steps: Steps = 24,
-    course: Course = None,
+    vary: VaryOption = None,
+    with_: WithOption = None,
+    steps: StepsOption = 24,
+    course: CourseOption = None,
     format_: FormatOption = None,
-    output: Output = None,
+    output: OutputOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Vary inputs of fuzzy rules: show where and by which rule the course switches, and if each metric is monotone."""
@@ -80,7 +80,9 @@ def sweep_command(
     if len(vary or ()) > _MAX_VARIED_INPUTS:
         raise typer.BadParameter(f"at most {_MAX_VARIED_INPUTS} inputs can be varied at once", param_hint="--vary")
     if len(vary or ()) == _MAX_VARIED_INPUTS and chosen_format is not SweepFormat.SVG:
-        raise typer.BadParameter("two inputs can only be drawn: add --format svg, or vary one", param_hint="--vary")
+        raise typer.BadParameter(
+            "two inputs can only be drawn: add --format svg, or vary only one", param_hint="--vary"
+        )
     root = common_root([spec])
     plan = one_plan(spec, root, color)
     from codra_dsl.integrations.inspection.sweeps import SweepError, subject
@@ -96,12 +98,12 @@ def sweep_command(
 
 def _choose_format(output: Path | None) -> SweepFormat:
     """Return the format for the ending of a file name. An unknown ending is a usage error."""
-    endings = {"": SweepFormat.TEXT, ".txt": SweepFormat.TEXT, ".json": SweepFormat.JSON, ".svg": SweepFormat.SVG}
+    formats = {"": SweepFormat.TEXT, ".txt": SweepFormat.TEXT, ".json": SweepFormat.JSON, ".svg": SweepFormat.SVG}
     ending = "" if output is None else output.suffix.lower()
-    if ending not in endings:
+    if ending not in formats:
         message = f"no sweep format has the ending '{ending}': use --format, or one of .txt, .json, .svg"
         raise typer.BadParameter(message, param_hint="--output")
-    return endings[ending]
+    return formats[ending]
 
 
 def _render(

@@ -42,7 +42,7 @@ JournalOption = Annotated[
         show_default=False,
     ),
 ]
-At = Annotated[
+AtOption = Annotated[
     str | None,
     typer.Option(
         "--at",
@@ -59,7 +59,7 @@ def why_command(
     variable: Variable,
     *,
     journal: JournalOption,
-    at: At = None,
+    at: AtOption = None,
     format_: Annotated[WhyFormat, typer.Option("--format", help="The format of the explanation.")] = WhyFormat.TEXT,
 ) -> None:
     """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
@@ -112,7 +112,7 @@ def _explanation_json(explanation: Why) -> str:
 
 
 def _instant_s(text: str, header: RunHeader) -> float:
-    """Return the instant that the text of `--at` gives."""
+    """Return the instant that the value of `--at` names."""
     if text.startswith("+"):
         seconds = _parse_seconds(text[1:].strip())
         at_s = None if seconds is None else header.start_s + seconds

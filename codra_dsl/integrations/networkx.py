@@ -1,8 +1,8 @@
 """DSR graphs as MultiDiGraph of networkx, and as GraphML for tools that draw and analyse graphs.
 
-A node in networkx is the name of a DSR node, the key of an edge is its label, and attributes are plain Python values
-under their own names. The attribute `dsr` holds the rest: the numbers of nodes, the type codes of values, and
-additional contents of files.
+In networkx, a node is the name of a DSR node, and the key of an edge is the label of a DSR edge. Attributes have the
+same names as in DSR, and plain Python values. The attribute `dsr` contains the rest: the numbers of nodes, the type
+codes of values, and additional contents of files.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class _DsrData(NamedTuple):
     """The contents of the attribute `dsr`."""
 
     codes: Mapping[str, int]
-    extras: Mapping[str, Mapping[str, object]]
+    attribute_extras: Mapping[str, Mapping[str, object]]
     extra: Mapping[str, object]
     number: int | None = None
 
@@ -89,7 +89,9 @@ def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
         for name, data in graph.nodes(data=True)
     ]
     if len({node.name for node in nodes}) < len(nodes):
-        raise ExchangeError("two nodes have the same name as text: node names must be unique")
+        raise ExchangeError(
+            "two node names are equal when they are converted to text: node names must be unique as text"
+        )
     if not all(node.name for node in nodes):
         raise ExchangeError("a node has no name: give it a non-empty text")
     graph_data = _require_mapping(graph.graph.get(DSR_KEY, {}), "the graph")
@@ -155,7 +157,7 @@ def parse_graphml(text: str, source: str = "<text>") -> DsrGraph:
         raise ExchangeError(f"{source}: the file declares a document type: remove this declaration, it is not needed")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # networkx warns when it only guesses, which would lose data
+            warnings.simplefilter("error")  # networkx warns when it only guesses; a guess could lose data
             parsed_graph = networkx.read_graphml(io.BytesIO(text.encode("utf-8", "replace")), force_multigraph=True)
         for data in (
             parsed_graph.graph,
@@ -187,22 +189,24 @@ def _unreserved_name(name: str) -> str:
 
 def _dsr_attribute(attributes: Mapping[str, DsrValue], extra: Mapping[str, object]) -> dict[str, object]:
     codes = {name: int(value.code) for name, value in attributes.items()}
-    extras = {name: dict(value.extra) for name, value in attributes.items() if value.extra}
-    return {"codes": codes, "extras": extras, "extra": dict(extra)}
+    attribute_extras = {name: dict(value.extra) for name, value in attributes.items() if value.extra}
+    return {"codes": codes, "extras": attribute_extras, "extra": dict(extra)}
 
 
 def _read_dsr_data(data: Mapping[str, object], subject: str) -> _DsrData:
     content = _require_mapping(data.get(DSR_KEY, {}), subject)
-    codes, extras, extra = (_require_mapping(content.get(key, {}), subject) for key in ("codes", "extras", "extra"))
+    codes, attribute_extras, extra = (
+        _require_mapping(content.get(key, {}), subject) for key in ("codes", "extras", "extra")
+    )
     number = content.get("number")
     is_valid_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= MAX_NODE_NUMBER
     if not (number is None or is_valid_number) or not all(type(code) is int for code in codes.values()):
         raise ExchangeError(f"{subject}: {DSR_KEY!r} does not hold a valid number and valid codes: remove {DSR_KEY!r}")
-    for name, value_extra in extras.items():
+    for name, value_extra in attribute_extras.items():
         _require_mapping(value_extra, f"{subject}.{name}")
     return _DsrData(
         cast("Mapping[str, int]", codes),
-        cast("Mapping[str, Mapping[str, object]]", extras),
+        cast("Mapping[str, Mapping[str, object]]", attribute_extras),
         extra,
         cast("int | None", number),
     )
@@ -228,7 +232,7 @@ def _dsr_attributes(
             continue
         name = key[:-1] if isinstance(key, str) and key.rstrip("_") in _RESERVED_KEYS else str(key)
         try:
-            yield name, encode_value(value, dsr_data.codes.get(name), dsr_data.extras.get(name))
+            yield name, encode_value(value, dsr_data.codes.get(name), dsr_data.attribute_extras.get(name))
         except (ValueError, OverflowError) as error:
             raise ExchangeError(f"{subject}.{name}: {error}") from None
 
@@ -294,7 +298,10 @@ def _with_label_keys(parsed_graph: networkx.Graph[Any]) -> networkx.Graph[Any]:
 
 
 def _xml_attributes(data: Mapping[str, object], subject: str) -> dict[str, object]:
-    """Return attributes for XML: plain values unchanged, other values as JSON, and the list of the values in JSON."""
+    """Return attributes for XML: plain values unchanged, and other values as JSON.
+
+    If there are JSON values, an additional attribute `json` lists the attributes with JSON values.
+    """
     xml_attributes: dict[str, object] = {}
     json_kinds: dict[str, str] = {}
     for key, value in data.items():

@@ -60,15 +60,15 @@ class ContextIs(Behaviour):
             holds: returns whether a value satisfies the condition; by default, whether the value is true.
             unknown: the status when the variable is unknown and the wait is over.
             wait_up_to_s: how long the node waits for observers.
-            max_age_s: older evidence counts as unknown.
+            max_age_s: a value with older evidence is treated as unknown.
         """
         super().__init__(name)
         self._variable = variable
         self._holds = holds or _is_true
-        self._unknown = unknown
+        self._unknown_status = unknown
         self._wait_up_to_s = wait_up_to_s
         self._max_age_s = max_age_s
-        self._asked_s = -math.inf
+        self._wait_start_s = -math.inf
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -83,18 +83,18 @@ class ContextIs(Behaviour):
 
     def initialise(self) -> None:
         """Start the wait."""
-        self._asked_s = _require_setup(self, self._setup_arguments).clock.now_s()
+        self._wait_start_s = _require_setup(self, self._setup_arguments).clock.now_s()
 
     def update(self) -> Status:
         """Read the variable."""
         setup_arguments = _require_setup(self, self._setup_arguments)
         now_s, reading = setup_arguments.clock.now_s(), setup_arguments.codra.get(self._variable)
         is_fresh = reading.known and reading.age_s(now_s) <= self._max_age_s
-        if is_fresh and reading.start_s >= _acted_s(self, self._variable):
+        if is_fresh and reading.start_s >= _evidence_start_s(self, self._variable):
             self.feedback_message = f"{reading.value!r}"
             return _status(self._holds(reading.value))
         self.feedback_message = _unknown_text(reading)
-        return Status.RUNNING if now_s < self._asked_s + self._wait_up_to_s else self._unknown
+        return Status.RUNNING if now_s < self._wait_start_s + self._wait_up_to_s else self._unknown_status
 
 
 class Decide(Decorator):
@@ -128,14 +128,14 @@ class Decide(Decorator):
             holds: returns whether a value satisfies the decision; by default, whether the value is true.
             unknown: the status if neither context nor the child knows the value.
             wait_up_to_s: how long the node waits for observers before the child looks.
-            max_age_s: older evidence counts as unknown.
+            max_age_s: a value with older evidence is treated as unknown.
             shadow: the child always looks, and the event log records whether context agrees.
         """
         super().__init__(name, child)
         self._variable = variable
         self._read_result = result
         self._holds = holds or _is_true
-        self._unknown = unknown
+        self._unknown_status = unknown
         self._wait_up_to_s = wait_up_to_s
         self._max_age_s = max_age_s
         self._shadow = shadow
@@ -158,7 +158,7 @@ class Decide(Decorator):
             self._pending_decision = _require_setup(self, self._setup_arguments).codra.ask(
                 self._variable,
                 max_age_s=self._max_age_s,
-                since_s=_acted_s(self, self._variable),
+                since_s=_evidence_start_s(self, self._variable),
                 wait_up_to_s=self._wait_up_to_s,
                 shadow=self._shadow,
             )
@@ -174,7 +174,7 @@ class Decide(Decorator):
             yield from Behaviour.tick(self)
 
     def update(self) -> Status:
-        """Answer, wait, or continue to look."""
+        """Return the status of the answer, or RUNNING while observers or the subtree look for the value."""
         assert self._pending_decision is not None
         match self._pending_decision.state:
             case DecisionState.WAITING:
@@ -185,9 +185,9 @@ class Decide(Decorator):
         if self.decorated.status is Status.RUNNING:
             self.feedback_message = "looking"
             return Status.RUNNING
-        result = self._read_result() if self.decorated.status is Status.SUCCESS else None
-        self._pending_decision.record_result(result)
-        return self._answer(result, "from looking")
+        seen_value = self._read_result() if self.decorated.status is Status.SUCCESS else None
+        self._pending_decision.record_result(seen_value)
+        return self._answer(seen_value, "from looking")
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
         """Discard the pending decision; if it has no answer, abandon it."""
@@ -198,7 +198,7 @@ class Decide(Decorator):
     def _answer(self, value: object, answer_source: str) -> Status:
         if value is None:
             self.feedback_message = "unknown: looking gave no value"
-            return self._unknown
+            return self._unknown_status
         self.feedback_message = f"{value!r}, {answer_source}"
         return _status(self._holds(value))
 
@@ -211,9 +211,9 @@ class DuringSkill(Decorator):
         super().__init__(name, child)
         self._skill = skill
         self._changes: frozenset[str] = frozenset()
-        self._acted_s = -math.inf
+        self._last_action_end_s = -math.inf
         self._stack = ExitStack()
-        self._begun: Skill | None = None
+        self._running_skill: Skill | None = None
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -228,42 +228,44 @@ class DuringSkill(Decorator):
 
     def initialise(self) -> None:
         """Begin the skill."""
-        self._stack.close()  # if an earlier tick raised, its skill has not ended yet
-        self._acted_s = -math.inf
-        self._begun = self._stack.enter_context(_require_setup(self, self._setup_arguments).codra.skill(self._skill))
+        self._stack.close()  # if an earlier tick raised an exception, the skill of that tick has not ended yet
+        self._last_action_end_s = -math.inf
+        self._running_skill = self._stack.enter_context(
+            _require_setup(self, self._setup_arguments).codra.skill(self._skill)
+        )
 
     def update(self) -> Status:
         """Return the status of the subtree."""
         return self.decorated.status
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
-        """End the skill, after the subtree."""
+        """Stop the subtree, and then end the skill."""
         if self.decorated.status is Status.RUNNING:
             self.decorated.stop(Status.INVALID)
-        self._begun = None
+        self._running_skill = None
         self._stack.close()
 
     @property
-    def begun(self) -> Skill:
+    def running_skill(self) -> Skill:
         """Return the running skill.
 
         Raises:
             RuntimeError: if the skill is not running.
         """
-        if self._begun is None:
+        if self._running_skill is None:
             raise RuntimeError(f"skill {self._skill!r} is not running")
-        return self._begun
+        return self._running_skill
 
     def note_action(self, instant_s: float) -> None:
         """Record when an action of the skill ended."""
-        self._acted_s = instant_s
+        self._last_action_end_s = instant_s
 
-    def acted_s(self, variable: str) -> float:
+    def last_action_end_s(self, variable: str) -> float:
         """Return when the last action of the skill ended.
 
         Return minus infinity if no action has ended yet, or the skill does not change the variable.
         """
-        return self._acted_s if variable in self._changes else -math.inf
+        return self._last_action_end_s if variable in self._changes else -math.inf
 
 
 class Acting(Decorator):
@@ -294,7 +296,7 @@ class Acting(Decorator):
         """Begin the action."""
         assert self._skill_node is not None
         self._stack.close()
-        self._stack.enter_context(self._skill_node.begun.acting())
+        self._stack.enter_context(self._skill_node.running_skill.acting())
         self._stack.callback(self._end)
 
     def update(self) -> Status:
@@ -323,7 +325,7 @@ class Expecting(Decorator):
         """Expect skills of the spec after the subtree."""
         super().__init__(name, child)
         self._skills = skills
-        self._was_last = False
+        self._is_latest = False
         self._setup_arguments: _SetupArguments | None = None
 
     def setup(self, **kwargs: Any) -> None:
@@ -341,7 +343,7 @@ class Expecting(Decorator):
         """Expect the skills."""
         for node in _root(self).iterate():
             if isinstance(node, Expecting):
-                node._was_last = node is self
+                node._is_latest = node is self
         _require_setup(self, self._setup_arguments).codra.expect(*self._skills)
 
     def update(self) -> Status:
@@ -350,8 +352,8 @@ class Expecting(Decorator):
 
     def terminate(self, new_status: Status) -> None:
         """Withdraw the expectation, unless the subtree succeeded or a later node expects skills."""
-        if new_status is not Status.SUCCESS and self._was_last:
-            self._was_last = False
+        if new_status is not Status.SUCCESS and self._is_latest:
+            self._is_latest = False
             _require_setup(self, self._setup_arguments).codra.expect()
 
 
@@ -388,9 +390,12 @@ def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
         ancestor = ancestor.parent
 
 
-def _acted_s(node: Behaviour, variable: str) -> float:
-    """Return the instant from which evidence for a variable counts, because of the skills around a node."""
-    return max((skill.acted_s(variable) for skill in _skills_above(node)), default=-math.inf)
+def _evidence_start_s(node: Behaviour, variable: str) -> float:
+    """Return when the last action that changes a variable ended, in the skills around a node.
+
+    Evidence from before this instant is not used.
+    """
+    return max((skill.last_action_end_s(variable) for skill in _skills_above(node)), default=-math.inf)
 
 
 def _is_true(value: object) -> bool:

@@ -31,7 +31,7 @@ _GIT = (
     *("git", "--no-pager", "--no-replace-objects", "--literal-pathspecs"),
     *("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"),
 )
-# Inherited variables could point git at another repository, or let it start a program.
+# Inherited variables could point git at another repository, or make git start a program.
 _SAFE_ENVIRONMENT = {
     "GIT_ALLOW_PROTOCOL": "none",
     "GIT_NO_LAZY_FETCH": "1",
@@ -148,7 +148,7 @@ class Repository:
             target_folder: an empty folder that no other process writes to.
 
         Returns:
-            The paths of symbolic links and submodules that were not read but may hold specs, each with its kind.
+            The kinds, by path, of symbolic links and submodules that were not read but may contain specs.
 
         Raises:
             RevisionError: if the revision has too many or too large files, or if some of its files are missing here.
@@ -223,9 +223,8 @@ class Repository:
             target = target_folder / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-        for entry in set(file_entries) - set(
-            small_entries
-        ):  # write an empty file of a size that is reported as too large
+        # Files that are too large are written without their data, but with a size that is reported as too large.
+        for entry in set(file_entries) - set(small_entries):
             target = target_folder / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as stream:

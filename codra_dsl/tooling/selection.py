@@ -31,7 +31,7 @@ class Choice:
         id: the complete name of the node, with `/`.
         label: the name for people.
         file: the file that declares the node.
-        use: the use of a template that created the node; empty without one.
+        use: the use of a template that created the node; empty if no template created it.
     """
 
     id: str
@@ -78,7 +78,7 @@ class SelectorError(ValueError):
 
 
 def select(choices: Choices, include_selectors: Sequence[str], exclude_selectors: Sequence[str] = ()) -> frozenset[str]:
-    """Return the ids of the nodes that at least one wanted selector and no unwanted selector matches.
+    """Return the ids of the nodes that match at least one of `include_selectors` and none of `exclude_selectors`.
 
     Args:
         choices: the graph.
@@ -140,7 +140,7 @@ def _parse_terms(text: str) -> Iterator[list[_Term]]:
 
 def _parse_term(text: str, start: int) -> _Term:
     match = _TERM.match(text, start)
-    assert match is not None  # every part of the pattern may be empty
+    assert match is not None  # every group of the regular expression may be empty
     pattern_start, end = match.start("pattern"), match.end()
     if not match["pattern"]:
         raise SelectorError(
@@ -170,7 +170,7 @@ def _step_count(digits: str | None) -> int:
 
 
 class _Search:
-    """Finds the nodes of one graph that selectors match."""
+    """Finds the nodes in one graph that match selectors."""
 
     def __init__(self, choices: Choices) -> None:
         self._choices = choices
@@ -225,7 +225,7 @@ class _Search:
     def _find_matching_ids(
         self, term: _Term, keys_and_ids: Iterable[tuple[str, str]], make_help: Callable[[_Term, Sequence[str]], str]
     ) -> frozenset[str]:
-        """Return the ids of the nodes whose key the pattern of a term matches. No match is an error."""
+        """Return the ids of the nodes with a key that matches the pattern of a term. No match is an error."""
         key_id_pairs = list(keys_and_ids)
         is_glob = _GLOB.search(term.pattern) is not None
         matching_ids = frozenset(
@@ -261,13 +261,13 @@ class _Search:
         return self._methods[name]
 
 
-def _choice_hint(name: str, allowed: Sequence[str]) -> str:
-    similar_name = suggest(name, allowed)
-    return f"did you mean '{similar_name}'?" if similar_name else f"choose from {', '.join(allowed)}"
+def _choice_hint(name: str, allowed_names: Sequence[str]) -> str:
+    similar_name = suggest(name, allowed_names)
+    return f"did you mean '{similar_name}'?" if similar_name else f"choose from {', '.join(allowed_names)}"
 
 
 def _reachable_ids(neighbours: Mapping[str, Sequence[str]], start_ids: frozenset[str], steps: int) -> frozenset[str]:
-    """Return the start and the nodes that can be reached from it in at most `steps` steps."""
+    """Return the start nodes, and the nodes that can be reached from them in at most `steps` steps."""
     reached_ids, frontier = set(start_ids), start_ids
     while frontier and steps:
         frontier = (

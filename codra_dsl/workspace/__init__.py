@@ -1,1 +1,1 @@
-"""The settings and the memory of one project."""
+"""The settings and the cache of one project, and the times of a command's stages."""

@@ -390,7 +390,7 @@ def test_the_ending_of_a_file_chooses_the_format(truck: Path, tmp_path: Path) ->
         (("--vary", "load", "--with", "tripped=yes"), "--with: 'tripped' is false or true, not 'yes'"),
         (
             ("--vary", "load", "--vary", "distance"),
-            "--vary: two inputs can only be drawn: add --format svg, or vary one",
+            "--vary: two inputs can only be drawn: add --format svg, or vary only one",
         ),
         (("--vary", "load", "--vary", "a", "--vary", "b"), "--vary: at most 2 inputs can be varied at once"),
         (

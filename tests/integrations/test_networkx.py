@@ -142,7 +142,7 @@ INVALID_GRAPHS = {
     "the graph is not directed: convert it": networkx.Graph([(1, 2)]),
     "node 'a'.pose: DSR has no type for object": digraph(("a", {"pose": object()})),
     "node 'a'.pose: DSR has no type for tuple": digraph(("a", {"pose": (1.0, "x")})),
-    "two nodes have the same name as text": digraph((1, {}), ("1", {})),
+    "two node names are equal when they are converted to text": digraph((1, {}), ("1", {})),
     "a node has no name": digraph(("a", {}), ("", {})),
     "two nodes have the same number": digraph(("a", {"dsr": {"number": 1}}), ("b", {"dsr": {"number": 1}})),
     "node 'a': 'dsr' does not hold a valid number and valid codes": digraph(("a", {"dsr": {"number": -1}})),

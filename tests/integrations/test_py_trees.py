@@ -477,7 +477,7 @@ def test_in_any_tree_exactly_the_running_skills_are_declared(shape: Shape, switc
             running = [
                 node for node in root.iterate() if isinstance(node, DuringSkill) and node.status is Status.RUNNING
             ]
-            assert manager.declared() == {name for node in running for name in WHOSE[node.begun.model.name]}
+            assert manager.declared() == {name for node in running for name in WHOSE[node.running_skill.model.name]}
         root.stop(Status.INVALID)
 
         assert manager.declared() == frozenset()

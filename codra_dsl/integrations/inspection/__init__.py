@@ -1,6 +1,6 @@
 """Inspection of specs: compile and load a package, sweep its loops, and draw the results.
 
-`sweep_pictures` and `fuzzy_pictures` need matplotlib (the extra `viz`), so they are imported by their own names.
+`sweep_pictures` and `fuzzy_pictures` need matplotlib (the extra `viz`). Import these two modules directly.
 """
 
 from __future__ import annotations

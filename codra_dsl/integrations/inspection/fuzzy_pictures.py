@@ -27,30 +27,30 @@ __all__ = [
     "surface",
 ]
 
-_POINTS = 401
-_SIDE = 61
-_COLUMNS = 3
+_POINT_COUNT = 401
+_VALUES_PER_INPUT = 61
+_COLUMN_COUNT = 3
 
 
 def load_engine(engine: Engine) -> ModuleType:
-    """Compile an engine, execute the module, and return it."""
+    """Compile an engine to a module, execute the module, and return it."""
     module = ModuleType(engine.name or "engine")
     exec(compile(compile_engine(engine), f"<{module.__name__}>", "exec"), module.__dict__)
     return module
 
 
 def draw_memberships(path: Path, engine: Engine) -> None:
-    """Draw each variable's terms over its range; terms that depend on other variables are left out.
+    """Draw the terms of each variable over its range. Terms that depend on other variables are left out.
 
     Args:
         path: the file of the picture; its suffix (`.png`, `.svg`) determines the format.
         engine: an engine whose variables have finite ranges.
     """
     variables = engine.variables
-    rows = -(-len(variables) // _COLUMNS)
-    figure = Figure(figsize=(4.2 * _COLUMNS, 2.3 * rows), layout="constrained")
+    row_count = -(-len(variables) // _COLUMN_COUNT)
+    figure = Figure(figsize=(4.2 * _COLUMN_COUNT, 2.3 * row_count), layout="constrained")
     for index, variable in enumerate(variables):
-        _draw_terms(figure.add_subplot(rows, _COLUMNS, index + 1), variable)
+        _draw_terms(figure.add_subplot(row_count, _COLUMN_COUNT, index + 1), variable)
     _save(figure, path)
 
 
@@ -66,16 +66,16 @@ def draw_surface(
         inputs: the names of the inputs along x and y.
         fixed: the values of the other inputs; the middle of their range by default.
     """
-    heights = surface(engine, output, inputs, fixed or {})
-    first, second = (engine.variable(name) for name in inputs)
+    values = surface(engine, output, inputs, fixed or {})
+    x_variable, y_variable = (engine.variable(name) for name in inputs)
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     axes = figure.add_subplot()
-    extent = (first.minimum, first.maximum, second.minimum, second.maximum)
-    picture = axes.imshow(heights, origin="lower", extent=extent, aspect="auto", cmap="viridis")
-    drawn = axes.contour(heights, origin="lower", extent=extent, colors="white", linewidths=0.7)
-    axes.clabel(drawn, fontsize=8)
-    axes.set_xlabel(first.name)
-    axes.set_ylabel(second.name)
+    extent = (x_variable.minimum, x_variable.maximum, y_variable.minimum, y_variable.maximum)
+    picture = axes.imshow(values, origin="lower", extent=extent, aspect="auto", cmap="viridis")
+    contour_lines = axes.contour(values, origin="lower", extent=extent, colors="white", linewidths=0.7)
+    axes.clabel(contour_lines, fontsize=8)
+    axes.set_xlabel(x_variable.name)
+    axes.set_ylabel(y_variable.name)
     axes.set_title(output, fontsize=10, loc="left")
     figure.colorbar(picture, ax=axes)
     _save(figure, path)
@@ -92,15 +92,15 @@ def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping
     rows = [
         [
             infer(*(base_values | dict(zip(inputs, (x, y), strict=True))).values()).values[index]
-            for x in np.linspace(*x_range, _SIDE).tolist()
+            for x in np.linspace(*x_range, _VALUES_PER_INPUT).tolist()
         ]
-        for y in np.linspace(*y_range, _SIDE).tolist()
+        for y in np.linspace(*y_range, _VALUES_PER_INPUT).tolist()
     ]
     return np.array(rows)
 
 
 def _draw_terms(axes: Axes, variable: Variable) -> None:
-    xs = np.linspace(variable.minimum, variable.maximum, _POINTS).tolist()
+    xs = np.linspace(variable.minimum, variable.maximum, _POINT_COUNT).tolist()
     for term in variable.terms:
         degree = _membership(term)
         if degree is not None:

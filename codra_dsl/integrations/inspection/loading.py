@@ -58,7 +58,7 @@ def compile_and_load(source: Path | Spec | BuildPlan, folder: Path) -> CompiledS
 
     Args:
         source: a file that holds one spec, a `Spec` (without behaviour trees of its own), or a build plan.
-        folder: an empty folder for the package; it is created. Its path distinguishes packages of the same name.
+        folder: an empty or missing folder for the package. Packages with the same name need different folders.
 
     Raises:
         SpecError: if the spec has errors, or the file does not hold exactly one spec.
@@ -111,7 +111,7 @@ def _spec_error(diagnostics: Iterable[Diagnostic], fallback_message: str = "") -
 
 
 def load_start(file_texts: Mapping[str, str], name: str, folder: Path) -> StartFunction:
-    """Write generated files into a folder; import the package `name` among them, and return its `start`.
+    """Write generated files into a folder, import the package `name` from this folder, and return its `start`.
 
     The arguments are those of `load_emitted`.
     """
@@ -119,12 +119,12 @@ def load_start(file_texts: Mapping[str, str], name: str, folder: Path) -> StartF
 
 
 def load_emitted(file_texts: Mapping[str, str], name: str, folder: Path) -> ModuleType:
-    """Write generated files into a folder; import the package `name` among them, and return it.
+    """Write generated files into a folder, import the package `name` from this folder, and return the package.
 
     Args:
-        file_texts: the texts of the files, as the compiler emits them. The key is the path relative to the folder.
+        file_texts: a mapping from paths relative to the folder to the texts of the files, as the compiler emits them.
         name: the spec's name.
-        folder: an empty folder of this run; its path keeps packages of several runs apart.
+        folder: an empty folder for this run; packages of different runs need different folders.
     """
     for path, text in file_texts.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -136,7 +136,7 @@ def load_package(folder: Path) -> ModuleType:
     """Import the generated package in a folder, and return it. The folder need not be on Python's path.
 
     Raises:
-        ImportError: if there is no package. Errors of the package itself are raised as they are.
+        ImportError: if there is no package. Exceptions of the package itself are not changed.
     """
     module_name = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{folder.name}"
     spec = importlib.util.spec_from_file_location(

@@ -41,7 +41,7 @@ class Subject:
 
     Attributes:
         course: the course whose actions are compared; None if the spec has no course.
-        inputs: all variables that rules and hard rules read, except metrics; they can be varied or held.
+        inputs: all variables that rules and hard rules read, except metrics. Each can be varied or have a fixed value.
     """
 
     name: str
@@ -73,7 +73,7 @@ def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject
     Args:
         plan: the build plan of the spec.
         folder: an empty folder, to which the compiled spec is written.
-        course: the adaptation whose actions are compared; needed only if there are several.
+        course: the adaptation whose actions are compared; needed only if there are several courses.
 
     Raises:
         SweepError: if the spec has no fuzzy rules, or no such course.
@@ -85,25 +85,26 @@ def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject
     model: MapeModel = importlib.import_module(f"{package.__name__}.{MAPE_MODULE}").MAPE
     model = with_places(model, places_in(folder / spec.name, spec.name))
     course_model = _course(model, course, spec.name)
-    names = dict.fromkeys(_variables_read(mape, "" if course_model is None else course_model.name))
+    names = dict.fromkeys(_read_variable_names(mape, "" if course_model is None else course_model.name))
     variables = {variable.name: variable for variable in spec.context}
     return Subject(name=spec.name, model=model, course=course_model, inputs={name: variables[name] for name in names})
 
 
-def _course(model: MapeModel, wanted: str | None, spec: str) -> CourseModel | None:
+def _course(model: MapeModel, requested_course: str | None, spec: str) -> CourseModel | None:
     courses = {course.name: course for course in model.courses}
-    if wanted is not None and wanted not in courses:
-        suggestion = suggest(wanted, courses)
-        listed = f"there are {', '.join(courses)}" if courses else "the spec has no courses"
+    if requested_course is not None and requested_course not in courses:
+        suggestion = suggest(requested_course, courses)
+        courses_hint = f"there are {', '.join(courses)}" if courses else "the spec has no courses"
         raise SweepError(
-            f"'{spec}' has no course '{wanted}': {f'did you mean {suggestion!r}?' if suggestion else listed}"
+            f"'{spec}' has no course '{requested_course}': "
+            f"{f'did you mean {suggestion!r}?' if suggestion else courses_hint}"
         )
-    if wanted is None and len(courses) > 1:
+    if requested_course is None and len(courses) > 1:
         raise SweepError(f"'{spec}' has several courses: choose one with --course {' or '.join(courses)}")
-    return courses[wanted] if wanted is not None else next(iter(courses.values()), None)
+    return courses[requested_course] if requested_course is not None else next(iter(courses.values()), None)
 
 
-def _variables_read(mape: CheckedMape, course: str) -> Iterator[str]:
+def _read_variable_names(mape: CheckedMape, course: str) -> Iterator[str]:
     """Yield the variables that stages and hard rules read, except metrics."""
     metric_names = {metric.variable for metric in mape.metrics.outputs} if mape.metrics is not None else set()
     stages: Sequence[CheckedStage | None] = (mape.metrics, mape.actions)
@@ -126,8 +127,8 @@ def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None
     """
     values: dict[str, Value | None] = dict.fromkeys(subject.inputs)
     for assignment in assignments:
-        name, equals, text = _split_assignment(assignment)
-        if not equals:
+        name, equals_sign, text = _split_assignment(assignment)
+        if not equals_sign:
             raise SweepError(f"'{assignment}' has no value: write {name}=VALUE")
         variable = subject.input(name.strip())
         values[variable.name] = None if text.strip() == UNKNOWN else value_of(variable, text.strip())
@@ -135,7 +136,7 @@ def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None
 
 
 def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tuple[Value, ...]]:
-    """Return an input and the values that it takes.
+    """Return an input and the values over which it is varied.
 
     Args:
         subject: the loops with the input.
@@ -145,20 +146,20 @@ def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tup
     Raises:
         SweepError: if the text has an impossible value.
     """
-    name, equals, text = _split_assignment(assignment)
+    name, equals_sign, text = _split_assignment(assignment)
     variable = subject.input(name.strip())
-    if not equals:
+    if not equals_sign:
         return variable, _all_values(variable, steps)
-    first, dots, last = text.partition("..")
-    if dots and variable.type.kind in (Kind.FLOAT, Kind.INT):
+    first, range_sign, last = text.partition("..")
+    if range_sign and variable.type.kind in (Kind.FLOAT, Kind.INT):
         return variable, _values_between(variable, _number(variable, first), _number(variable, last), steps)
     return variable, tuple(value_of(variable, value_text.strip()) for value_text in text.split(","))
 
 
 def _split_assignment(assignment: str) -> tuple[str, str, str]:
     """Split `NAME=VALUE` at `=`. The name of a pose condition can itself contain this sign, as in `<=`."""
-    name, equals, text = _NAME_AND_VALUE.fullmatch(assignment).groups()  # type: ignore[union-attr]  # any text matches
-    return name, equals, text
+    name, equals_sign, text = _NAME_AND_VALUE.fullmatch(assignment).groups()  # type: ignore[union-attr]  # any text matches
+    return name, equals_sign, text
 
 
 def _all_values(variable: Variable, steps: int) -> tuple[Value, ...]:
@@ -172,21 +173,21 @@ def _all_values(variable: Variable, steps: int) -> tuple[Value, ...]:
 def _values_between(variable: Variable, first: float, last: float, steps: int) -> tuple[Value, ...]:
     if variable.type.kind is Kind.INT:
         low, high = sorted((math.ceil(first), math.floor(last)))
-        return tuple(range(low, high + 1)) if high - low <= steps else tuple(_spread(low, high, steps))
-    return tuple(_tidy(first + (last - first) * step / steps) for step in range(steps + 1))
+        return tuple(range(low, high + 1)) if high - low <= steps else tuple(_spread_values(low, high, steps))
+    return tuple(_without_rounding_error(first + (last - first) * step / steps) for step in range(steps + 1))
 
 
-def _spread(low: int, high: int, steps: int) -> Iterator[int]:
+def _spread_values(low: int, high: int, steps: int) -> Iterator[int]:
     yield from dict.fromkeys(round(low + (high - low) * step / steps) for step in range(steps + 1))
 
 
-def _tidy(number: float) -> float:
+def _without_rounding_error(number: float) -> float:
     """Return a number without the rounding error of the division: 0.3, not 0.30000000000000004."""
     return float(f"{number:.12g}")
 
 
 def value_of(variable: Variable, text: str) -> Value:
-    """Return the value of a variable that a text states: a number (by default in the variable's unit), or a member.
+    """Return the value that a text states for a variable: a number (by default in the variable's unit), or a member.
 
     Raises:
         SweepError: if the variable cannot have such a value.
@@ -209,7 +210,7 @@ def _number(variable: Variable, text: str) -> float:
         raise SweepError(f"'{variable.name}' is a whole number, not {text}")
     if variable.type.range is not None and not variable.type.range[0] <= number <= variable.type.range[1]:
         low, high = variable.type.range
-        raise SweepError(f"'{variable.name}' is from {low:g} to {high:g}{_unit(variable)}, not {number:g}")
+        raise SweepError(f"'{variable.name}' is from {low:g} to {high:g}{_unit_text(variable)}, not {number:g}")
     return int(number) if variable.type.kind is Kind.INT else number
 
 
@@ -231,7 +232,7 @@ def _quantity(variable: Variable, text: str) -> float:
     return float(convert(quantity.value, quantity.unit, variable_unit))
 
 
-def _unit(variable: Variable) -> str:
+def _unit_text(variable: Variable) -> str:
     return f" {variable.type.unit}" if variable.type.unit else ""
 
 
@@ -251,13 +252,13 @@ def inputs_json(subject: Subject) -> str:
     """Return the inputs as JSON in one line."""
     inputs = []
     for variable in subject.inputs.values():
-        model, span = subject.terms(variable.name), variable.type.range
+        model, value_range = subject.terms(variable.name), variable.type.range
         inputs.append(
             {
                 "variable": variable.name,
                 "type": str(variable.type.kind),
                 "unit": variable.type.unit,
-                "range": None if span is None else list(span),
+                "range": None if value_range is None else list(value_range),
                 "members": list(members(variable)),
                 "terms": [] if model is None or model.members else list(model.terms),
             }
@@ -280,6 +281,6 @@ def _possible_values(variable: Variable) -> str:
     if variable.type.kind in (Kind.BOOL, Kind.ENUM):
         return ", ".join(members(variable))
     if variable.type.range is None:
-        return f"any number{_unit(variable)}"
+        return f"any number{_unit_text(variable)}"
     low, high = variable.type.range
-    return f"{low:g}..{high:g}{_unit(variable)}"
+    return f"{low:g}..{high:g}{_unit_text(variable)}"

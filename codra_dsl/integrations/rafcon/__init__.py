@@ -5,9 +5,9 @@ acting part of a skill, expects skills, or looks for the value of a decision. A 
 knows the value. Without a bridge, a state machine runs as before. The library `codra` has states to decide, expect and
 set.
 
-Annotations take effect around the `run` of a state, so an existing state machine needs no other change, and the
-declarations of a state are withdrawn even if it aborts or is preempted. For the same reason the library has no states
-that begin and end a skill: the withdrawal must not depend on a transition.
+Annotations take effect around the method `run` of a state. So an existing state machine needs no other change, and the
+declarations of a state are withdrawn even if the state aborts or is preempted. For the same reason, the library has no
+states that begin or end a skill: the withdrawal must not depend on a transition.
 
 This package needs only the core of RAFCON, without GTK and without a screen. RAFCON has a virtual environment of its
 own on top of `.venv`, because its requirements include a GUI and pin old libraries.

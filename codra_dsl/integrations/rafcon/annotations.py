@@ -16,7 +16,7 @@ from codra_dsl.runtime import ContextManager, UnknownNameError
 KEY = "codra"
 
 _KEYS = ("skill", "acting", "expect", "decide", "outcomes", "wait_up_to_s", "max_age_s")
-_OF_DECISIONS = ("outcomes", "wait_up_to_s", "max_age_s")
+_DECISION_KEYS = ("outcomes", "wait_up_to_s", "max_age_s")
 
 
 class AnnotationError(ValueError):
@@ -28,13 +28,13 @@ class Annotation:
     """The annotation of one state.
 
     Attributes:
-        skill: the skill that the state is, from its start to its end; empty if none.
-        acting: the skill whose acting part the state is; empty if none.
-        expect: skills that come next.
-        decide: the variable that the state looks for; empty if none.
-        outcomes: for each value of that variable, as text, the name of the state's outcome.
+        skill: the name of the skill, if the state as a whole is a skill; otherwise empty.
+        acting: the name of the skill, if the state is the acting part of this skill; otherwise empty.
+        expect: the skills that come next.
+        decide: the variable, if the state looks for the value of a variable; otherwise empty.
+        outcomes: a mapping from each value of this variable, as text, to the name of the state's outcome.
         wait_up_to_s: how long the decision waits for observers before the state looks.
-        max_age_s: older evidence counts as unknown.
+        max_age_s: a value with older evidence is treated as unknown.
     """
 
     skill: str = ""
@@ -66,7 +66,7 @@ def states_within(state: State) -> Iterator[State]:
             yield from states_within(child)
 
 
-def annotated(root: State, codra: ContextManager[Any, Any]) -> list[tuple[State, Annotation]]:
+def annotated_states(root: State, codra: ContextManager[Any, Any]) -> list[tuple[State, Annotation]]:
     """Return the annotated states below a root, with their annotations.
 
     Raises:
@@ -94,7 +94,7 @@ def _read_annotation(data: object) -> Annotation:
     unknown_keys = [key for key in data if key not in _KEYS]
     if unknown_keys:
         raise AnnotationError(f"unknown key {unknown_keys[0]!r}: there are {', '.join(_KEYS)}")
-    misplaced_keys = [key for key in _OF_DECISIONS if key in data and not data.get("decide")]
+    misplaced_keys = [key for key in _DECISION_KEYS if key in data and not data.get("decide")]
     if misplaced_keys:
         raise AnnotationError(f"{misplaced_keys[0]!r} is for a state that decides: add 'decide'")
     return Annotation(
@@ -111,7 +111,7 @@ def _read_annotation(data: object) -> Annotation:
 def _names(raw_names: str | Sequence[str]) -> tuple[str, ...]:
     """Return names from a list, or from a text with commas, which RAFCON's editor writes."""
     names = raw_names.split(",") if isinstance(raw_names, str) else raw_names
-    return tuple(stripped for name in names if (stripped := name.strip()))
+    return tuple(stripped_name for name in names if (stripped_name := name.strip()))
 
 
 def _seconds(data: Mapping[str, Any], key: str, default: float) -> float:

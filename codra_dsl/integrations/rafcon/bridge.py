@@ -14,16 +14,16 @@ from rafcon.core.state_machine import StateMachine
 from rafcon.core.states.container_state import ContainerState
 from rafcon.core.states.state import State, StateExecutionStatus
 
-from codra_dsl.integrations.rafcon.annotations import KEY, Annotation, annotated, value_text
+from codra_dsl.integrations.rafcon.annotations import KEY, Annotation, annotated_states, value_text
 from codra_dsl.runtime import Clock, ContextManager, DecisionState, PendingDecision, Skill
 
 Result = TypeVar("Result")
 
-_SLICE_S = 0.1
+_PREEMPTION_CHECK_PERIOD_S = 0.1
 """The interval at which a waiting decision checks whether its state was preempted."""
 
-_ABORTED = -1
-_PREEMPTED = -2
+_ABORTED_OUTCOME_ID = -1
+_PREEMPTED_OUTCOME_ID = -2
 
 
 class Answers(StrEnum):
@@ -35,7 +35,7 @@ class Answers(StrEnum):
     """Always by the state that looks; the event log records whether context agrees, and the value is not kept."""
 
 
-def directly(function: Callable[[], Result]) -> Result:
+def call_directly(function: Callable[[], Result]) -> Result:
     """Call a function immediately, in the thread of the state."""
     return function()
 
@@ -53,22 +53,22 @@ class Bridge:
         clock: Clock,
         *,
         answers: Answers = Answers.CONTEXT,
-        do: Callable[[Callable[[], Any]], Any] = directly,
+        do: Callable[[Callable[[], Any]], Any] = call_directly,
     ) -> None:
-        """Bridge to a context manager.
+        """Connect states to a context manager.
 
         Args:
             codra: the context manager.
             clock: the clock of the context manager.
             answers: how decisions are answered.
-            do: runs each use of the context manager or the clock; in simulated time in the clock's thread.
+            do: calls a function that uses the context manager or the clock; in simulated time, in the clock's thread.
         """
         self._codra = codra
         self._clock = clock
         self._answers = answers
         self._do = do
         self._running_skills: dict[str, Skill] = {}
-        self._acted_s: dict[str, float] = {}
+        self._action_ends_s: dict[str, float] = {}
 
     @contextmanager
     def attached(self, machine: StateMachine) -> Iterator[None]:
@@ -77,7 +77,7 @@ class Bridge:
         Raises:
             AnnotationError: if the semantic data of its states is wrong.
         """
-        annotations = annotated(machine.root_state, self._codra)
+        annotations = annotated_states(machine.root_state, self._codra)
         for state, annotation in annotations:
             self._wrap(state, annotation)
         global_variable_manager.set_variable(KEY, self, per_reference=True)
@@ -107,7 +107,7 @@ class Bridge:
             state: the state that needs the value; the wait ends when this state is preempted.
             variable: the context-variable.
             wait_up_to_s: how long the decision waits for observers.
-            max_age_s: older evidence counts as unknown.
+            max_age_s: a value with older evidence is treated as unknown.
         """
         pending_decision = self._wait_for_decision(state, variable, wait_up_to_s, max_age_s)
         if pending_decision.state is DecisionState.ANSWERED:
@@ -122,7 +122,7 @@ class Bridge:
     # For annotated states
 
     def _wrap(self, state: State, annotation: Annotation) -> None:
-        """Wrap the `run` of a state, which its thread calls, with the effects of its annotation."""
+        """Wrap the method `run`, which the thread of a state calls, with the effects of the state's annotation."""
         run = state.run
 
         def run_with_context() -> None:
@@ -138,7 +138,7 @@ class Bridge:
                         run()
             except Exception as error:  # noqa: BLE001 - RAFCON treats errors of scripts the same way
                 state.output_data["error"] = error
-                self._finish(state, _ABORTED)
+                self._finish(state, _ABORTED_OUTCOME_ID)
 
         state.run = run_with_context
 
@@ -160,12 +160,12 @@ class Bridge:
             raise RuntimeError(f"skill {name!r} is not running: attach the bridge before it begins")
         skill, exit_stack = self._running_skills[name], ExitStack()
 
-        def end() -> None:
+        def end_action() -> None:
             exit_stack.close()
-            self._acted_s.update(dict.fromkeys(skill.model.changes, self._clock.now_s()))
+            self._action_ends_s.update(dict.fromkeys(skill.model.changes, self._clock.now_s()))
 
         self._do(lambda: exit_stack.enter_context(skill.acting()))
-        stack.callback(self._do, end)
+        stack.callback(self._do, end_action)
 
     def _run_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
         state.preempted = False  # an earlier run may have set it; `run` itself begins with the same assignment
@@ -178,34 +178,37 @@ class Bridge:
             return
         if _is_preempted(state):
             self._do(lambda: pending_decision.abandon("preempted"))
-            self._finish(state, _PREEMPTED)
+            self._finish(state, _PREEMPTED_OUTCOME_ID)
             return
         look()
-        content = self._value_of_outcome(state, annotation)
-        self._do(lambda: pending_decision.record_result(content))
+        value = self._value_of_outcome(state, annotation)
+        self._do(lambda: pending_decision.record_result(value))
 
     def _value_of_outcome(self, state: State, annotation: Annotation) -> object:
-        """Return the value that the outcome of a state means; None if it means no value."""
-        values = {name: value for value, name in annotation.outcomes.items()} or {"true": "true", "false": "false"}
-        text = values.get(state.final_outcome.name)
+        """Return the value that the outcome of a state means; None if the outcome means no value."""
+        value_by_outcome = {name: value for value, name in annotation.outcomes.items()} or {
+            "true": "true",
+            "false": "false",
+        }
+        text = value_by_outcome.get(state.final_outcome.name)
         return {"true": True, "false": False}.get(text, text) if text is not None else None
 
     def _wait_for_decision(self, state: State, variable: str, wait_up_to_s: float, max_age_s: float) -> PendingDecision:
         """Start a decision and wait for it.
 
-        Evidence from before the end of an action that changes the variable does not count.
+        Evidence from before the end of an action that changes the variable is not used.
         """
         pending_decision: PendingDecision = self._do(
             lambda: self._codra.ask(
                 variable,
-                since_s=self._acted_s.get(variable, -math.inf),
+                since_s=self._action_ends_s.get(variable, -math.inf),
                 wait_up_to_s=wait_up_to_s,
                 max_age_s=max_age_s,
                 shadow=self._answers is Answers.SHADOW,
             )
         )
         while pending_decision.state is DecisionState.WAITING and not _is_preempted(state):
-            self._do(lambda: pending_decision.wait(_SLICE_S))
+            self._do(lambda: pending_decision.wait(_PREEMPTION_CHECK_PERIOD_S))
         return pending_decision
 
     def _skip(self, state: State, outcome: str) -> None:

@@ -27,7 +27,7 @@ from codra_dsl.integrations.rafcon.hand_over import HandOver
 from codra_dsl.runtime import Clock, ContextManager
 
 LIBRARIES: Mapping[str, Path] = {"codra": Path(__file__).parent / "libraries" / "codra"}
-"""The folders of libraries, in the form of RAFCON's setting LIBRARY_PATHS. The key is the root key of the library."""
+"""A mapping from the root keys of libraries to their folders, in the form of RAFCON's setting LIBRARY_PATHS."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,13 +81,13 @@ def run_in_real_time(
     handles: Mapping[str, object] | None = None,
     answers: Answers = Answers.CONTEXT,
 ) -> Ended:
-    """Run a state machine whose states decide on context, each state in its own thread; return when it has ended.
+    """Run a state machine whose states decide on context, and wait for its end. Each state runs in its own thread.
 
     Args:
         machine: an `opened` or `entered` state machine.
         codra: the context manager that its states use.
         clock: the clock of `codra`.
-        handles: global variables for scripts, by name: the robot, for instance.
+        handles: a mapping from names to global variables for scripts, such as the robot.
         answers: how decisions are answered.
 
     Raises:
@@ -130,7 +130,7 @@ def run_in_simulated_time(
         raise ValueError(f"{path} runs states concurrently, but simulated time has one thread: use run_in_real_time")
     _check_idle()
     hand_over = HandOver()
-    handle_proxies = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
+    handle_proxies = {name: hand_over.proxy_of(handle) for name, handle in (handles or {}).items()}
     with (
         Bridge(codra, clock, answers=answers, do=hand_over.call).attached(machine),
         _global_variables(handle_proxies),

@@ -1,4 +1,4 @@
-"""Calls from other threads that are run by one serving thread.
+"""Let other threads call functions in one serving thread.
 
 RAFCON runs each state in a thread of its own, and simulated time belongs to one thread. While a state waits for its
 call, no other state of a hierarchy runs, so the order of calls is that of the state machine. Concurrent states are
@@ -41,7 +41,7 @@ class _Call:
         self._error = RuntimeError("calls are not served any more: the run is over")
         self._done.set()
 
-    def result(self) -> Any:
+    def wait_for_result(self) -> Any:
         """Wait, and return the result of the function, or raise its exception."""
         self._done.wait()
         if self._error is not None:
@@ -56,7 +56,7 @@ class HandOver:
         self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._is_open = True
-        self._server = -1
+        self._server_thread_id = -1
 
     def call(self, function: Callable[[], Result]) -> Result:
         """Run a function in the serving thread, and return its result or raise its exception.
@@ -64,7 +64,7 @@ class HandOver:
         Raises:
             RuntimeError: if calls are not served any more.
         """
-        if threading.get_ident() == self._server:
+        if threading.get_ident() == self._server_thread_id:
             return function()
         call = _Call(function)
         with self._lock:
@@ -72,11 +72,11 @@ class HandOver:
                 self._calls.put(call)
             else:
                 call.refuse()
-        return cast("Result", call.result())
+        return cast("Result", call.wait_for_result())
 
     def serve(self) -> None:
         """Run calls in this thread until `end` is called."""
-        self._server = threading.get_ident()
+        self._server_thread_id = threading.get_ident()
         while (call := self._calls.get()) is not None:
             call.run()
 
@@ -92,7 +92,7 @@ class HandOver:
         while (call := self._calls.get()) is not None:
             call.refuse()
 
-    def of(self, handle: object) -> Any:
+    def proxy_of(self, handle: object) -> Any:
         """Return a handle whose methods run in the serving thread."""
         return _HandleProxy(handle, self)
 

@@ -1,7 +1,7 @@
 """The checks of a story against the event log, and the messages of failures.
 
-Because checks read only the event log, they do not change the run, and the run of a program is checked like a story
-with its own main execution.
+Checks read only the event log. So they do not change the run, and they work in the same way whether the main execution
+is part of the story or a program.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from textwrap import indent
 from typing import Any
 
-from codra_dsl.integrations.testing.timeline import Belief, Check, Moment, Outcome, Running
+from codra_dsl.integrations.testing.timeline import Belief, Check, Moment, Outcome, RunningCheck
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.runtime import ContextManager, EventLog, Kind, Why
@@ -48,7 +48,7 @@ def failures_of(
 
     Args:
         moment: the moment of the story.
-        at_s: its instant on the clock.
+        at_s: the instant of the moment on the clock.
         now_s: the present instant of the clock.
         codra: the context manager, for explanations.
         record: the event log of the run.
@@ -93,7 +93,7 @@ def _failure_of(check: Check, at_s: float, codra: ContextManager[Any, Any], reco
                 return None
             message = f"at {instant(at_s)} {check.variable} should be {expected_text}, but it is {_state_text(why)}"
             return Failure(check.place, message, str(why))
-        case Running():
+        case RunningCheck():
             return _failure_of_observer(check, at_s, record)
         case Outcome():
             return _failure_of_decision(check, at_s, codra, record)
@@ -103,27 +103,29 @@ def _unmet_text(check: Belief, why: Why) -> str | None:
     """Return the expected state in words, or None if the check passes."""
     if check.is_unknown:
         expected_text = "unknown" if check.reason is None else f"unknown ({check.reason})"
-        fits = not why.known and check.reason in (None, why.reading.reason)
+        is_met = not why.known and check.reason in (None, why.reading.reason)
     else:
-        within = "" if check.within is None else f" within {shown(check.within)}"
-        expected_text = f"{shown(check.value)}{_unit_text(why.unit)}{within}" if check.is_stated else "known"
+        within_text = "" if check.within is None else f" within {shown(check.within)}"
+        expected_text = f"{shown(check.value)}{_unit_text(why.unit)}{within_text}" if check.is_stated else "known"
         expected_text += f" from {check.source}" if check.source else ""
-        fits = why.known and _has_expected_value(check, why) and check.source in ("", why.reading.source)
+        is_met = why.known and _has_expected_value(check, why) and check.source in ("", why.reading.source)
     if check.because:
         expected_text += f" because of {check.because!r}"
-        fits = fits and check.because in str(why)
-    return None if fits else expected_text
+        is_met = is_met and check.because in str(why)
+    return None if is_met else expected_text
 
 
 def _has_expected_value(check: Belief, why: Why) -> bool:
-    expected, actual = check.value, why.reading.content
+    expected_value, actual_value = check.value, why.reading.content
     if not check.is_stated:
         return True
-    if isinstance(expected, float) and isinstance(actual, int | float):
-        return math.isclose(expected, actual, rel_tol=_TOLERANCE, abs_tol=max(check.within or 0.0, _TOLERANCE))
-    if check.within is not None and isinstance(expected, int) and isinstance(actual, int):
-        return abs(expected - actual) <= check.within
-    return expected == actual
+    if isinstance(expected_value, float) and isinstance(actual_value, int | float):
+        return math.isclose(
+            expected_value, actual_value, rel_tol=_TOLERANCE, abs_tol=max(check.within or 0.0, _TOLERANCE)
+        )
+    if check.within is not None and isinstance(expected_value, int) and isinstance(actual_value, int):
+        return abs(expected_value - actual_value) <= check.within
+    return expected_value == actual_value
 
 
 def _state_text(why: Why) -> str:
@@ -133,7 +135,7 @@ def _state_text(why: Why) -> str:
     return f"{shown(reading.content)}{_unit_text(why.unit)} from {reading.source}"
 
 
-def _failure_of_observer(check: Running, at_s: float, record: EventLog) -> Failure | None:
+def _failure_of_observer(check: RunningCheck, at_s: float, record: EventLog) -> Failure | None:
     last_event = record.latest_events(at_s).observers.get(check.observer)
     if (last_event is not None and last_event.what == "started") is check.is_running:
         return None
@@ -152,15 +154,17 @@ def _failure_of_decision(
     decisions = [
         event for event in record.of(Kind.DECISION) if event.name == check.variable and event.instant_s <= at_s
     ]
-    if decisions and decisions[-1].what == check.how:
+    if decisions and decisions[-1].what == check.expected_outcome:
         return None
-    expected_text = f"by {instant(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.how]}"
+    expected_text = (
+        f"by {instant(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.expected_outcome]}"
+    )
     if not decisions:
         return Failure(check.place, f"{expected_text}, but there was no decision on it")
-    then_s = decisions[-1].instant_s
-    why = str(codra.why(check.variable, at_s=then_s))
+    decision_s = decisions[-1].instant_s
+    why = str(codra.why(check.variable, at_s=decision_s))
     return Failure(
-        check.place, f"{expected_text}, but at {instant(then_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}", why
+        check.place, f"{expected_text}, but at {instant(decision_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}", why
     )
 
 

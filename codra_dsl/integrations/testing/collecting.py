@@ -35,10 +35,10 @@ class TimelineFile(pytest.File):
 
 
 class StoryItem(pytest.Item):
-    """One story of a timeline, with the main execution that it describes."""
+    """One story of a timeline, with the main execution that the story describes."""
 
-    def __init__(self, *, story: Story, timeline: Timeline, package: Package, **about: Any) -> None:
-        super().__init__(**about)
+    def __init__(self, *, story: Story, timeline: Timeline, package: Package, **item_arguments: Any) -> None:
+        super().__init__(**item_arguments)
         self._story = story
         self._timeline = timeline
         self._package = package
@@ -58,7 +58,7 @@ class StoryItem(pytest.Item):
         return self.path, self._story.place.span.line - 1, self.name
 
 
-def opened(path: Path, story: str | None, *, clock: SimClock, resources: Mapping[str, object]) -> Run:
+def prepare_run(path: Path, story: str | None, *, clock: SimClock, resources: Mapping[str, object]) -> Run:
     """Return a story of a file, ready to run.
 
     Raises:

@@ -18,12 +18,12 @@ def make_handle(maker: Maker, clock: Clock) -> object:
     """Return the handle that a maker makes.
 
     Raises:
-        CallError: if the class or function cannot be imported, or has other parameters.
+        CallError: if the class or function cannot be imported, or raises an exception, e.g. for a wrong argument.
     """
     try:
-        make = _import_callable(maker.call)
-        takes_clock = "clock" in inspect.signature(make).parameters and "clock" not in maker.arguments
-        return make(**maker.arguments, **({"clock": clock} if takes_clock else {}))
+        factory = _import_callable(maker.call)
+        takes_clock = "clock" in inspect.signature(factory).parameters and "clock" not in maker.arguments
+        return factory(**maker.arguments, **({"clock": clock} if takes_clock else {}))
     except Exception as error:
         raise CallError(f"{_place_text(maker.place)}: {maker.call!r}: {type(error).__name__}: {error}") from error
 
@@ -37,7 +37,7 @@ def alter(handle: object, change: Alteration) -> None:
     if handle is None:
         message = f"there is no handle {change.resource!r}: add it under the key `resources` of the file"
         raise CallError(f"{_place_text(change.place)}: {message}")
-    _set(handle, change.attributes, f"{_place_text(change.place)}: {change.resource}")
+    _set_attributes(handle, change.attributes, f"{_place_text(change.place)}: {change.resource}")
 
 
 def _import_callable(call: str) -> Callable[..., object]:
@@ -49,14 +49,14 @@ def _import_callable(call: str) -> Callable[..., object]:
     return function
 
 
-def _set(target: object, attributes: Mapping[str, object], path: str) -> None:
+def _set_attributes(target: object, attributes: Mapping[str, object], path: str) -> None:
     for name, value in attributes.items():
         is_mapping = isinstance(target, MutableMapping)
         if not is_mapping and not hasattr(target, name):
             raise CallError(f"{path} has no attribute {name!r}")
-        inner = target.get(name) if isinstance(target, MutableMapping) else getattr(target, name)
-        if isinstance(value, Mapping) and not isinstance(inner, _PLAIN_TYPES):
-            _set(inner, value, f"{path}.{name}")
+        inner_value = target.get(name) if isinstance(target, MutableMapping) else getattr(target, name)
+        if isinstance(value, Mapping) and not isinstance(inner_value, _PLAIN_TYPES):
+            _set_attributes(inner_value, value, f"{path}.{name}")
         elif isinstance(target, MutableMapping):
             target[name] = value
         else:

@@ -17,7 +17,7 @@ from codra_dsl.integrations.testing.timeline import (
     Fault,
     Moment,
     Outcome,
-    Running,
+    RunningCheck,
     Saying,
     Step,
     Verb,
@@ -33,8 +33,8 @@ from codra_dsl.language.units import parse_duration
 from codra_dsl.runtime import Reason
 from codra_dsl.runtime.values.model import ValueType
 
-_OF_SKILLS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END)
-_ANY = "any"
+_SKILL_VERBS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END)
+_ANY_REASON = "any"
 
 
 class MomentReader:
@@ -148,21 +148,21 @@ class MomentReader:
         return instants[0], instants[-1]
 
     def _fault(self, reader: Reader, node: MappingNode, steps: tuple[str, ...]) -> Fault | None:
-        garbage = node.value("garbage")
-        kinds = [key for key in ("raises", "hangs", "garbage") if key in node.entries]
-        if len(kinds) > 1:
-            message = f"{list_names(kinds)}: a fault can have only one of these keys"
-            reader.fail("misplaced-key", message, reader.origin.of(node.entries[kinds[1]][0]), "remove the others")
-        if not kinds and "late" not in node.entries:
+        garbage_node = node.value("garbage")
+        fault_keys = [key for key in ("raises", "hangs", "garbage") if key in node.entries]
+        if len(fault_keys) > 1:
+            message = f"{list_names(fault_keys)}: a fault can have only one of these keys"
+            reader.fail("misplaced-key", message, reader.origin.of(node.entries[fault_keys[1]][0]), "remove the others")
+        if not fault_keys and "late" not in node.entries:
             if "jobs" in node.entries:
                 place = reader.origin.of(node.entries["jobs"][0])
-                message = "'jobs' belongs to a fault, and there is none"
+                message = "'jobs' belongs to a fault, but there is no fault"
                 reader.fail("misplaced-key", message, place, "remove 'jobs'", *steps)
             return None
         return Fault(
             raises=reader.text("raises", "") if "raises" in node.entries else None,
             hangs="hangs" in node.entries,
-            garbage=() if garbage is None else (garbage.data,),
+            garbage=() if garbage_node is None else (garbage_node.data,),
             late_s=reader.duration_s("late", 0.0),
             jobs=reader.number("jobs", 0) or math.inf,
         )
@@ -185,7 +185,7 @@ class MomentReader:
 
     def _step(self, verb: Verb, node: SequenceNode, steps: tuple[str, ...]) -> Step:
         skills = [skill.name for skill in self._package.model.skills]
-        names, noun = (skills, "skill") if verb in _OF_SKILLS else (self._package.variables, "context-variable")
+        names, noun = (skills, "skill") if verb in _SKILL_VERBS else (self._package.variables, "context-variable")
         known_names = tuple(
             name.text for name in self._known_name_nodes(node, names, f"{self._missing_prefix} {noun}", steps)
         )
@@ -243,7 +243,7 @@ class MomentReader:
             variable=key.text,
             place=self._place_of_value(key, node),
             is_unknown=reason_text is not None,
-            reason=reason_by_text.get(reason_text or _ANY),
+            reason=reason_by_text.get(reason_text or _ANY_REASON),
             is_stated=value_node is not None,
             value=None if value_node is None else read_value(reader, value_node, type_, *steps, "is"),
             within=None if within_node is None else read_difference(reader, within_node, type_, *steps, "within"),
@@ -254,14 +254,14 @@ class MomentReader:
     def _observer_checks(self, node: YamlNode, steps: tuple[str, ...], *, is_running: bool) -> Iterator[Check]:
         names = [observer.name for observer in self._package.model.observers]
         for name in self._known_name_nodes(node, names, f"{self._missing_prefix} observer", steps):
-            yield Running(observer=name.text, is_running=is_running, place=self._place(name))
+            yield RunningCheck(observer=name.text, is_running=is_running, place=self._place(name))
 
     def _outcomes(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
         for key, value in self._known_entries(
             node, self._package.variables, f"{self._missing_prefix} context-variable", steps
         ):
             if isinstance(value, ScalarNode):
-                yield Outcome(variable=key.text, how=value.text, place=self._place(value))
+                yield Outcome(variable=key.text, expected_outcome=value.text, place=self._place(value))
 
     # Names
 
@@ -276,34 +276,34 @@ class MomentReader:
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[ScalarNode, YamlNode]]:
         """Yield the entries whose keys are among `names`; report the others."""
-        allowed = list(names)
+        allowed_names = list(names)
         for key, value in entries(node):
-            if key.text in allowed:
+            if key.text in allowed_names:
                 yield key, value
             else:
-                self._report_unknown("unknown-key", key, allowed, problem, steps)
+                self._report_unknown("unknown-key", key, allowed_names, problem, steps)
 
     def _known_name_nodes(
         self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[ScalarNode]:
         """Yield the items that are among `names`; report the others."""
-        allowed = list(names)
+        allowed_names = list(names)
         for name_node in node.items if isinstance(node, SequenceNode) else ():
             if not isinstance(name_node, ScalarNode) or name_node.reported:
                 continue
-            if name_node.text in allowed:
+            if name_node.text in allowed_names:
                 yield name_node
             else:
-                self._report_unknown("unknown-value", name_node, allowed, problem, steps)
+                self._report_unknown("unknown-value", name_node, allowed_names, problem, steps)
 
     def _report_unknown(
         self, rule: str, node: ScalarNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> None:
-        allowed = list(names)
-        near = self._findings.nearest(node.text, allowed)
-        allowed_text = f"there is {list_names(allowed)}" if allowed else "there is none"
+        allowed_names = list(names)
+        similar_name = self._findings.nearest(node.text, allowed_names)
+        allowed_text = f"there is {list_names(allowed_names)}" if allowed_names else "there is none"
         message = f"{problem} {shown(node.text)}"
-        help_text = f"did you mean '{near}'?" if near else allowed_text
+        help_text = f"did you mean '{similar_name}'?" if similar_name else allowed_text
         path = self._subject.part(*steps, node.text)
         self._findings.add(rule, message, self._place(node), help=help_text, path=path)
 
@@ -311,9 +311,9 @@ class MomentReader:
         return Reader(self._subject, node, self._findings)
 
     def _reader_of(self, key: ScalarNode, value: YamlNode) -> Reader:
-        holder = MappingNode(key.start, value.end, flow=True)
-        holder.put(key, value)
-        return self._reader(holder)
+        mapping_node = MappingNode(key.start, value.end, flow=True)
+        mapping_node.put(key, value)
+        return self._reader(mapping_node)
 
     def _place_of_value(self, key: ScalarNode, value: YamlNode) -> Any:
         return self._subject.origin.of_value(key, value)

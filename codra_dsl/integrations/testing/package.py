@@ -47,8 +47,8 @@ class Package:
 
     Attributes:
         build: makes the context manager of the spec.
-        algorithms: the algorithms that the observers run, by name.
-        knowledge: the knowledge graph of the spec; None if it has none.
+        algorithms: a mapping from names to the algorithms that the observers run.
+        knowledge: the knowledge graph of the spec; None if the spec has none.
     """
 
     model: ContextModel
@@ -58,7 +58,7 @@ class Package:
 
     @property
     def variables(self) -> Mapping[str, VariableModel]:
-        """Return the context-variables by name."""
+        """Return a mapping from names to context-variables."""
         return {variable.name: variable for variable in self.model.variables}
 
     @property
@@ -88,7 +88,7 @@ def load_package(root: Path, name: str) -> Package:
         PackageError: if there is no compiled spec of this name that is up to date and can be imported.
     """
     _require_compiled_spec(root, name)
-    _require_fresh(root, name)
+    _require_up_to_date(root, name)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
     try:
@@ -110,7 +110,7 @@ def _require_compiled_spec(root: Path, name: str) -> None:
         raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", help_text)
 
 
-def _require_fresh(root: Path, name: str) -> None:
+def _require_up_to_date(root: Path, name: str) -> None:
     """Require that the package was compiled from the model that the spec has now, if the spec exists."""
     manifest = manifest_of(root / FOLDER / name)
     file = root / str(manifest.get("spec", ""))
@@ -125,7 +125,7 @@ def _require_fresh(root: Path, name: str) -> None:
 
 
 def _package(module: ModuleType) -> Package:
-    """Build the forest once to collect its algorithms; no tree is ticked."""
+    """Return the compiled spec in a module. To collect the algorithms, the forest is built once; no tree is ticked."""
     model: ContextModel = module.MODEL
     classes = [
         member for member in vars(module).values() if isinstance(member, type) and issubclass(member, ContextManager)

@@ -40,13 +40,13 @@ def codra_clock() -> SimClock:
 def codra_story(request: pytest.FixtureRequest, codra_clock: SimClock) -> OpenStory:
     """Return a function that opens stories.
 
-    Use such a story in a `with` statement. Inside it, call your program with the story's `codra` and `clock`.
+    Use a story in a `with` statement. Inside the statement, call your program with the story's `codra` and `clock`.
     """
-    from codra_dsl.integrations.testing.collecting import opened
+    from codra_dsl.integrations.testing.collecting import prepare_run
 
     folder = request.path.parent
 
     def open_story(path: str, story: str | None = None, *, resources: Mapping[str, object] | None = None) -> Run:
-        return opened(folder / path, story, clock=codra_clock, resources=resources or {})
+        return prepare_run(folder / path, story, clock=codra_clock, resources=resources or {})
 
     return open_story

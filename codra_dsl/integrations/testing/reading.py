@@ -27,7 +27,7 @@ from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, file_place, 
 from codra_dsl.language.project import relative, root_of
 from codra_dsl.language.units import duration_help, parse_duration
 
-_DEFINITION = "timeline"
+_SCHEMA_DEFINITION = "timeline"
 _CALL_HELP = "write 'module:name', for example 'door_world:Camera'"
 
 
@@ -36,7 +36,7 @@ def read_timeline(
 ) -> tuple[Timeline | None, Package | None, tuple[Diagnostic, ...]]:
     """Return the timeline of a file with its compiled spec, or findings if it is not a valid timeline.
 
-    `texts` contains files that are not read from disk, by their paths from the project's root.
+    `texts` is a mapping from paths relative to the project's root to the contents of files that are not read from disk.
     """
     findings = Findings()
     root = root_of(path)
@@ -59,9 +59,9 @@ def read_timeline(
 def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> tuple[Timeline, Package] | None:
     name = node.value("timeline")
     key = name if isinstance(name, ScalarNode) else next(iter(node.entries.values()))[0]
-    subject = Subject(_DEFINITION, key, Origin(source))
-    if not has_shape(_DEFINITION, node.data):
-        explain(_DEFINITION, node, subject, findings)
+    subject = Subject(_SCHEMA_DEFINITION, key, Origin(source))
+    if not has_shape(_SCHEMA_DEFINITION, node.data):
+        explain(_SCHEMA_DEFINITION, node, subject, findings)
     name = node.value("timeline")
     if not isinstance(name, ScalarNode) or name.reported:
         return None
@@ -70,11 +70,11 @@ def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> 
     except PackageError as error:
         findings.add("unknown-value", error.message, subject.origin.of(name), help=error.help, path="timeline")
         return None
-    return _Reading(source, package, subject, node, findings).timeline(name.text), package
+    return _TimelineReader(source, package, subject, node, findings).timeline(name.text), package
 
 
-class _Reading:
-    """Reads one file of the right shape."""
+class _TimelineReader:
+    """Reads a file that has the shape of a timeline."""
 
     def __init__(
         self, source: Source, package: Package, subject: Subject, node: MappingNode, findings: Findings
@@ -94,7 +94,7 @@ class _Reading:
             spec=name,
             seed=reader.number("seed", 0),
             makers=dict(self._makers()),
-            every_s=dict(self._speakers()),
+            repeat_intervals_s=dict(self._speakers()),
             stories=tuple(self._stories()),
         )
 
@@ -116,17 +116,19 @@ class _Reading:
 
     def _speakers(self) -> Iterator[tuple[str, float]]:
         for key, node in self._known_entries("agents", self._package.agents, "agent"):
-            every_s = Reader(self._subject, node, self._findings).duration_s("every", 0.0)
-            if every_s > 0:
-                yield key.text, every_s
+            repeat_interval_s = Reader(self._subject, node, self._findings).duration_s("every", 0.0)
+            if repeat_interval_s > 0:
+                yield key.text, repeat_interval_s
 
     def _known_entries(
         self, section: str, names: tuple[str, ...], noun: str
     ) -> Iterator[tuple[ScalarNode, MappingNode]]:
         for key, value in entries(self._node.value(section)):
             if key.text not in names:
-                near = self._findings.nearest(key.text, names)
-                help_text = f"did you mean '{near}'?" if near else f"there is {list_names(names) or 'none'}"
+                similar_name = self._findings.nearest(key.text, names)
+                help_text = (
+                    f"did you mean '{similar_name}'?" if similar_name else f"there is {list_names(names) or 'none'}"
+                )
                 message = f"spec '{self._package.model.name}' has no {noun} {shown(key.text)}"
                 self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help_text, path=section)
             elif isinstance(value, MappingNode):
@@ -145,38 +147,38 @@ class _Reading:
             yield story
 
     def _moments_of(self, story: str, node: YamlNode) -> Iterator[Moment]:
-        last_s, last = 0.0, ""
+        last_instant_s, last_text = 0.0, ""
         for key, value in entries(node):
             at_s = parse_duration(key.text)
             place, path = self._subject.origin.of(key), f"stories.{story}.{key.text}"
             if at_s is None or not 0 <= at_s < math.inf:
                 message = f"{shown(key.text)} is not an instant of a story"
-                help_text = duration_help(key.text) if at_s is None else "write a duration since its beginning: '12 s'"
+                help_text = duration_help(key.text) if at_s is None else "write a duration since the beginning: '12 s'"
                 self._findings.add("duration", message, place, help=help_text, path=path)
-                at_s = last_s
-            elif at_s < last_s or (last and at_s == last_s):
-                message = f"{shown(key.text)} is not later than {shown(last)}"
-                self._findings.add("duration", message, place, help="write moments in order, each once", path=path)
-                at_s = last_s
-            last_s, last = at_s, key.text
+                at_s = last_instant_s
+            elif at_s < last_instant_s or (last_text and at_s == last_instant_s):
+                message = f"{shown(key.text)} is not later than {shown(last_text)}"
+                self._findings.add("duration", message, place, help="write moments in order, each only once", path=path)
+                at_s = last_instant_s
+            last_instant_s, last_text = at_s, key.text
             yield self._moments.read(at_s, key, value, "stories", story, key.text)
 
     def _check_skills(self, story: Story) -> None:
         """Report skills that act or end without having begun, and skills that begin twice."""
-        begun: set[str] = set()
+        running_skills: set[str] = set()
         for step in (step for moment in story.moments for step in moment.steps):
             for name in step.names if step.verb in (Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END) else ():
-                if (name in begun) is (step.verb is Verb.BEGIN):
+                if (name in running_skills) is (step.verb is Verb.BEGIN):
                     state, help_text = (
                         ("is already running", "end it first")
-                        if name in begun
+                        if name in running_skills
                         else ("is not running", "begin it first")
                     )
                     self._findings.add("misplaced-key", f"skill {shown(name)} {state}", step.place, help=help_text)
                 if step.verb is Verb.BEGIN:
-                    begun.add(name)
+                    running_skills.add(name)
                 elif step.verb is Verb.END:
-                    begun.discard(name)
+                    running_skills.discard(name)
 
     def _check_behaviours(self, story: Story) -> None:
         """Report algorithms whose returned values are not stated."""
@@ -198,4 +200,6 @@ class _Reading:
                 behaviour.takes_s is not None or behaviour.evidence_s is not None
             ):
                 message = f"the results of {behaviour.algorithm!r} are not stated, so its own function is called"
-                self._findings.add("misplaced-key", message, behaviour.place, help="add 'returns', or only faults")
+                self._findings.add(
+                    "misplaced-key", message, behaviour.place, help="add 'returns', or state only faults"
+                )

@@ -1,4 +1,4 @@
-"""The run of a story: in simulated time, with its own main execution or with a program."""
+"""The run of a story in simulated time, with the main execution that the story describes or with a program."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ class Run:
         self._package = package
         self._story = story
         self._script = Script(story.scripted_algorithms, self.resources)
-        self._begun_s = math.nan
-        self._played_s: dict[int, float] = {}
+        self._start_s = math.nan
+        self._end_s_by_moment: dict[int, float] = {}
         self._skills: dict[str, _Skill] = {}
 
     def __enter__(self) -> Self:
@@ -81,10 +81,10 @@ class Run:
         self.start(clock=self.clock, resources=self.resources)
         return self
 
-    def __exit__(self, kind: object, *_: object) -> None:
+    def __exit__(self, exception_type: object, *_: object) -> None:
         __tracebackhide__ = True
         with self.codra:
-            if kind is None:
+            if exception_type is None:
                 self.until(self._story.end_s)
                 self.check()
 
@@ -101,7 +101,7 @@ class Run:
         Args:
             clock: the story begins at the present instant of this clock.
             resources: handles by name, for perception functions that the timeline does not script.
-            seed: the seed of random numbers; if None, that of the timeline.
+            seed: the seed of random numbers; if None, the seed of the timeline.
             record: the event log; by default a new one without limit.
 
         Raises:
@@ -112,21 +112,21 @@ class Run:
         """
         if not isinstance(clock, SimClock):
             raise TypeError("a story runs in simulated time: give it a SimClock")
-        later = next((moment for moment in self._story.moments if moment.at_s > 0 and moment.steps), None)
-        if later is not None:
-            span = later.steps[0].place.span
+        later_moment = next((moment for moment in self._story.moments if moment.at_s > 0 and moment.steps), None)
+        if later_moment is not None:
+            span = later_moment.steps[0].place.span
             raise ValueError(
                 f"{span.file}:{span.line}: a program is the main execution here: remove 'main_execution' after 0 s"
             )
         codra = self._begin(clock, resources, self._timeline.seed if seed is None else seed, record)
         for moment in self._story.moments:
             for step in moment.steps:
-                self._do(step)
+                self._perform_step(step)
         return codra
 
     def until(self, instant_s: float) -> None:
         """Let time pass until an instant of the story, counted from its beginning."""
-        end_s = self._begun_s + instant_s
+        end_s = self._start_s + instant_s
         while self.clock.now_s() < end_s:
             self.clock.sleep(end_s - self.clock.now_s())
         self.clock.sleep(0.0)
@@ -140,7 +140,7 @@ class Run:
         __tracebackhide__ = True
         failures: list[Failure] = []
         for index, moment in enumerate(self._story.moments):
-            at_s = self._played_s.get(index, self._begun_s + moment.at_s)
+            at_s = self._end_s_by_moment.get(index, self._start_s + moment.at_s)
             failures += failures_of(moment, at_s, self.clock.now_s(), self.codra, self.record)
         failures += [
             _unscripted_failure(self._story.place, name, at_s) for name, at_s in self._script.unscripted_since_s.items()
@@ -156,13 +156,13 @@ class Run:
         """
         __tracebackhide__ = True
         self._make_handles()
-        with ExitStack() as open_:
-            open_.enter_context(self._begin(self.clock, self.resources, self._timeline.seed, None))
+        with ExitStack() as stack:
+            stack.enter_context(self._begin(self.clock, self.resources, self._timeline.seed, None))
             for index, moment in enumerate(self._story.moments):
                 self.until(moment.at_s)
                 for step in moment.steps:
-                    self._do(step)
-                self._played_s[index] = self.clock.now_s()
+                    self._perform_step(step)
+                self._end_s_by_moment[index] = self.clock.now_s()
             self.clock.sleep(0.0)
             self.check()
 
@@ -171,9 +171,9 @@ class Run:
     def _begin(
         self, clock: SimClock, resources: Mapping[str, object], seed: int, record: EventLog | None
     ) -> ContextManager[Any, Any]:
-        if not math.isnan(self._begun_s):
+        if not math.isnan(self._start_s):
             raise RuntimeError("this story has been started: open it again")
-        self.clock, self.resources, self._begun_s = clock, dict(resources), clock.now_s()
+        self.clock, self.resources, self._start_s = clock, dict(resources), clock.now_s()
         self._script = Script(self._story.scripted_algorithms, self.resources)
         self.record = EventLog(math.inf) if record is None else record
         self.codra = self._package.build(
@@ -182,16 +182,16 @@ class Run:
             resources={**dict.fromkeys(self._package.handles), **resources},
             seed=seed,
             record=self.record,
-            find=self._script.function,
+            find=self._script.function_for,
             knowledge=self._package.knowledge,
         )
-        speakers = Speakers(self.codra, clock, self._timeline.every_s)
+        speakers = Speakers(self.codra, clock, self._timeline.repeat_intervals_s)
         for moment in self._story.moments:
             if moment.at_s > 0:
-                # At an instant, the world changes after all other events: a look that starts then sees the old state.
-                clock.call_last_at(self._begun_s + moment.at_s, partial(self._change, moment, speakers))
+                # The world changes after all other events at an instant, so a look that starts then sees the old state.
+                clock.call_last_at(self._start_s + moment.at_s, partial(self._apply_changes, moment, speakers))
             else:
-                self._change(moment, speakers)
+                self._apply_changes(moment, speakers)
         return self.codra
 
     def _make_handles(self) -> None:
@@ -200,7 +200,7 @@ class Run:
             if resource not in self.resources:
                 self.resources[resource] = make_handle(maker, self.clock)
 
-    def _change(self, moment: Moment, speakers: Speakers) -> None:
+    def _apply_changes(self, moment: Moment, speakers: Speakers) -> None:
         """Apply the changes of the world at a moment."""
         for change in moment.changes:
             match change:
@@ -211,7 +211,7 @@ class Run:
                 case Alteration():
                     alter(self.resources.get(change.resource), change)
 
-    def _do(self, step: Step) -> None:
+    def _perform_step(self, step: Step) -> None:
         """Perform a step of the main execution."""
         __tracebackhide__ = True
         try:
@@ -223,12 +223,12 @@ class Run:
                 self.codra.expect(*step.names)
             else:
                 for name in step.names:
-                    self._do_with(step.verb, name)
+                    self._perform_step_for(step.verb, name)
         except Exception as error:
             message = f"'{step.verb}' is not possible: {type(error).__name__}: {error}"
             raise StoryFailed(failures_text([Failure(step.place, message)], self._timeline.source)) from error
 
-    def _do_with(self, verb: Verb, name: str) -> None:
+    def _perform_step_for(self, verb: Verb, name: str) -> None:
         match verb:
             case Verb.DECLARE:
                 self.codra.declare(name)
@@ -248,7 +248,7 @@ class Run:
             name,
             otherwise=lambda: decision_arguments.otherwise,
             max_age_s=decision_arguments.max_age_s,
-            since_s=self._begun_s + decision_arguments.since_s,
+            since_s=self._start_s + decision_arguments.since_s,
             wait_up_to_s=decision_arguments.wait_up_to_s,
             shadow=decision_arguments.shadow,
         )

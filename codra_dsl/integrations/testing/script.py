@@ -27,7 +27,7 @@ class _AlgorithmState:
     """The present behavior of one algorithm.
 
     Attributes:
-        values: the values that it returns; empty until they are stated.
+        values: the values that the algorithm returns; empty until the timeline states them.
         jobs_left: the number of jobs that the fault still affects.
     """
 
@@ -45,7 +45,7 @@ class _AlgorithmState:
         self.jobs_left = self.fault.jobs
 
     def take_fault(self) -> Fault:
-        """Return the fault of the next job, and count this job."""
+        """Return the fault of the next job, and reduce the number of jobs that the fault still affects."""
         self.jobs_left -= 1
         return self.fault if self.jobs_left >= 0 else _NO_FAULT
 
@@ -54,7 +54,7 @@ class Script:
     """Replaces perception functions, or adds faults to them.
 
     Attributes:
-        unscripted_since_s: the algorithms that were called without stated values, with the instant of the first call.
+        unscripted_since_s: a mapping from algorithms without stated values to the instants of their first calls.
     """
 
     def __init__(self, scripted_names: Collection[str], handle_names: Collection[str]) -> None:
@@ -68,18 +68,18 @@ class Script:
         """Change the behavior of an algorithm from now on."""
         self._state_of(behaviour.algorithm).change(behaviour)
 
-    def function(self, algorithm: Algorithm) -> Function:
+    def function_for(self, algorithm: Algorithm) -> Function:
         """Return the function or class that runs in place of an algorithm's own function or class.
 
         Raises:
             CallError: if the algorithm's own function is needed and cannot be imported.
         """
         state = self._state_of(algorithm.name)
-        # A scripted algorithm is never imported, so tests also run without its libraries.
-        is_called = algorithm.name not in self._scripted_names and all(
+        # The function of a scripted algorithm is never imported, so tests do not need its libraries.
+        calls_own_function = algorithm.name not in self._scripted_names and all(
             name in self._handle_names for name in algorithm.handles
         )
-        imported_function = imported(algorithm) if is_called else None
+        imported_function = imported(algorithm) if calls_own_function else None
 
         def wrap_with_faults(function: Function | None) -> Function:
             def perceive(*, job: Job, **arguments: Any) -> object:
@@ -105,7 +105,7 @@ class Script:
         def run() -> object:
             if not state.values:
                 self.unscripted_since_s.setdefault(name, job.now_s())
-                raise UnscriptedError("the timeline does not state the values that it returns")
+                raise UnscriptedError("the timeline does not state the values that the algorithm returns")
             return _run_script(state, job)
 
         return run
@@ -145,12 +145,12 @@ class _JobWithEvidence:
 
 
 def _run_script(state: _AlgorithmState, job: _JobWithEvidence) -> Mapping[str, Literal | None]:
-    """Run a job as scripted; its evidence is reported as soon as it is taken."""
+    """Run a job as scripted, and report its evidence as soon as the evidence is taken."""
     start_s, values, takes_s = job.now_s(), dict(state.values), state.takes_s
     if state.evidence_s is not None:
-        begun_s, stamp_s = state.evidence_s
+        evidence_start_s, stamp_s = state.evidence_s
         job.sleep(max(0.0, stamp_s))
-        job.evidence(start_s + begun_s, start_s + stamp_s)
+        job.evidence(start_s + evidence_start_s, start_s + stamp_s)
         takes_s -= max(0.0, stamp_s)
     job.sleep(max(0.0, takes_s))
     return values
@@ -179,12 +179,12 @@ def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> o
 class Speakers:
     """The agents of a story: they write values, repeat their last values, and fall silent."""
 
-    def __init__(self, codra: ContextManager[Any, Any], clock: Clock, every_s: Mapping[str, float]) -> None:
-        """Write to a context manager; `every_s` has the interval at which each agent repeats its values."""
+    def __init__(self, codra: ContextManager[Any, Any], clock: Clock, repeat_intervals_s: Mapping[str, float]) -> None:
+        """Write to a context manager. The agents in `repeat_intervals_s` repeat their values periodically."""
         self._codra = codra
         self._types = {variable.name: variable.type for variable in codra.model.variables}
         self._clock = clock
-        self._every_s = every_s
+        self._repeat_intervals_s = repeat_intervals_s
         self._last_values: dict[str, dict[str, Literal | None]] = {}
         self._timers: dict[str, Timer] = {}
 
@@ -198,9 +198,11 @@ class Speakers:
             self._write(agent, saying.values)
 
     def _write(self, agent: str, values: Mapping[str, Literal | None]) -> None:
-        """Write for an agent; this is possible whether or not the program holds the agent's handle."""
+        """Write for an agent. This is possible whether or not the program has a handle of this agent."""
         for name, value in values.items():
             self._codra.commands.write(name, self._types[name].convert(value), agent, None)
-        if agent in self._every_s:
-            then_s = self._clock.now_s() + self._every_s[agent]
-            self._timers[agent] = self._clock.call_at(then_s, lambda: self._write(agent, self._last_values[agent]))
+        if agent in self._repeat_intervals_s:
+            next_write_s = self._clock.now_s() + self._repeat_intervals_s[agent]
+            self._timers[agent] = self._clock.call_at(
+                next_write_s, lambda: self._write(agent, self._last_values[agent])
+            )

@@ -29,7 +29,7 @@ class Maker:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saying:
-    """The values that an agent writes; None means silence."""
+    """The values that an agent writes; None means that the agent falls silent."""
 
     agent: str
     values: Mapping[str, Literal | None] | None
@@ -106,7 +106,7 @@ class DecisionArguments:
 
     Attributes:
         otherwise: the value that the robot itself sees; None if it sees none.
-        since_s: counted from the start of the story.
+        since_s: the start of the oldest evidence that may be used, counted from the start of the story.
     """
 
     otherwise: Literal | None = None
@@ -141,7 +141,7 @@ class Belief:
         is_unknown: whether the variable must be unknown; if there is a `reason`, for this reason.
         value: the value that the variable must have, if `is_stated`.
         within: the tolerance for a number; None for equality up to rounding.
-        source: the required writer; empty for any.
+        source: the required writer; empty if any writer is allowed.
         because: a text that must occur in the explanation of `why`.
     """
 
@@ -157,7 +157,7 @@ class Belief:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Running:
+class RunningCheck:
     """A check of whether an observer runs."""
 
     observer: str
@@ -170,11 +170,11 @@ class Outcome:
     """A check of how the last decision on a variable was answered: `answered`, `fell_back` or `shadowed`."""
 
     variable: str
-    how: str
+    expected_outcome: str
     place: Place
 
 
-Check = Belief | Running | Outcome
+Check = Belief | RunningCheck | Outcome
 """A check of a moment."""
 
 
@@ -218,13 +218,13 @@ class Timeline:
     Attributes:
         spec: the name of the spec that is tested.
         seed: the seed of the random numbers that jobs use.
-        makers: for each resource, the maker of its handle.
-        every_s: for each agent, the interval at which it repeats its last values.
+        makers: a mapping from resources to the makers of their handles.
+        repeat_intervals_s: a mapping from agents to the intervals at which they repeat their last values.
     """
 
     source: Source
     spec: str
     seed: int
     makers: Mapping[str, Maker]
-    every_s: Mapping[str, float]
+    repeat_intervals_s: Mapping[str, float]
     stories: tuple[Story, ...]

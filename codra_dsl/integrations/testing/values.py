@@ -11,8 +11,8 @@ from codra_dsl.language.units import convert, parse_quantity, parse_unit
 from codra_dsl.runtime import NotOfTypeError
 from codra_dsl.runtime.values.model import ValueType
 
-_NUMBERS = ("int", "float")
-_WORDS = ("enum", "str")
+_NUMBER_KINDS = ("int", "float")
+_TEXT_KINDS = ("enum", "str")
 
 
 def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> Literal | None:
@@ -30,7 +30,7 @@ def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) ->
 
 
 def read_difference(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> float | None:
-    """Return a distance between two numbers of a type, in the unit of the type."""
+    """Return a difference of two numbers of a type, in the unit of the type; None if the node has no such value."""
     difference = read_value(reader, node, ValueType(kind="float", unit=type_.unit), *steps)
     return float(difference) if isinstance(difference, int | float) else None
 
@@ -49,10 +49,10 @@ def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) 
 
     If the units do not match, add a finding and return None.
     """
-    if type_.kind in _WORDS and not isinstance(node.data, bool) and node.data is not None:
+    if type_.kind in _TEXT_KINDS and not isinstance(node.data, bool) and node.data is not None:
         return node.text
     unit = None if type_.unit is None else parse_unit(type_.unit)
-    if type_.kind not in _NUMBERS:
+    if type_.kind not in _NUMBER_KINDS:
         return _require_data(reader, node, type_, *steps)
     quantity = parse_quantity(node.text) if node.style is Style.PLAIN and isinstance(node.data, str) else None
     if quantity is not None:

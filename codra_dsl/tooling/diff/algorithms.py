@@ -1,4 +1,4 @@
-"""Changes of perception algorithms: their functions, guards and identified variables, and the time that they wait."""
+"""Changes of perception algorithms: functions, guards, identified variables, and the times for which they wait."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from codra_dsl.tooling.diff.walk import Scope, Wording, entry_comparer, equality
 
 _LENGTH_TYPE = ValueType(kind=Kind.FLOAT, unit="m", range=(0.0, math.inf))
 _LITERALS_COMPARER = equality_comparer(Category.PERCEIVED_OTHERWISE, "gets another value", select_part=frozenset)
-_OPTIONAL_COMPARER = order_comparer(
+_OPTIONALITY_COMPARER = order_comparer(
     (Category.EASED, "is optional now"), (Category.CONTRACT, "is no longer optional"), show_nothing
 )
 _FUNCTION_FIELDS = frozenset({"parameters", "given", "returns", "uses"})
@@ -43,7 +43,7 @@ _FUNCTION_FIELDS = frozenset({"parameters", "given", "returns", "uses"})
 def compare_algorithms(scope: Scope, *_: Any) -> Iterator[Change]:
     """Yield the changes of each algorithm that observers run in both versions.
 
-    For an algorithm that took the place of another one, yield only the changes of its observability preconditions.
+    For an algorithm that replaces another algorithm, yield only the changes of its observability preconditions.
     """
     for old_name, new_name in scope.pair.algorithms.items():
         algorithm_scope = _algorithm_scope(scope, old_name, new_name)
@@ -60,7 +60,7 @@ def _algorithm_scope(scope: Scope, old_name: str, new_name: str) -> Scope:
 
 
 def _replacements(pair: Pair) -> Iterable[tuple[str, str]]:
-    """Return the first algorithm in A and the first one in B of each variable that has lost all its algorithms of A."""
+    """Return the first algorithm in A and the first one in B of each variable for which B has only other algorithms."""
     replacements: dict[tuple[str, str], None] = {}
     for variable, old_names in pair.old.producers.items():
         new_names = pair.new.producers.get(variable, ())
@@ -110,8 +110,8 @@ def result_wording(new: Returned | None) -> Wording:
 
 
 def compare_optionality(scope: Scope, _: str, old: bool, new: bool) -> Iterator[Change]:
-    """Yield a change if a result may now be absent, or may no longer be absent. It is reported at the result itself."""
-    yield from _OPTIONAL_COMPARER(scope, "", old, new)
+    """Yield a change, with the key of the result, if a result may now be absent or may no longer be absent."""
+    yield from _OPTIONALITY_COMPARER(scope, "", old, new)
 
 
 # Guards
@@ -136,7 +136,7 @@ def returned_types(scope: Scope, _: object) -> Types:
 
 
 def _conditions_with_pose_comparisons(conditions: Iterable[Condition]) -> Iterator[Condition]:
-    """Yield conditions with the comparisons of poses in place of the names of their variables."""
+    """Yield conditions in which each implicit variable is replaced by the comparison of poses that it stands for."""
     for condition in conditions:
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 
@@ -155,16 +155,16 @@ def _names_and_types(side: Side) -> Iterator[tuple[str, ValueType]]:
 
 
 def _result_types(algorithm: Algorithm) -> dict[str, ValueType]:
-    return {returned.name: returned.type for returned in algorithm.returns}
+    return {returned_value.name: returned_value.type for returned_value in algorithm.returns}
 
 
 # Identified variables
 
 
 def compare_identification(scope: Scope, _: str, *rules: Any) -> Iterator[Change]:
-    """Yield a change if the value of a variable is computed in another way, and one if it is confirmed otherwise."""
+    """Yield a change if another rule identifies a variable, and a change if other numbers of looks confirm a value."""
     old, new = scope.values
-    if old.variable.name in scope.pair.one_sided_names:
+    if old.variable.name in scope.pair.one_sided_variable_names:
         return
     if not _is_same_identification(scope, old, new):
         yield scope.make_change(
@@ -244,10 +244,10 @@ def _confirmation_wording(before: tuple[int, int], after: tuple[int, int]) -> Wo
 
 
 def _compare_waiting_times(scope: Scope, old_name: str, new_name: str) -> Iterator[Change]:
-    """Yield a change if an algorithm waits for variables that take longer, or less long, than those before.
+    """Yield a change if an algorithm waits for other variables, and therefore longer or shorter than before.
 
-    To leave out changes of the variables' own times, both times are taken from one version: from B if the wait becomes
-    longer, from A if it becomes shorter.
+    The time of a variable can differ between A and B as well. To leave this difference out, both waiting times are
+    computed with the times of one version: B shows whether the wait is longer, and A shows whether it is shorter.
     """
     old, new = scope.pair.sides
     before, after = {*old.algorithms[old_name].waits_for}, {*new.algorithms[new_name].waits_for}
@@ -268,7 +268,7 @@ def _compare_waiting_times(scope: Scope, old_name: str, new_name: str) -> Iterat
 def _longest_time_s(names: Iterable[str], side: Side, other_side: Side | None = None) -> float:
     """Return the longest worst-case time of some variables in one version.
 
-    For a variable that this version does not have, the time of the other version counts.
+    For a variable that this version does not have, the time in the other version is used.
     """
     other_times_s = {} if other_side is None else other_side.worst_latencies_s
     return max((side.worst_latencies_s.get(name, other_times_s.get(name, 0.0)) for name in names), default=0.0)

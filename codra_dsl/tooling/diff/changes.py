@@ -80,23 +80,23 @@ class Change:
         element: the identifier of the changed element, e.g. `lab/context/centrifuge_open`; for the spec itself, the
             name of the spec.
         key: the key that has changed, as specs spell it; empty for the element itself.
-        message: what the change means, without `was` and `now`.
-        was: the text or value in A; None if A has no value.
-        now: the text or value in B; None if B has no value.
-        before: the place in A; None if A has no place.
-        after: the place in B; None if B has no place.
-        allowed: whether `--allow` accepts the change, so that it does not count for the verdict.
+        message: what the change means, without the texts or values in A and B.
+        old_text: the text or value in A; None if A has no value.
+        new_text: the text or value in B; None if B has no value.
+        old_place: the place in A; None if A has no place.
+        new_place: the place in B; None if B has no place.
+        is_allowed: whether `--allow` accepts the change, so that it does not affect the verdict.
     """
 
     category: Category
     element: str
     message: str
     key: str = ""
-    was: str | None = None
-    now: str | None = None
-    before: Place | None = None
-    after: Place | None = None
-    allowed: bool = False
+    old_text: str | None = None
+    new_text: str | None = None
+    old_place: Place | None = None
+    new_place: Place | None = None
+    is_allowed: bool = False
 
     @property
     def level(self) -> Level:
@@ -111,13 +111,15 @@ class Change:
     @property
     def text(self) -> str:
         """Return the message with the values in A and B."""
-        value_texts = [f"{word} {value}" for word, value in (("was", self.was), ("is", self.now)) if value is not None]
+        value_texts = [
+            f"{word} {value}" for word, value in (("was", self.old_text), ("is", self.new_text)) if value is not None
+        ]
         return f"{self.message}: {', '.join(value_texts)}" if value_texts else self.message
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latency:
-    """The worst time, in seconds, from declaring a variable until it is known: in A and in B."""
+    """The longest time in seconds from the declaration of a variable until the variable is known, in A and in B."""
 
     element: str
     before_s: float
@@ -130,7 +132,7 @@ class Review:
 
     Attributes:
         changes: the changes, the worst category first, and within a category by element.
-        latencies: the times of the variables for which they differ.
+        latencies: the longest times of those variables whose times in A and B differ.
     """
 
     changes: tuple[Change, ...]
@@ -139,11 +141,13 @@ class Review:
     @property
     def verdict(self) -> Verdict:
         """Return the level of the worst change that was not allowed."""
-        levels = {change.level for change in self.changes if not change.allowed}
+        levels = {change.level for change in self.changes if not change.is_allowed}
         return next((Verdict(level.value) for level in Level if level in levels), Verdict.SAME)
 
 
-def in_order(changes: Iterable[Change]) -> tuple[Change, ...]:
+def sort_changes(changes: Iterable[Change]) -> tuple[Change, ...]:
     """Return changes without duplicates, the worst category first, and within a category by element."""
-    unique = dict.fromkeys(changes)
-    return tuple(sorted(unique, key=lambda change: (change.category.rank, change.element, change.key, change.text)))
+    unique_changes = dict.fromkeys(changes)
+    return tuple(
+        sorted(unique_changes, key=lambda change: (change.category.rank, change.element, change.key, change.text))
+    )

@@ -1,4 +1,4 @@
-"""Comparers that several fields share: of sizes, names, types, writers and guards."""
+"""Comparers that are used for several fields: for sizes, names, types, writers and guards."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def compare_nothing(*_: Any) -> Iterator[Change]:
 
 
 def compare_inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
-    """Yield the changes of a nested value that has no key of its own: its keys are among the keys of the element.
+    """Yield the changes of a nested value without a key of its own. Specs write its keys among the keys of the element.
 
     If the values have different classes, yield nothing.
     """
@@ -63,7 +63,7 @@ def order_comparer(
 
 
 def growth_comparer(increase_category: Category, decrease_category: Category) -> Comparer:
-    """Return the comparer of durations and numbers. If one value is None, they are only compared for equality."""
+    """Return the comparer of durations and numbers. If a value is None, both values are only compared for equality."""
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         if old is None or new is None:
@@ -84,7 +84,7 @@ def name_comparer(loss_wording: Wording, gain_wording: Wording) -> Comparer:
     """Return the comparer of unordered lists of names or of conditions. The entries are compared one by one.
 
     If the messages contain `{}`, the entries are variables, and `{}` stands for the variables that were lost or gained.
-    Variables that only one version of the spec has are left out, because they are reported themselves.
+    Variables that only one version of the spec has are left out, because they are reported as added or removed.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -93,9 +93,9 @@ def name_comparer(loss_wording: Wording, gain_wording: Wording) -> Comparer:
             changed_texts = {text for entry, text in texts.items() if entry not in other_texts}
             if "{}" not in message and changed_texts:
                 yield scope.make_change(category, key, message, text_of(old), text_of(new))
-            elif changed_texts - scope.pair.one_sided_names:
+            elif changed_texts - scope.pair.one_sided_variable_names:
                 yield scope.make_change(
-                    category, key, message.format(quote_names(changed_texts - scope.pair.one_sided_names))
+                    category, key, message.format(quote_names(changed_texts - scope.pair.one_sided_variable_names))
                 )
 
     return compare
@@ -207,15 +207,15 @@ def _compare_writer_lists(
     scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer], *, no_writer_text: str = "nobody"
 ) -> Iterator[Change]:
     before, after = ([writer.name for writer in writers] for writers in (old, new))
-    lost_names, gained_names = sorted({*before} - {*after}), sorted({*after} - {*before})
-    common_names = {*before} & {*after}
+    lost_writers, added_writers = sorted({*before} - {*after}), sorted({*after} - {*before})
+    common_writers = {*before} & {*after}
     for category, message, has_changed in (
-        (Category.UNWRITABLE, f"{', '.join(lost_names)} may not write it any more", lost_names),
-        (Category.WIDENED, f"{', '.join(gained_names)} may write it as well", gained_names),
+        (Category.UNWRITABLE, f"{', '.join(lost_writers)} may not write it any more", lost_writers),
+        (Category.WIDENED, f"{', '.join(added_writers)} may write it as well", added_writers),
         (
             Category.REDEFINED,
             "its writers have another order",
-            _priority_groups(old, common_names) != _priority_groups(new, common_names),
+            _priority_groups(old, common_writers) != _priority_groups(new, common_writers),
         ),
     ):
         if has_changed:

@@ -1,7 +1,7 @@
 """The comparison of guards, conditions and values by meaning, as far as `check` can decide.
 
-A guard is a list of conditions that must all be certainly true. A guard counts as following from another guard only if
-this is certain. If neither of two guards certainly follows from the other, the relation is `OTHER`.
+A guard is a list of conditions that must all be certainly true. One guard implies another guard only if `check` can
+prove this. If neither of two guards provably implies the other, the relation is `OTHER`.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def is_same_choice(first: Sequence[tuple[str, Node]], second: Sequence[tuple[str
 
 
 def _conditions_by_member(cases: Iterable[tuple[str, Node]]) -> Mapping[str, list[Node]]:
-    """Return for each member the conditions under which it is chosen."""
+    """Return a mapping from each member to the conditions under which the member is chosen."""
     conditions_by_member: dict[str, list[Node]] = {}
     previous_negations: tuple[Node, ...] = ()
     for member, condition in cases:
@@ -123,7 +123,7 @@ def _equality(first: Node, second: Node) -> Node:
 
 
 def joined_types(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> Types:
-    """Return for each name a type that contains its values in both versions; None if there is no such type."""
+    """Return a mapping from names to types that contain the values of both versions; None if there is no such type."""
     return {name: _joined_type(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
 
 

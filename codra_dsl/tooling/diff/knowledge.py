@@ -34,14 +34,14 @@ TERMS_COMPARER = set_comparer("the terms have changed")
 def compare_monitor(scope: Scope, key: str, old: Sequence[Expectation], new: Sequence[Expectation]) -> Iterator[Change]:
     """Yield the changes of monitored variables and expectations.
 
-    Expectations of the same variable and kind are paired in their order.
+    Expectations with the same variable and kind are paired in the order of the spec.
     """
     yield from _MONITOR_COMPARER(
         scope, key, *([expectation.variable for expectation in expectations] for expectations in (old, new))
     )
     before, after = _expectations_by_subject(old), _expectations_by_subject(new)
     for subject in dict.fromkeys((*before, *after)):
-        if subject[0] not in scope.pair.one_sided_names:
+        if subject[0] not in scope.pair.one_sided_variable_names:
             for old_expectation, new_expectation in zip_longest(before.get(subject, ()), after.get(subject, ())):
                 yield from _compare_expectation(scope, key, old_expectation, new_expectation)
 
@@ -153,7 +153,7 @@ def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
 def compare_terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
     """Yield a change if a variable has other terms.
 
-    The terms of a derived variable are those of its metric or action, and are reported there.
+    A derived variable has the terms of its metric or action. Changes of these terms are reported there.
     """
     if not scope.values[1].is_derived:
         yield from TERMS_COMPARER(scope, key, *values)

@@ -21,10 +21,10 @@ _HANDLE_COMPARER = order_comparer(
 _SLOTS_COMPARER = order_comparer(
     (Category.SLOWER, "more algorithms share its slots"),
     (Category.FASTER, "fewer algorithms share its slots"),
-    show=lambda share: f"{share[0]} for {share[1] or 'any number'}",
-    rank_of=lambda share: 1.0 if share[1] is None else max(1.0, share[0] / share[1]),
+    show=lambda counts: f"{counts[0]} for {counts[1] or 'any number'}",
+    rank_of=lambda counts: 1.0 if counts[1] is None else max(1.0, counts[0] / counts[1]),
 )
-"""Compares pairs of the number of algorithms and the number of slots by the algorithms for each slot, at least 1."""
+"""Compares pairs of the number of algorithms and the number of slots by their ratio; a ratio below 1 is taken as 1."""
 
 _SECTIONS_OF_MODULES = ("variables", "trees", "skills")
 
@@ -53,7 +53,7 @@ def _predecessors(pair: Pair, tree: Tree) -> tuple[Tree, ...]:
 def _element_with_places(side: Side, tree: Tree) -> Any:
     """Return the element that gives the places of an observer's changes.
 
-    This is its entry in `observers`, or else its first algorithm.
+    This is the observer's entry in `observers`, or else the observer's first algorithm.
     """
     settings = (setting for setting in side.spec.observers if setting.name == tree.name)
     return next(settings, tree.branches[0].algorithm.algorithm)
@@ -70,15 +70,15 @@ def _compare_names(scope: Scope, predecessors: tuple[Tree, ...], tree: Tree) -> 
 
 
 def _compare_priority(scope: Scope, old: Tree, tree: Tree) -> Iterator[Change]:
-    """Yield a change if a new priority of an observer changes the order in which it and others get a slot."""
+    """Yield a change if a new priority of an observer changes the order in which it and other observers get a slot."""
     slot_names, reordered_names = _slot_names(tree) & _slot_names(old), []
-    for other in scope.pair.new.plan.forest if old.priority != tree.priority else ():
-        predecessors = () if other is tree else _predecessors(scope.pair, other)
-        if predecessors and slot_names & _slot_names(other) & _slot_names(predecessors[0]):
-            is_reordered = _priority_order(old, predecessors[0]) != _priority_order(tree, other)
-            reordered_names += [other.name] if is_reordered else []
+    for other_tree in scope.pair.new.plan.forest if old.priority != tree.priority else ():
+        predecessors = () if other_tree is tree else _predecessors(scope.pair, other_tree)
+        if predecessors and slot_names & _slot_names(other_tree) & _slot_names(predecessors[0]):
+            is_reordered = _priority_order(old, predecessors[0]) != _priority_order(tree, other_tree)
+            reordered_names += [other_tree.name] if is_reordered else []
     if reordered_names:
-        message = f"the order in which it and {', '.join(sorted(reordered_names))} take a slot has changed"
+        message = f"the order in which it and {', '.join(sorted(reordered_names))} get a slot has changed"
         yield scope.make_change(Category.SLOWER, "priority", message, str(old.priority), str(tree.priority))
 
 
@@ -109,7 +109,7 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
 
 
 def compare_layout(scope: Scope) -> Iterator[Change]:
-    """Yield the moves of elements to other modules of the generated package: one change for each pair of modules."""
+    """Yield one change for each pair of modules of the generated package between which elements have moved."""
     names_by_move: dict[tuple[str, str], list[str]] = {}
     old, new = map(_module_by_element, scope.pair.sides)
     for element, module in old.items():
@@ -121,7 +121,7 @@ def compare_layout(scope: Scope) -> Iterator[Change]:
 
 
 def _module_by_element(side: Side) -> Mapping[tuple[str, str], str]:
-    """Return the module of each variable, observer and skill."""
+    """Return a mapping from the section and name of each variable, observer and skill to its module."""
     return {
         (section, name): module.name
         for module in side.plan.modules

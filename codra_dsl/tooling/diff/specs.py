@@ -7,7 +7,7 @@ from itertools import chain
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, suggest
-from codra_dsl.tooling.diff.changes import Category, Change, Latency, Review, in_order
+from codra_dsl.tooling.diff.changes import Category, Change, Latency, Review, sort_changes
 from codra_dsl.tooling.diff.observers import compare_layout
 from codra_dsl.tooling.diff.table import FIELD_COMPARERS, KIND_BY_SECTION
 from codra_dsl.tooling.diff.version import BrokenSpec, Pair, Version, make_pair
@@ -39,8 +39,10 @@ def review(before: Version, after: Version) -> Review:
             _is_same_spec(broken_spec, new_plan) for broken_spec in before.broken_specs
         ):
             place = new_plan.checked.spec.place
-            changes.append(Change(category=Category.ADDED, element=name, message="new spec", after=place))
-    return Review(changes=in_order(changes), latencies=tuple(sorted(latencies, key=lambda latency: latency.element)))
+            changes.append(Change(category=Category.ADDED, element=name, message="new spec", new_place=place))
+    return Review(
+        changes=sort_changes(changes), latencies=tuple(sorted(latencies, key=lambda latency: latency.element))
+    )
 
 
 def _compare_spec(pair: Pair) -> Iterator[Change]:
@@ -58,7 +60,9 @@ def _latencies(pair: Pair) -> Iterator[Latency]:
 
 
 def _removal(name: str, place: Place | None, similar_name: str | None = None) -> Change:
-    return Change(category=Category.REMOVED, element=name, message=removal_message("spec", similar_name), before=place)
+    return Change(
+        category=Category.REMOVED, element=name, message=removal_message("spec", similar_name), old_place=place
+    )
 
 
 def _error_changes(broken_spec: BrokenSpec) -> Iterator[Change]:
@@ -66,7 +70,7 @@ def _error_changes(broken_spec: BrokenSpec) -> Iterator[Change]:
         category = _CATEGORY_OF_CODE.get(error.code, Category.INVALID)
         message = f"{error.message} [{error.code}]"
         yield Change(
-            category=category, element=_element_of_error(broken_spec, error), message=message, after=error.place
+            category=category, element=_element_of_error(broken_spec, error), message=message, new_place=error.place
         )
 
 
@@ -81,12 +85,14 @@ def _element_of_error(broken_spec: BrokenSpec, error: Diagnostic) -> str:
 
 
 def _repair_or_removal(broken_spec: BrokenSpec, after: Version) -> Iterator[Change]:
-    """Yield a change if a spec with errors in A is repaired or removed. If it has errors in B, these are reported."""
+    """Yield a change if a spec with errors in A is repaired or removed. If the spec has errors in B, yield nothing."""
     plan = next((plan for plan in after.plans if _is_same_spec(broken_spec, plan)), None)
     if plan is not None:
         message = "the spec had errors and is valid now: there is no earlier version to compare with"
         old_place, new_place = broken_spec.errors[0].place, plan.checked.spec.place
-        yield Change(category=Category.REPAIRED, element=plan.name, message=message, before=old_place, after=new_place)
+        yield Change(
+            category=Category.REPAIRED, element=plan.name, message=message, old_place=old_place, new_place=new_place
+        )
     elif _find_broken_spec(broken_spec.name, broken_spec.file, after.broken_specs) is None:
         yield _removal(broken_spec.name or broken_spec.file, Place(Span(broken_spec.file, 1, 1, 1, 1)))
 
@@ -96,7 +102,10 @@ def _is_same_spec(broken_spec: BrokenSpec, plan: BuildPlan) -> bool:
 
 
 def _find_broken_spec(name: str | None, file: str, broken_specs: Iterable[BrokenSpec]) -> BrokenSpec | None:
-    """Return the spec with errors that has a name, or else, if one of the names is unknown, the one in a file."""
+    """Return the spec with errors that has this name, or else this file; None if there is none.
+
+    The file decides only if the name of the spec with errors is unknown or `name` is None.
+    """
     named_specs = (broken_spec for broken_spec in broken_specs if name is not None and broken_spec.name == name)
     nameless_specs = (
         broken_spec

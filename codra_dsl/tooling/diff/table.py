@@ -45,7 +45,7 @@ KIND_BY_SECTION: Mapping[str, str] = {
         )
     },
 }
-"""The kinds of elements in identifiers, by section of a spec."""
+"""A mapping from each section of a spec to the kind of its elements, as identifiers write it."""
 
 _NOUN_BY_KIND = {"type": "type of nodes", "edge": "type of edges"}
 _HIDDEN_VALUE_COMPARER = equality_comparer(show=show_nothing)
@@ -56,7 +56,9 @@ _REFRESH_MESSAGE = "'refresh' has changed"
 
 
 def _ends_comparer(key: str) -> Comparer:
-    return name_comparer((Category.NARROWED, f"leads {key} fewer"), (Category.WIDENED, f"leads {key} more"))
+    return name_comparer(
+        (Category.NARROWED, f"'{key}' allows fewer ends"), (Category.WIDENED, f"'{key}' allows more ends")
+    )
 
 
 FIELD_COMPARERS: ComparerTable = {
@@ -160,7 +162,7 @@ FIELD_COMPARERS: ComparerTable = {
         "pose": compare_nothing,
     },
     model.Task: {
-        "origin": equality_comparer(Category.RETYPED, "another node does it"),
+        "origin": equality_comparer(Category.RETYPED, "another node does the task"),
         "by": _EXECUTOR_COMPARER,
         "requesters": compare_requesters,
         "results": name_comparer((Category.NARROWED, "has lost results"), (Category.WIDENED, "has new results")),
@@ -192,4 +194,4 @@ FIELD_COMPARERS: ComparerTable = {
     },
     model.Loop: {"period_s": _INTERVAL_COMPARER},
 }
-"""The comparers by class and field."""
+"""The comparers, by class and then by field."""

@@ -21,17 +21,19 @@ def compare_variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequ
 
 
 def _find_successor(pair: Pair, old: Variable) -> str | None:
-    """Return the new variable that is probably a removed variable under a new name.
+    """Return the name of the new variable that is probably a removed variable under a new name, or None.
 
-    It has the same type, and one of the same algorithms identifies it. If the removed variable has no algorithm that is
-    also in B, it is a variable with a similar name that no algorithm identifies.
+    The new variable has the same type, and is identified by an algorithm that identified the removed variable. If B has
+    no such algorithm, the new variable has a similar name, and no algorithm identifies it.
     """
-    same_type_names = [name for name in sorted(pair.gained_names) if pair.new.variables[name].type == old.type]
-    paired_names = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
-    identified_names = [name for name in same_type_names if paired_names & {*pair.new.producers.get(name, ())}]
+    same_type_names = [name for name in sorted(pair.added_variable_names) if pair.new.variables[name].type == old.type]
+    paired_algorithms = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
+    identified_names = [name for name in same_type_names if paired_algorithms & {*pair.new.producers.get(name, ())}]
     if identified_names:
         return identified_names[0] if len(identified_names) == 1 else suggest(old.name, identified_names)
-    return suggest(old.name, [name for name in same_type_names if not paired_names and name not in pair.new.producers])
+    return suggest(
+        old.name, [name for name in same_type_names if not paired_algorithms and name not in pair.new.producers]
+    )
 
 
 def _compare_producers(scope: Scope) -> Iterator[Change]:
@@ -44,7 +46,7 @@ def _compare_producers(scope: Scope) -> Iterator[Change]:
         before = [pair.algorithms.get(old_name, f"-{old_name}") for old_name in pair.old.producers.get(name, ())]
         after = pair.new.producers.get(name, ())
         is_reordered = {*before} == {*after}
-        if name in pair.one_sided_names or before == [*after] or (is_reordered and after in reported_orders):
+        if name in pair.one_sided_variable_names or before == [*after] or (is_reordered and after in reported_orders):
             continue
         if is_reordered:
             reported_orders.add(after)
@@ -71,7 +73,7 @@ def _producers_wording(before: list[str], after: list[str]) -> Wording:
     if kept_names != before:
         return Category.PERCEIVED_OTHERWISE, "its alternatives are tried in another order"
     if after[: len(before)] != before:
-        return Category.PERCEIVED_OTHERWISE, "a new alternative is tried before one that it had"
+        return Category.PERCEIVED_OTHERWISE, "a new alternative is tried before an old one"
     return Category.ADDED, "it has one more alternative"
 
 
@@ -84,7 +86,7 @@ def _first_producer(side: Side, name: str) -> Any:
 
 
 def names_by_enum_type(side: Side) -> dict[str, tuple[str, ...]]:
-    """Return the names of the enum variables. The key is the name of their type in the generated package."""
+    """Return a mapping from the name of each enum type in the generated package to the variables of this type."""
     names_by_values: dict[tuple[str, ...], list[str]] = {}
     for variable in side.variables.values():
         if variable.type.kind is Kind.ENUM:

@@ -16,7 +16,7 @@ from codra_dsl.language.model import Access, Spec, Variable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrokenSpec:
-    """A spec with errors, even if there is a plan for it.
+    """A spec with errors. A plan for this spec can exist nevertheless.
 
     Attributes:
         name: the name of the spec; None if the spec could not be read.
@@ -54,7 +54,7 @@ class Side:
 
     @property
     def variables(self) -> Mapping[str, Variable]:
-        """Return all declared variables by name."""
+        """Return a mapping from names to all declared variables."""
         return self.plan.checked.variables
 
     @cached_property
@@ -64,17 +64,20 @@ class Side:
 
     @cached_property
     def algorithms(self) -> Mapping[str, CheckedAlgorithm]:
-        """Return the algorithms that observers run, by name."""
+        """Return a mapping from names to the algorithms that observers run."""
         return {branch.name: branch.algorithm for tree in self.plan.forest for branch in tree.branches}
 
     @cached_property
     def observer_by_variable(self) -> Mapping[str, Tree]:
-        """Return the observer of each variable that has one."""
+        """Return a mapping from each variable that an observer identifies to this observer."""
         return {variable: tree for tree in self.plan.forest for variable in tree.identifies}
 
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
-        """Return for each variable the algorithms that identify it, by rank, without those that no observer runs."""
+        """Return a mapping from each variable to the algorithms that identify it, in the order of their ranks.
+
+        Algorithms that no observer runs are left out.
+        """
         executed_producers = {
             variable: tuple(name for name in names if name in self.algorithms)
             for variable, names in self.plan.checked.producers.items()
@@ -83,12 +86,12 @@ class Side:
 
     @cached_property
     def worst_latencies_s(self) -> Mapping[str, float]:
-        """Return the worst time from declared to known, for each variable that observers identify."""
+        """Return a mapping from each variable that observers identify to its longest time from declared to known."""
         latencies_s = worst_cases(self.plan.checked)
         return {name: latencies_s[name] for name in self.producers if name in latencies_s}
 
     def users(self, resource: str, access: Access) -> tuple[str, ...]:
-        """Return the algorithms that use a resource with some access: that read it, or that take its slots."""
+        """Return the algorithms that use a resource with some access: that read its handle, or that need its slots."""
         return tuple(
             name
             for name, checked_algorithm in self.algorithms.items()
@@ -101,7 +104,7 @@ class Pair:
     """Both versions of a spec.
 
     Attributes:
-        algorithms: the algorithms that are in both versions. The key is the name in A, the value is the name in B.
+        algorithms: the algorithms that are in both versions: a mapping from names in A to names in B.
     """
 
     old: Side
@@ -114,13 +117,13 @@ class Pair:
         return self.old, self.new
 
     @property
-    def gained_names(self) -> frozenset[str]:
-        """Return the variables that A does not have."""
+    def added_variable_names(self) -> frozenset[str]:
+        """Return the names of the variables that A does not have."""
         return frozenset(self.new.variables.keys() - self.old.variables.keys())
 
     @property
-    def one_sided_names(self) -> frozenset[str]:
-        """Return the variables that only one version has. They are reported only as removed or added."""
+    def one_sided_variable_names(self) -> frozenset[str]:
+        """Return the names of the variables that only one version has. They are reported only as removed or added."""
         return frozenset(self.new.variables.keys() ^ self.old.variables.keys())
 
     def element_id(self, kind: str, name: str) -> str:
@@ -135,18 +138,20 @@ def make_pair(old: BuildPlan, new: BuildPlan) -> Pair:
     """
     sides = Side(plan=old), Side(plan=new)
     before, after = (side.algorithms for side in sides)
-    pairs = {name: name for name in before if name in after}
+    new_name_by_old_name = {name: name for name in before if name in after}
     unpaired_identities = {
         name: _identity(checked_algorithm) for name, checked_algorithm in after.items() if name not in before
     }
     for name, checked_algorithm in before.items():
         matching_names = [
-            other for other, identity in unpaired_identities.items() if identity == _identity(checked_algorithm)
+            other_name
+            for other_name, identity in unpaired_identities.items()
+            if identity == _identity(checked_algorithm)
         ]
-        if name not in pairs and len(matching_names) == 1:
-            pairs[name] = matching_names[0]
+        if name not in new_name_by_old_name and len(matching_names) == 1:
+            new_name_by_old_name[name] = matching_names[0]
             del unpaired_identities[matching_names[0]]
-    return Pair(old=sides[0], new=sides[1], algorithms=pairs)
+    return Pair(old=sides[0], new=sides[1], algorithms=new_name_by_old_name)
 
 
 def _identity(checked_algorithm: CheckedAlgorithm) -> tuple[str, frozenset[str]]:

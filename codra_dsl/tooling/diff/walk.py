@@ -2,7 +2,7 @@
 
 Every field is compared. A table gives comparers for the fields whose changes have a category or wording of their own.
 A field that is not in the table is compared by default: nested values field by field, entries by name, and everything
-else for equality. Therefore changes of a new field of the model are reported without an edit here.
+else for equality. Therefore changes of a new field of the model are reported without an edit of this module.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _KEY_OF_FIELD = {
     "variable": "set",
     "within": "in",
 }
-"""The key in the spec of each field whose name differs from its key. Messages and places use these keys."""
+"""The keys of those fields that have another name than their key in specs. Messages and places use these keys."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,7 @@ class Scope:
         comparer_table: the comparers by class and field.
         id: the identifier of the element in a `Change`, e.g. `lab/context/centrifuge_open`. The identifier of the spec
             itself is its name.
-        elements: the element in A and in B; None for a version without this element. They give the places of keys.
+        elements: the element in A and in B, which give the places of keys; None for a version without this element.
         values: the elements themselves, or values inside the elements.
         path: the key of the values within the element; empty for the element itself.
     """
@@ -89,8 +89,8 @@ class Scope:
         category: Category,
         key: str,
         message: str,
-        was: str | None = None,
-        now: str | None = None,
+        old_text: str | None = None,
+        new_text: str | None = None,
         *,
         changed_parts: tuple[Any, Any] = (None, None),
     ) -> Change:
@@ -100,12 +100,12 @@ class Scope:
             category: the category of the change.
             key: the key within the values of this scope.
             message: what the change means.
-            was: the text or value in A.
-            now: the text or value in B.
-            changed_parts: the changed part in A and in B, which gives the place; if it is None, the key does.
+            old_text: the text or value in A.
+            new_text: the text or value in B.
+            changed_parts: the changed part in A and in B, which gives the place; for None, the key gives the place.
         """
         key = self.path_of(key)
-        before, after = (
+        old_place, new_place = (
             self._place(index, key) if part is None else part.place for index, part in enumerate(changed_parts)
         )
         return Change(
@@ -113,10 +113,10 @@ class Scope:
             element=self.id,
             key=key,
             message=f"{self.path}: {message}" if self.path else message,
-            was=was or None,
-            now=now or None,
-            before=before,
-            after=after,
+            old_text=old_text or None,
+            new_text=new_text or None,
+            old_place=old_place,
+            new_place=new_place,
         )
 
     def _place(self, index: int, key: str) -> Place | None:
@@ -124,8 +124,8 @@ class Scope:
         element, value = self.elements[index], self.values[index]
         if element is None:
             return None
-        holders = (element, *(getattr(element, field.name) for field in fields(element)))
-        places = ChainMap(*(holder.places for holder in holders if hasattr(holder, "places")))
+        candidates = (element, *(getattr(element, field.name) for field in fields(element)))
+        places = ChainMap(*(candidate.places for candidate in candidates if hasattr(candidate, "places")))
         value_place = getattr(value, "place", None) if self.path else None
         place: Place = places.get(key) or value_place or places.get(key.partition(".")[0]) or element.place
         return place
@@ -150,8 +150,8 @@ def equality_comparer(
     Args:
         category: the category of the change, or a function that gives it.
         message: the message of the change; `{}` stands for the key.
-        show: returns the text of a value; then both values are shown whole. Without it, of two lists only the entries
-            that differ are shown, or all entries if only their order differs.
+        show: returns the text of a value; if it is given, both values are shown completely. Otherwise, only the entries
+            of lists that differ are shown, or all entries if only their order differs.
         select_part: returns the part of a value that is compared.
     """
 
@@ -166,7 +166,7 @@ def equality_comparer(
 
 
 def set_comparer(message: str) -> Comparer:
-    """Return the comparer of lists whose entries have no order and are compared all together."""
+    """Return the comparer of lists without an order. All entries of a list are compared together."""
     return equality_comparer(message=message, select_part=lambda entries: frozenset(map(plain_value, entries)))
 
 
@@ -204,8 +204,8 @@ def element_comparer(
         kind: the kind in the identifiers of the elements.
         noun: the word for an element in messages, by default the kind; if it is empty, removed and added elements are
             not reported.
-        find_successor: returns the name of the new element that is probably a removed element under a new name; by
-            default, that is the new element with a similar name.
+        find_successor: returns the name of the new element that is probably a removed element under a new name. By
+            default, this is the name of a new element with a similar name.
     """
     noun = kind if noun is None else noun
 
@@ -219,8 +219,8 @@ def element_comparer(
             elif after:
                 yield inner_scope.make_change(Category.ADDED, "", f"new {noun}")
             else:
-                gained_names = sorted({element.name for element in new} - {element.name for element in old})
-                similar_name = find_successor(scope.pair, before) if find_successor else suggest(name, gained_names)
+                added_names = sorted({element.name for element in new} - {element.name for element in old})
+                similar_name = find_successor(scope.pair, before) if find_successor else suggest(name, added_names)
                 yield inner_scope.make_change(Category.REMOVED, "", removal_message(noun, similar_name))
 
     return compare
@@ -271,7 +271,7 @@ def is_nested(old: Any, new: Any) -> bool:
 
 
 def plain_value(value: Any) -> Any:
-    """Return a hashable form of a value, without places and without the way in which conditions are written."""
+    """Return a hashable form of a value. Places, and differences in the spelling of conditions, are left out."""
     match value:
         case Place():
             return None

@@ -17,7 +17,7 @@ from codra_dsl.tooling.report.github import render_github
 ShowFile = Callable[[str], str]
 """Returns the name under which a file is shown. For a file in a revision, this name contains the revision."""
 
-_ALLOWED = "allowed"
+_ALLOWED_WORD = "allowed"
 _MAX_ROWS = 200
 
 
@@ -56,11 +56,11 @@ def render_markdown(review: Review, versions: Versions) -> str:
     versions_text = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
     lines = [f"### codra diff: {review.verdict}", "", f"{versions_text}: {_counts_text(review) or 'no difference'}", ""]
     for level in Level:
-        rows = [change for change in review.changes if change.level is level]
-        if rows:
+        level_changes = [change for change in review.changes if change.level is level]
+        if level_changes:
             lines += [f"**{level}**", "", "| category | element | change | place |", "| --- | --- | --- | --- |"]
-            lines += [_row(change, versions) for change in rows[:_MAX_ROWS]]
-            lines += ["", f"and {len(rows) - _MAX_ROWS} more", ""] if len(rows) > _MAX_ROWS else [""]
+            lines += [_row(change, versions) for change in level_changes[:_MAX_ROWS]]
+            lines += ["", f"and {len(level_changes) - _MAX_ROWS} more", ""] if len(level_changes) > _MAX_ROWS else [""]
     if review.latencies:
         lines += ["**worst time from declared to known**", "", "| variable | before | after |", "| --- | --- | --- |"]
         lines += [
@@ -71,18 +71,18 @@ def render_markdown(review: Review, versions: Versions) -> str:
 
 
 def render_annotations(review: Review, folder: str = "") -> str:
-    """Return a review as workflow commands of GitHub. Compatible and allowed changes are only lines of the log.
+    """Return a review as workflow commands of GitHub. Compatible and allowed changes are only written to the log.
 
     Args:
         review: the review.
         folder: the folder of the project within the repository.
     """
     annotated_changes = (
-        change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed
+        change for change in review.changes if change.level is not Level.COMPATIBLE and not change.is_allowed
     )
     commands_text = render_github([_finding_of(change) for change in annotated_changes], folder)
     plain_versions = Versions(before="", after="", show_file_before=str, show_file_after=str)
-    logged_changes = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
+    logged_changes = (change for change in review.changes if change.level is Level.COMPATIBLE or change.is_allowed)
     log_text = "".join(f"./{_change_line(change, plain_versions, PLAIN)}\n" for change in logged_changes)
     return f"{commands_text}{log_text}{_verdict_line(review)}\n"
 
@@ -107,8 +107,8 @@ def _paragraph_lines(change: Change, versions: Versions, palette: Palette) -> It
     yield f"{_headline(change, palette)}: {palette.place}{visible_text(change.element)}{palette.end}"
     yield f"  {visible_text(change.message)}"
     value_rows = (
-        ("was", change.was, _place_text(change.before, versions.show_file_before)),
-        ("is", change.now, _place_text(change.after, versions.show_file_after)),
+        ("was", change.old_text, _place_text(change.old_place, versions.show_file_before)),
+        ("is", change.new_text, _place_text(change.new_place, versions.show_file_after)),
     )
     width = max(len(visible_text(value or "")) for _, value, _ in value_rows)
     for word, value, place in value_rows:
@@ -125,14 +125,14 @@ def _change_line(change: Change, versions: Versions, palette: Palette) -> str:
 
 def _headline(change: Change, palette: Palette) -> str:
     colours = {Level.BREAKING: palette.error, Level.CAUTION: palette.warning, Level.COMPATIBLE: palette.help}
-    level = _ALLOWED if change.allowed else change.level.value
-    colour = palette.gutter if change.allowed else colours[change.level]
+    level = _ALLOWED_WORD if change.is_allowed else change.level.value
+    colour = palette.gutter if change.is_allowed else colours[change.level]
     return f"{colour}{level}[{change.category}]{palette.end}"
 
 
 def _place_of_change(change: Change, versions: Versions) -> str:
-    place_after = _place_text(change.after, versions.show_file_after)
-    return place_after or _place_text(change.before, versions.show_file_before)
+    new_place_text = _place_text(change.new_place, versions.show_file_after)
+    return new_place_text or _place_text(change.old_place, versions.show_file_before)
 
 
 def _place_text(place: Place | None, show_file: ShowFile) -> str:
@@ -154,8 +154,8 @@ def _verdict_line(review: Review) -> str:
 
 
 def _counts(review: Review) -> dict[str, int]:
-    counts = Counter(_ALLOWED if change.allowed else change.level.value for change in review.changes)
-    return {name: counts[name] for name in (*(level.value for level in Level), _ALLOWED)}
+    counts = Counter(_ALLOWED_WORD if change.is_allowed else change.level.value for change in review.changes)
+    return {name: counts[name] for name in (*(level.value for level in Level), _ALLOWED_WORD)}
 
 
 def _counts_text(review: Review) -> str:
@@ -163,7 +163,7 @@ def _counts_text(review: Review) -> str:
 
 
 def _row(change: Change, versions: Versions) -> str:
-    category = f"{change.category} ({_ALLOWED})" if change.allowed else f"{change.category}"
+    category = f"{change.category} ({_ALLOWED_WORD})" if change.is_allowed else f"{change.category}"
     place = as_markdown(_place_of_change(change, versions))
     return f"| {category} | {as_markdown(change.element)} | {as_markdown(change.text)} | {place} |"
 
@@ -171,7 +171,7 @@ def _row(change: Change, versions: Versions) -> str:
 def _finding_of(change: Change) -> Diagnostic:
     """Return a change as a finding, from which annotations are rendered."""
     severity = Severity.ERROR if change.level is Level.BREAKING else Severity.WARNING
-    place = change.after or change.before or Place(Span("-", 1, 1, 1, 1))
+    place = change.new_place or change.old_place or Place(Span("-", 1, 1, 1, 1))
     rule = Rule(code="codra diff", name=change.category.value, severity=severity)
     return Diagnostic(rule=rule, message=f"{change.element}: {change.text}", place=Place(place.span))
 
@@ -184,11 +184,11 @@ def _change_object(change: Change, versions: Versions) -> dict[str, object]:
         "element": change.element,
         "key": change.key,
         "message": change.message,
-        "allowed": change.allowed,
-        "was": change.was,
-        "is": change.now,
-        "before": _range_object(change.before, versions.show_file_before),
-        "after": _range_object(change.after, versions.show_file_after),
+        "allowed": change.is_allowed,
+        "was": change.old_text,
+        "is": change.new_text,
+        "before": _range_object(change.old_place, versions.show_file_before),
+        "after": _range_object(change.new_place, versions.show_file_after),
     }
 
 

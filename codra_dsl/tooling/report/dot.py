@@ -72,15 +72,15 @@ def render_svg(graph: Graph) -> str:
 def render_drawing(graph: Graph) -> str:
     """Return the picture for a page with its own style: only the `svg` element, without legend and title.
 
-    Nodes and edges are numbered from 0. The drawing of node number 3 has the id `n3`, that of edge number 3 has `e3`.
+    Nodes and edges are numbered from 0. The drawing of node 3 has the id `n3`, and the drawing of edge 3 the id `e3`.
 
     Raises:
         DrawingError: if Graphviz is not installed or cannot draw.
     """
     picture = _parse_picture(_draw(_dot_for_drawing(graph)))
-    size = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
-    content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
-    return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{content}</svg>'
+    size_attributes = f'viewBox="0 0 {picture["width"]} {picture["height"]}"'
+    picture_content = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", picture["inside"], flags=re.DOTALL)
+    return f'<svg {size_attributes} xmlns="http://www.w3.org/2000/svg">{picture_content}</svg>'
 
 
 def _dot_for_drawing(graph: Graph) -> str:
@@ -101,11 +101,12 @@ def _frame_lines(name: str, lines: Iterable[str]) -> list[str]:
 
 
 def _digraph(lines: Iterable[str]) -> str:
-    graph = {"rankdir": "LR", "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
-    node = {"fontname": _FONT, "fontsize": _LABEL_PT, "margin": "0.1,0.05", "height": 0.36, "penwidth": 0.8}
-    edge = {"arrowsize": 0.7}
-    defaults = (f"{kind} {_attributes(values)};" for kind, values in (("graph", graph), ("node", node), ("edge", edge)))
-    body = "".join(f"  {line}\n" for line in (*defaults, *lines))
+    graph_attributes = {"rankdir": "LR", "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
+    node_attributes = {"fontname": _FONT, "fontsize": _LABEL_PT, "margin": "0.1,0.05", "height": 0.36, "penwidth": 0.8}
+    edge_attributes = {"arrowsize": 0.7}
+    defaults = (("graph", graph_attributes), ("node", node_attributes), ("edge", edge_attributes))
+    default_lines = (f"{kind} {_attributes(attributes)};" for kind, attributes in defaults)
+    body = "".join(f"  {line}\n" for line in (*default_lines, *lines))
     return f"digraph codra {{\n{body}}}\n"
 
 
@@ -124,12 +125,12 @@ def _numbered_node_line(element: Element, number: int) -> str:
 
 
 def _label_text(label: str) -> str:
-    """Return a label that Graphviz shows unchanged, although it decodes entities."""
+    """Return a label that Graphviz shows unchanged, although Graphviz decodes entities."""
     return _ENTITY.sub("&amp;", label)
 
 
 _WIDTH_FACTOR_BY_SHAPE: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon": 1.2, "ellipse": 1.35}
-"""The ratio of a shape's width to that of its label."""
+"""The ratio of a shape's width to the width of its label."""
 
 
 def _width_in(label: str, look: NodeLook) -> float:
@@ -155,7 +156,7 @@ def _edge_line(link: Link, source: str, target: str, **extra_attributes: str) ->
     if extra_attributes:
         attributes["class"] = link.kind.value
     if link.kind is EdgeKind.FEEDBACK:
-        attributes["constraint"] = "false"  # the edge closes a cycle, in which no node is left of another
+        attributes["constraint"] = "false"  # the edge closes a cycle, which has no order from left to right
     return f"{_quote(source)} -> {_quote(target)} {_attributes(attributes)};"
 
 
@@ -191,7 +192,7 @@ def _attributes(values: Mapping[str, object]) -> str:
 
 
 def _quote(text: str) -> str:
-    r"""Return a quoted string in Graphviz's language, in which `\N`, `\G` and the like would have a meaning."""
+    r"""Return a quoted string in Graphviz's language. Backslashes are escaped, because `\N` or `\G` have a meaning."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 
 
@@ -230,35 +231,39 @@ _COLUMN_WIDTH_PT = 440
 
 def _add_legend(picture: re.Match[str], graph: Graph) -> str:
     """Return a picture with its legend below. The picture shrinks with its window, but not below a legible size."""
-    rows = list(_rows(graph))
+    legend_entries = list(_legend_entries(graph))
     legend_top = int(picture["height"]) + 20
-    height = legend_top + _ROW_HEIGHT_PT * max((row for _, row, _ in rows), default=0) + _ROW_HEIGHT_PT
-    width = max(int(picture["width"]), 16 + _COLUMN_WIDTH_PT * (1 + max((column for column, _, _ in rows), default=0)))
-    size = f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
+    height = legend_top + _ROW_HEIGHT_PT * max((row for _, row, _ in legend_entries), default=0) + _ROW_HEIGHT_PT
+    width = max(
+        int(picture["width"]), 16 + _COLUMN_WIDTH_PT * (1 + max((column for column, _, _ in legend_entries), default=0))
+    )
+    size_attributes = (
+        f'width="100%" style="min-width: {width * _SMALLEST_SCALE:.0f}pt; max-width: {width}pt; height: auto"'
+    )
     legend = "".join(
         f'<g transform="translate({16 + _COLUMN_WIDTH_PT * column} {legend_top + _ROW_HEIGHT_PT * row})">{text}</g>\n'
-        for column, row, text in rows
+        for column, row, text in legend_entries
     )
     return (
         '<?xml version="1.0" encoding="UTF-8" standalone="no"?>\n'
-        f'<svg {size} viewBox="0 0 {width} {height}"{picture["rest"]}>\n'
+        f'<svg {size_attributes} viewBox="0 0 {width} {height}"{picture["rest"]}>\n'
         f'<rect width="{width}" height="{height}" fill="white"/>\n{picture["inside"]}'
         f'<g class="legend" font-family="{_FONT}" font-size="{_LABEL_PT}">\n{legend}</g>\n</svg>\n'
     )
 
 
-def _rows(graph: Graph) -> Iterator[tuple[int, int, str]]:
-    """Yield column, row and drawing of each entry of the legend. It has only the kinds that occur in the picture."""
-    boxes = [_node_sample(NODE_LOOKS[kind], NODE_LOOKS[kind].meaning) for kind in node_kinds_of(graph)]
+def _legend_entries(graph: Graph) -> Iterator[tuple[int, int, str]]:
+    """Yield column, row and drawing of each legend entry. The legend has only the kinds that occur in the picture."""
+    node_samples = [_node_sample(NODE_LOOKS[kind], NODE_LOOKS[kind].meaning) for kind in node_kinds_of(graph)]
     observers = [element.observer for element in graph.elements if element.observer]
     if len(observers) > len(set(observers)):
-        boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _legend_text(FRAME_TEXT))
-    arrows = [_arrow_sample(EDGE_LOOKS[kind]) for kind in edge_kinds_of(graph)]
+        node_samples.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _legend_text(FRAME_TEXT))
+    arrow_samples = [_arrow_sample(EDGE_LOOKS[kind]) for kind in edge_kinds_of(graph)]
     if any(latency_text(element) for element in graph.elements):
-        arrows.append(
+        arrow_samples.append(
             f'<text x="{_SAMPLE_WIDTH_PT / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_legend_text(WORST_CASE_TEXT)}'
         )
-    for column, samples in enumerate((boxes, arrows)):
+    for column, samples in enumerate((node_samples, arrow_samples)):
         yield from ((column, row, text) for row, text in enumerate(samples))
 
 
@@ -295,8 +300,8 @@ def _arrow_sample(look: EdgeLook) -> str:
     line = f'<path d="M12,0H46" stroke="{look.colour}" stroke-width="{width}"{_DASHES.get(look.style, "")}/>'
     fill = "white" if look.head == "empty" else look.colour if look.head in ("normal", "vee") else "none"
     head = f'<polygon points="44,-4 52,0 44,4" fill="{fill}" stroke="{look.colour}"/>' if look.head != "none" else ""
-    ends = '<text x="0" y="4">A</text><text x="55" y="4">B</text>'
-    return ends + line + head + _legend_text(look.sentence)
+    end_letters = '<text x="0" y="4">A</text><text x="55" y="4">B</text>'
+    return end_letters + line + head + _legend_text(look.sentence)
 
 
 def _legend_text(text: str) -> str:

@@ -1,4 +1,7 @@
-"""Pages about kinds of findings: what each means for a robot, a spec with this finding, and the corrected spec."""
+"""Pages about kinds of findings.
+
+Each page states what the finding means for a robot, and shows a spec with this finding and the corrected spec.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ FAMILIES: Mapping[str, str] = {
     "CDR7": "Context quality",
     "CDR79": "Comments that silence findings",
 }
-"""The families of codes by prefix. For each code, the longest prefix counts."""
+"""The families of codes by prefix. The longest matching prefix determines the family of a code."""
 
 _INDENT = "  "
 
@@ -60,12 +63,12 @@ class Page:
 
 @cache
 def all_rules() -> Mapping[str, Rule]:
-    """Return every rule by its code, in the order of codes."""
+    """Return a mapping from codes to all rules, in the order of codes."""
     return dict(sorted(known_rules().items()))
 
 
 def page_of(code: str) -> Page | None:
-    """Return the page about a code, or None."""
+    """Return the page about a code, or None if there is no such page."""
     rule, file = all_rules().get(code), FOLDER / f"{code}.md"
     if rule is None or not file.is_file():
         return None
@@ -80,7 +83,7 @@ def all_pages() -> Iterator[Page]:
 
 
 def code_of(name: str) -> str | None:
-    """Return the code that is spelled like the argument, or the code of the rule with this name. Case is ignored."""
+    """Return the code that `name` spells, or the code of the rule with this name, ignoring case; otherwise None."""
     if name.upper() in all_rules():
         return name.upper()
     return next((code for code, rule in all_rules().items() if rule.name == name.casefold()), None)
@@ -97,13 +100,13 @@ def family_of(code: str) -> str:
 def as_text(page: Page) -> str:
     """Return a page for a terminal: without the marks of Markdown, with indented blocks."""
     lines: list[str] = []
-    in_block = False
+    is_in_block = False
     for line in page.markdown.splitlines():
         if line.startswith("```"):
-            lines += _head_of_block(line) if not in_block else []
-            in_block = not in_block
+            lines += _head_of_block(line) if not is_in_block else []
+            is_in_block = not is_in_block
         else:
-            lines.append(f"{_INDENT}{line}".rstrip() if in_block else _strip_marks(line))
+            lines.append(f"{_INDENT}{line}".rstrip() if is_in_block else _strip_marks(line))
     return "\n".join(lines) + "\n"
 
 
@@ -120,7 +123,7 @@ def _strip_marks(line: str) -> str:
     return re.sub("^#+ ", "", line).replace("`", "'")
 
 
-def as_object(page: Page) -> str:
+def as_json_line(page: Page) -> str:
     """Return a page as JSON in one line."""
     keys = ("code", "name", "severity", "summary", "markdown")
     return as_json({key: str(getattr(page, key)) for key in keys}) + "\n"
@@ -130,18 +133,18 @@ def list_as_text(pages: Iterable[Page]) -> str:
     """Return a list of pages for a terminal, with a heading for each family of codes."""
     families = (
         f"{family}\n"
-        + "".join(f"{_INDENT}{page.code}  {page.name}: {_strip_marks(page.summary)}\n" for page in members)
-        for family, members in groupby(pages, lambda page: family_of(page.code))
+        + "".join(f"{_INDENT}{page.code}  {page.name}: {_strip_marks(page.summary)}\n" for page in family_pages)
+        for family, family_pages in groupby(pages, lambda page: family_of(page.code))
     )
     return "\n".join(families)
 
 
 def list_as_markdown(pages: Iterable[Page], folder: str = "") -> str:
-    """Return a list of pages as Markdown tables, one for each family. With a folder, codes are links to its pages."""
+    """Return a list of pages as Markdown tables, one for each family. If `folder` is given, codes link to its pages."""
     families = (
         f"## {family}\n\n| code | name | severity | in one sentence |\n| --- | --- | --- | --- |\n"
-        + "".join(_row(page, folder) for page in members)
-        for family, members in groupby(pages, lambda page: family_of(page.code))
+        + "".join(_row(page, folder) for page in family_pages)
+        for family, family_pages in groupby(pages, lambda page: family_of(page.code))
     )
     return "\n".join(families)
 

@@ -25,7 +25,7 @@ _MARGIN = 60
 _WIDE_CATEGORIES = ("W", "F")
 _MARKUP_ESCAPES = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
-_NOT_ASCII = re.compile("[^\x00-\x7f]+")
+_NON_ASCII_TEXT = re.compile("[^\x00-\x7f]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ def render_json(diagnostics: Iterable[Diagnostic]) -> str:
 
 
 def number_findings(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
-    """Yield each finding with its number, from 1 on, among the findings with the same fingerprint."""
+    """Yield each finding with a number. Findings with the same fingerprint are numbered from 1."""
     counts_by_fingerprint: Counter[str] = Counter()
     for diagnostic in diagnostics:
         counts_by_fingerprint[diagnostic.fingerprint] += 1
@@ -87,7 +87,7 @@ def as_json(value: object, indent: int | None = None) -> str:
     """
     text = _LONE_SURROGATE.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
     text = text.replace("##[", r"##\u005b")
-    return _NOT_ASCII.sub(lambda match: json.dumps(match[0])[1:-1], text)  # outside strings JSON is ASCII
+    return _NON_ASCII_TEXT.sub(lambda match: json.dumps(match[0])[1:-1], text)  # outside strings JSON is ASCII
 
 
 def help_text(diagnostic: Diagnostic) -> str:
@@ -104,7 +104,7 @@ def help_text(diagnostic: Diagnostic) -> str:
 def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
     """Return all places of a finding except its main place.
 
-    These are the places that it names. For the main place and each of these, the use of its template is added, if any.
+    These are the places that the finding names, and the uses of templates that contain one of these or the main place.
     """
     places_and_messages = [
         (diagnostic.place, ""),
@@ -118,7 +118,7 @@ def related_places(diagnostic: Diagnostic) -> tuple[Related, ...]:
 
 
 def _finding_lines(diagnostic: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
-    line = lines.at(diagnostic.place.span)
+    line = lines.line_of(diagnostic.place.span)
     text_lines = [_headline(diagnostic, palette)]
     help_ = f"{palette.help}help: {visible_text(diagnostic.help)}{palette.end}" if diagnostic.help else ""
     width = len(str(diagnostic.place.span.line))
@@ -200,7 +200,7 @@ class _Lines:
         self._sources = sources
         self._lines_by_file: dict[str, list[str]] = {}
 
-    def at(self, span: Span) -> str | None:
+    def line_of(self, span: Span) -> str | None:
         """Return the first line of a span."""
         if span.file not in self._lines_by_file:
             text = self._sources(span.file)
@@ -244,7 +244,7 @@ def visible_lines(text: str) -> str:
 
 
 def _column_count(text: str) -> int:
-    """Return the number of terminal columns that a text takes."""
+    """Return the number of columns of a text on a terminal."""
     return sum(_column_width(letter) for letter in visible_text(text))
 
 

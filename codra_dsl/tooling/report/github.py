@@ -1,8 +1,8 @@
 """Findings for GitHub Actions: annotations, the log, and the summary of the step.
 
 GitHub shows ten errors and ten warnings of a step and silently drops the rest. Therefore only the most severe findings
-become annotations, and one more annotation states the number of the others. The log has all findings, and so has the
-summary, up to its largest size.
+become annotations, and one more annotation states the number of the others. The log contains all findings. The summary
+contains all findings that fit into its maximum size.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _annotation(diagnostic: Diagnostic, folder: str) -> str:
 
 
 def _place_properties(span: Span, folder: str) -> dict[str, str]:
-    """Return the place of an annotation. It has columns only if it is within one line, as GitHub requires."""
+    """Return the place of an annotation. As GitHub requires, only a place within one line has columns."""
     if span.file == _STANDARD_INPUT:
         return {}
     file = visible_text(f"{folder}/{span.file}" if folder else span.file)

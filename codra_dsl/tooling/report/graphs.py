@@ -1,6 +1,6 @@
 """The dependency graph of compiled specs as one value, and as JSON. Other modules of this package draw the graph.
 
-In JSON and for Graphviz an edge reads as a sentence: a skill decides on a variable, an observer runs an algorithm, an
+In JSON and for Graphviz, an edge reads as a sentence. A skill decides on a variable; an observer runs an algorithm; an
 algorithm requires one variable and identifies another. In pictures, arrows follow the flow of knowledge, from left to
 right: from the variables that perception needs, through the variables that it identifies, to the decisions.
 """
@@ -27,9 +27,9 @@ class Element:
         spec: the name of the spec.
         group: the name of the generated module that has the element. The module is named after the use of a template or
             the file that declares the element.
-        use: the use of a template that created the element; empty without one.
-        observer: the id of the observer that identifies or runs the element; for an observer, its own id; may be empty.
-        about: the element's entry in `graph.json`.
+        use: the use of a template that created the element; empty if no template created it.
+        observer: the id of the observer that identifies or runs the element; for an observer, its own id; or empty.
+        json_entry: the element's entry in `graph.json`.
         description: the description of a variable.
         worst_case_s: the longest time from declared to known, for a variable that observers identify.
     """
@@ -42,7 +42,7 @@ class Element:
     group: str
     use: str
     observer: str
-    about: Mapping[str, object]
+    json_entry: Mapping[str, object]
     file: str
     line: int
     description: str = ""
@@ -65,10 +65,10 @@ class Link:
     @property
     def flow(self) -> tuple[str, str]:
         """Return the needed element, then the element that needs it. Arrows in pictures have this direction."""
-        return (self.target, self.source) if self.kind in _AGAINST_THE_FLOW else (self.source, self.target)
+        return (self.target, self.source) if self.kind in _KINDS_AGAINST_FLOW else (self.source, self.target)
 
 
-_AGAINST_THE_FLOW = frozenset(
+_KINDS_AGAINST_FLOW = frozenset(
     {
         EdgeKind.REQUIRES,
         EdgeKind.DECIDES_ON,
@@ -96,8 +96,8 @@ class Graph:
     links: tuple[Link, ...]
     unneeded_names: frozenset[str] = frozenset()
 
-    def part(self, ids: Collection[str]) -> Graph:
-        """Return the graph of the elements with some ids, with all links between these elements."""
+    def select_part(self, ids: Collection[str]) -> Graph:
+        """Return the part of the graph with some elements, given by their ids, and all links between these elements."""
         return replace(
             self,
             elements=tuple(element for element in self.elements if element.id in ids),
@@ -127,7 +127,7 @@ class Graph:
 
 
 def graph_of(plans: Sequence[BuildPlan]) -> Graph:
-    """Return the dependency graph of some plans, spec by spec, kind by kind, in the order of the plans."""
+    """Return the dependency graph of some plans. Elements are in the order of the plans, and then of their kinds."""
     elements = tuple(element for plan in plans for element in _elements(plan))
     links = (
         Link(node_id(plan, edge.source), node_id(plan, edge.target), edge.kind) for plan in plans for edge in plan.edges
@@ -150,14 +150,14 @@ def render_json(graph: Graph) -> str:
 def _node_object(element: Element) -> dict[str, object]:
     latency = {"worst_case_s": element.worst_case_s} if element.kind is NodeKind.CONTEXT else {}
     place = {"file": element.file, "line": element.line}
-    return {"id": element.id, "kind": element.kind.value, **element.about, **latency, **place}
+    return {"id": element.id, "kind": element.kind.value, **element.json_entry, **latency, **place}
 
 
 def _elements(plan: BuildPlan) -> Iterator[Element]:
     place_by_id, worst_cases_s = dict(places(plan)), worst_cases(plan.checked)
     groups, uses = _groups(plan)
     observers = _observers(plan)
-    for node, about in graph_nodes(plan):
+    for node, json_entry in graph_nodes(plan):
         element_id = node_id(plan, node)
         span = place_by_id[element_id].span
         is_variable = node.kind is NodeKind.CONTEXT
@@ -165,12 +165,12 @@ def _elements(plan: BuildPlan) -> Iterator[Element]:
             id=element_id,
             kind=node.kind,
             name=node.name,
-            label=str(about["label"]),
+            label=str(json_entry["label"]),
             spec=plan.name,
             group=groups[node],
             use=uses.get(groups[node], ""),
             observer=observers.get(node, ""),
-            about=about,
+            json_entry=json_entry,
             file=span.file,
             line=span.line,
             description=plan.checked.variables[node.name].description if is_variable else "",
@@ -179,7 +179,7 @@ def _elements(plan: BuildPlan) -> Iterator[Element]:
 
 
 def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
-    """Return the module of each node, and the use of a template for each module that was made by one."""
+    """Return a mapping from nodes to modules, and a mapping from the modules of template uses to these uses."""
     trees = {tree.name: tree for tree in plan.forest}
     groups: dict[Node, str] = {}
     for module in plan.modules:
@@ -213,7 +213,7 @@ _SECTIONS = {
 def _origin(plan: BuildPlan, node: Node) -> str:
     """Return the origin of an element of knowledge or loops: the name of the use or file that declares it.
 
-    The origin of an undeclared type is that of the first node with this type.
+    The origin of an undeclared type is the origin of the first node with this type.
     """
     spec = plan.checked.spec
     key = (_SECTIONS[node.kind], node.name)
@@ -225,7 +225,7 @@ def _origin(plan: BuildPlan, node: Node) -> str:
 
 
 def _observers(plan: BuildPlan) -> Mapping[Node, str]:
-    """Return the id of the observer that each node belongs to."""
+    """Return a mapping from nodes to the ids of the observers to which they belong."""
     observer_by_node: dict[Node, str] = {}
     for tree in plan.forest:
         observer = Node(NodeKind.OBSERVER, tree.name)

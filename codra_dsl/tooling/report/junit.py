@@ -1,7 +1,7 @@
 """Findings as a test report, for the CI systems that read JUnit's XML.
 
 The report is one suite with one test for each file. The test fails if the file has a finding that counts as a failure.
-So a file keeps its test from run to run, and a report is never empty. The suite itself is the root element: both the
+So a file has the same test in every run, and a report is never empty. The suite itself is the root element: both the
 common schema (the one of the Apache Ant tasks) and `colcon test-result` expect this.
 """
 
@@ -15,7 +15,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.tooling.report.findings import Sources, render_concise, render_full, visible_text
 
 _COMMAND_START = re.compile(r"^(\s*):(?=:)", re.MULTILINE)
-_FIXED_INSTANT = "1970-01-01T00:00:00"  # the schema requires one; equal findings give equal bytes
+_FIXED_INSTANT = "1970-01-01T00:00:00"  # the schema requires an instant; equal findings must give equal bytes
 _FIXED_HOST = "localhost"
 _FIXED_TIME_S = "0"
 
@@ -74,7 +74,7 @@ def _add_test(
     attributes = {"classname": suite_name, "name": visible_text(file), "time": _FIXED_TIME_S}
     test = ElementTree.SubElement(root, "testcase", attributes)
     if file_findings:
-        first, other_count = file_findings[0], len(file_findings) - 1
+        first_finding, other_count = file_findings[0], len(file_findings) - 1
         others_text = f" (and {other_count} more)" if other_count else ""
-        attributes = {"type": first.code, "message": f"{visible_text(first.message)}{others_text}"}
+        attributes = {"type": first_finding.code, "message": f"{visible_text(first_finding.message)}{others_text}"}
         ElementTree.SubElement(test, "failure", attributes).text = f"\n{render_full(file_findings, sources)}"

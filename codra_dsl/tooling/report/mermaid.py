@@ -72,26 +72,30 @@ class Flowchart:
 
     Attributes:
         is_complete: whether the flowchart shows every element of the graph.
-        edges: the number of edges in the flowchart.
+        edge_count: the number of edges in the flowchart.
     """
 
     text: str
     is_complete: bool
-    edges: int
+    edge_count: int
 
     @property
     def is_within_limits(self) -> bool:
         """Return whether Mermaid draws the flowchart with its default limits."""
-        return self.edges <= MAX_EDGES and len(self.text) <= MAX_LETTERS
+        return self.edge_count <= MAX_EDGES and len(self.text) <= MAX_LETTERS
 
 
 def flowchart(graph: Graph) -> Flowchart:
     """Return the graph as a flowchart: complete if Mermaid draws the complete graph, otherwise condensed."""
-    complete_chart = Flowchart(text=_chart(graph), is_complete=True, edges=len(graph.links) + len(edge_kinds_of(graph)))
+    complete_chart = Flowchart(
+        text=_chart(graph), is_complete=True, edge_count=len(graph.links) + len(edge_kinds_of(graph))
+    )
     if complete_chart.is_within_limits:
         return complete_chart
     condensed_graph = overview(graph)
-    return Flowchart(text=_overview_chart(condensed_graph), is_complete=False, edges=len(condensed_graph.arrows))
+    return Flowchart(
+        text=_overview_chart(condensed_graph), is_complete=False, edge_count=len(condensed_graph.link_counts)
+    )
 
 
 def _chart(graph: Graph) -> str:
@@ -125,9 +129,9 @@ def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
 
 
 def _node(element: Element, number: int) -> str:
-    opening, closing = _SHAPES[shown_kind(element)]
+    opening_bracket, closing_bracket = _SHAPES[shown_kind(element)]
     label = "<br/>".join(filter(None, [_escape_label(label_of(element)), latency_text(element)]))
-    return f'n{number}{opening}"{label}"{closing}:::{shown_kind(element)}'
+    return f'n{number}{opening_bracket}"{label}"{closing_bracket}:::{shown_kind(element)}'
 
 
 def _escape_label(label: str) -> str:
@@ -166,10 +170,11 @@ def _overview_chart(overview_graph: Overview) -> str:
     ]
     for spec in overview_graph.specs:
         box_lines = [
-            f'b{number}["{_escape_label(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
+            f'b{number}["{_escape_label(box.label)}<br/>'
+            f'{box.element_count} node{"" if box.element_count == 1 else "s"}"]'
             for number, box in enumerate(overview_graph.boxes)
             if box.spec == spec
         ]
         lines += _subgraph(f"spec_{spec}", spec, box_lines) if len(overview_graph.specs) > 1 else box_lines
-    lines += (f"b{need} --> b{user}" for need, user in overview_graph.arrows)
+    lines += (f"b{need} --> b{user}" for need, user in overview_graph.link_counts)
     return "\n  ".join(lines) + "\n"

@@ -15,12 +15,12 @@ class Box:
 
     Attributes:
         spec: the spec of the elements.
-        count: the number of elements.
+        element_count: the number of elements.
     """
 
     spec: str
     label: str
-    count: int
+    element_count: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,13 +28,13 @@ class Overview:
     """A graph of boxes.
 
     Attributes:
-        arrows: the number of links between two boxes. The key has the number of the needed box, then the number of the
-            box that needs it.
+        link_counts: a mapping from two boxes to the number of links between them. A key has the number of the needed
+            box, then the number of the box that needs it.
     """
 
     specs: tuple[str, ...]
     boxes: tuple[Box, ...]
-    arrows: Mapping[tuple[int, int], int]
+    link_counts: Mapping[tuple[int, int], int]
 
 
 def overview(graph: Graph) -> Overview:
@@ -59,12 +59,16 @@ def _observer_key(element: Element) -> _Key:
 
 
 def _condense(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
-    counts = Counter(map(key_of, graph.elements))
-    number_by_key = {key: number for number, key in enumerate(counts)}
+    element_counts = Counter(map(key_of, graph.elements))
+    number_by_key = {key: number for number, key in enumerate(element_counts)}
     box_by_element = {element.id: number_by_key[key_of(element)] for element in graph.elements}
-    arrows = Counter((box_by_element[need], box_by_element[user]) for need, user in (link.flow for link in graph.links))
+    link_counts = Counter(
+        (box_by_element[need], box_by_element[user]) for need, user in (link.flow for link in graph.links)
+    )
     return Overview(
         specs=graph.specs,
-        boxes=tuple(Box(spec=spec, label=label, count=count) for (spec, label), count in counts.items()),
-        arrows={ends: count for ends, count in arrows.items() if ends[0] != ends[1]},
+        boxes=tuple(
+            Box(spec=spec, label=label, element_count=count) for (spec, label), count in element_counts.items()
+        ),
+        link_counts={ends: count for ends, count in link_counts.items() if ends[0] != ends[1]},
     )

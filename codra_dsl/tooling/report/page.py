@@ -105,7 +105,7 @@ def _fact_text(value: object) -> object:
 def _node(element: Element) -> Mapping[str, object]:
     facts = {
         _FACT_LABELS[name]: _fact_text(value)
-        for name, value in element.about.items()
+        for name, value in element.json_entry.items()
         if name in _FACT_LABELS and value != []
     }
     if "Looks every" in facts:

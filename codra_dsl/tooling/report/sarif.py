@@ -1,6 +1,6 @@
 """Findings in the Static Analysis Results Interchange Format (SARIF 2.1.0, an OASIS standard), for code scanning.
 
-Where the standard leaves a choice, the output has the form that GitHub's code scanning accepts, within its limits.
+Where the standard leaves a choice, the output has the form that GitHub's code scanning accepts, and obeys its limits.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _FINGERPRINT_KEY = "codraFinding/v1"
 MAX_RESULTS = 25_000
 """The maximum number of results in a run. GitHub rejects a run with more results."""
 MAX_RELATED_LOCATIONS = 100
-"""The number of related locations of a result that GitHub keeps. It rejects a result with more than 1,000."""
+"""The number of related locations of a result that GitHub keeps. GitHub rejects a result with more than 1,000."""
 MAX_FLOW_STEPS = 1_000
-"""The number of locations of a code flow that GitHub keeps. It rejects a result with more than 10,000."""
+"""The number of locations of a code flow that GitHub keeps. GitHub rejects a result with more than 10,000."""
 _MAX_LINKS = 5
 _MAX_DESCRIPTION = 1024
 
@@ -149,7 +149,7 @@ def _message(diagnostic: Diagnostic, linked_places: Sequence[Related]) -> str:
 
 
 def _sentence(text: str) -> str:
-    """Return text as a sentence without links. Where space is short, only the first sentence of a text is shown."""
+    """Return text as a sentence without links. GitHub shows only the first sentence where space is short."""
     sentence = visible_text(text).replace("](", "] (")
     return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."
 

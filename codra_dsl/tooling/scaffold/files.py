@@ -19,7 +19,7 @@ _DISTRIBUTION = "codra-dsl"
 
 
 def starter_texts(name: str, requirement: str) -> dict[str, str]:
-    """Return the texts of a new project's files. The keys are their paths, with `/`, in alphabetical order.
+    """Return a mapping from the path of each file of a new project, with `/`, to its text, in alphabetical order.
 
     Args:
         name: the name of the spec, an identifier.
@@ -47,7 +47,7 @@ def installed_requirement() -> str:
 def requirement_from_origin(origin: str | None) -> str:
     """Return the requirement that installs codra from the same origin.
 
-    The origin of a local folder or file is of no use on other machines. Then the requirement is the version.
+    A local folder or file does not exist on other machines. If the origin is local, the requirement is the version.
 
     Args:
         origin: the text of `direct_url.json`, in which pip records the origin of some packages; None without this file.
@@ -65,7 +65,8 @@ def requirement_from_origin(origin: str | None) -> str:
 def conflicts(paths: Iterable[str], folder: Path) -> tuple[str, ...]:
     """Return the existing paths in a folder that prevent new files, sorted.
 
-    These are paths of new files that exist already, and links or files at the paths of their folders.
+    A path is in the result if a new file would have this path and something exists there already, or if a folder of a
+    new file would have this path and a link or a file exists there.
     """
     return tuple(sorted({conflicting_path for path in paths for conflicting_path in _conflicting_paths(path, folder)}))
 

@@ -24,7 +24,7 @@ def require_name(name: str) -> str:
     """
     if not is_identifier(name):
         similar_name = _similar_name(name)
-        hint = f"write {similar_name}" if similar_name else f"for example {_EXAMPLE}"
+        hint = f"write {similar_name}" if similar_name else f"for example {_OPTION_EXAMPLE}"
         raise ImproperNameError(f"{shown(name)} {_reason(name)}: {hint}")
     return name
 
@@ -37,11 +37,13 @@ def name_from_folder(folder: str) -> str:
     """
     name = _similar_name(folder)
     if name is None:
-        raise ImproperNameError(f"the folder's name {shown(folder)} gives no name: add --name, for example {_EXAMPLE}")
+        raise ImproperNameError(
+            f"the folder's name {shown(folder)} gives no name: add --name, for example {_OPTION_EXAMPLE}"
+        )
     return name
 
 
-_EXAMPLE = "--name gripper"
+_OPTION_EXAMPLE = "--name gripper"
 
 
 def _similar_name(name: str) -> str | None:

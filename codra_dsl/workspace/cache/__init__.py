@@ -1,9 +1,9 @@
-"""The results of earlier runs, so that a run in which nothing has changed does not repeat their work.
+"""Stored results of earlier runs. If nothing has changed since a run, a command shows the stored result.
 
-A run is stored under its command and paths, with digests of everything that its result depends on: the bytes of the
-specs, of their parts and of the project's settings, codra itself, its libraries and Python. Only runs without errors
-are stored, because an error may depend on files that do not exist. The cache holds only data. Entries that cannot be
-read or that another version wrote are ignored.
+A run is stored under its command and paths. It contains digests of everything on which the result depends: the bytes of
+the specs, of their parts and of the project's settings, codra itself, its libraries and Python. Only runs without
+errors are stored, because an error may depend on files that do not exist. The cache holds only data. Entries that
+cannot be read or that another version wrote are ignored.
 """
 
 from codra_dsl.workspace.cache.runs import FOLDER, Cache, Run, cache_of

@@ -1,4 +1,4 @@
-"""Digests of the inputs that determine the result of a run. Times of files are never used."""
+"""Digests of the inputs that determine the result of a run. The modification times of files are never used."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from codra_dsl.language.project import SETTINGS, yaml_files
 
 MAX_BYTES = 64 * 1024 * 1024
-"""The maximum size of a file; runs on larger files are not stored."""
+"""The maximum size of a file in bytes; a run that reads a larger file is not stored."""
 
 _LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "networkx", "jinja2")
 _EXCLUDED_FOLDERS = frozenset({"__pycache__", "cli", "integrations", "runtime"})
@@ -22,10 +22,11 @@ _ABSENT_DIGEST = "absent"
 
 
 def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
-    """Return the digest of each file at or below some paths; None if one of them is not a file or is too large.
+    """Return a mapping from each file at or below some paths to the digest of the file.
 
-    The key is the path of the file. All YAML files below a folder are included, whether or not they are specs. The
-    settings of the project are always included.
+    The keys are paths relative to the root. All YAML files below a folder are included, whether or not they are specs.
+    The settings of the project are always included. A missing file has the digest `absent`. Return None if a file is
+    too large, is not a regular file or cannot be read.
     """
     requested_files = [file for path in paths for file in (yaml_files(path) if path.is_dir() else (path,))]
     digests: dict[str, str] = {}
@@ -40,7 +41,7 @@ def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
 
 
 def _digest(file: Path, root: Path) -> str | None:
-    """Return the digest of a file's bytes and of its real location, behind all links."""
+    """Return a digest of a file's bytes and real path, `absent` for a missing file, or None for an unsuitable one."""
     try:
         file_status = file.stat()
         if not stat.S_ISREG(file_status.st_mode) or file_status.st_size > MAX_BYTES:

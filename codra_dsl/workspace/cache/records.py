@@ -71,9 +71,9 @@ def _span_record(span: Span) -> list[object]:
 
 
 def _span_from(record: Any) -> Span:
-    file, *numbers = record
-    line, column, end_line, end_column = numbers
-    if any(type(number) is not int or number < 1 for number in numbers):
+    file, *lines_and_columns = record
+    line, column, end_line, end_column = lines_and_columns
+    if any(type(number) is not int or number < 1 for number in lines_and_columns):
         raise TypeError
     return Span(text_from(file), line, column, end_line, end_column)
 

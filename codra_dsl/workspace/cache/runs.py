@@ -16,12 +16,12 @@ from codra_dsl.workspace.cache.inputs import compiler_digest, digests_of
 from codra_dsl.workspace.cache.records import finding_from, record_of, text_from, texts_from
 
 FOLDER = ".codra_cache"
-"""The name of the folder, in a project's root."""
+"""The name of the cache folder in a project's root."""
 
 _FORMAT = "codra-cache-1"
 
 _CALL_NOT_FOUND_RULE = "call-not-found"
-"""The rule whose findings suggest names of modules. They depend on which files exist, not only on their contents."""
+"""The rule whose findings suggest names of modules. Suggestions depend on which files exist, not only on contents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,23 +33,23 @@ class Run:
         files: the files of the specs, of their parts, of the Python modules with which calls were compared, and of
             behaviour trees, relative to the root.
         fail_on: the lowest severity that makes a command fail, from the project's settings.
-        outputs: the digest of each generated file, by its path in the output folder.
-        covered: the files and folders that were compiled, relative to the root.
+        output_digests: a mapping from the path of each generated file in the output folder to the digest of the file.
+        covered_paths: the files and folders that were compiled, relative to the root.
     """
 
     diagnostics: tuple[Diagnostic, ...]
     specs: tuple[str, ...]
     files: tuple[str, ...]
     fail_on: Severity
-    outputs: Mapping[str, str] = field(default_factory=dict)
-    covered: tuple[str, ...] = ()
+    output_digests: Mapping[str, str] = field(default_factory=dict)
+    covered_paths: tuple[str, ...] = ()
 
 
 def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
-    """Return the cache for a command and its paths; None outside of a project, where nothing is written.
+    """Return the cache for a command and its paths. Outside of a project, nothing is stored: return None.
 
-    The result is also None in CI (if the environment variable `CI` is set), and if the folder is a link: in both cases
-    the folder could have come with the change that is checked.
+    The result is also None in CI (if the environment variable `CI` is set), and if the cache folder is a link. In both
+    cases the cache could be part of the change that is checked.
     """
     is_trusted = not os.environ.get("CI") and not (root / FOLDER).is_symlink()
     return Cache(root, command, paths) if is_trusted and project_of(root) == root else None
@@ -97,7 +97,10 @@ class Cache:
             return
 
     def _input_digests(self, files: Iterable[str]) -> dict[str, str] | None:
-        """Return the digests of the paths at the beginning, and the digests of a run's files elsewhere."""
+        """Return the initial digests of the command's paths, and the present digests of all other files of a run.
+
+        Return None if the digests cannot be computed.
+        """
         initial_digests = self._initial_digests
         other_digests = digests_of(
             self._root, [self._root / file for file in files if file not in (initial_digests or ())]
@@ -128,8 +131,8 @@ def _record_of_run(run: Run) -> dict[str, object]:
         "specs": run.specs,
         "files": run.files,
         "fail_on": run.fail_on,
-        "outputs": dict(run.outputs),
-        "covered": run.covered,
+        "outputs": dict(run.output_digests),
+        "covered": run.covered_paths,
     }
 
 
@@ -143,6 +146,6 @@ def _run_from(record: Mapping[str, object]) -> Run:
         specs=texts_from(record["specs"]),
         files=texts_from(record["files"]),
         fail_on=Severity(text_from(record["fail_on"])),
-        outputs={text_from(path): text_from(digest) for path, digest in outputs.items()},
-        covered=texts_from(record["covered"]),
+        output_digests={text_from(path): text_from(digest) for path, digest in outputs.items()},
+        covered_paths=texts_from(record["covered"]),
     )

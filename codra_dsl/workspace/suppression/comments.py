@@ -1,7 +1,7 @@
 """Find the comments in YAML and XML texts.
 
-In YAML, the contents of a scalar are text, even if they look like a comment.
-The events of PyYAML contain no comments, but the start and the end of each scalar. Comments are between scalars, and
+In YAML, the contents of a scalar are text, even if the contents look like a comment.
+PyYAML does not report comments, but it reports the start and the end of each scalar. Comments are between scalars, and
 after the head of a block scalar.
 """
 
@@ -24,8 +24,8 @@ _COMMENT_IN_INVALID_TEXT = re.compile(r"(?:^|(?<=\s))(?P<comment>#[^\r\n]*)", re
 def comments(text: str) -> Iterator[tuple[int, int]]:
     """Yield the range of each comment, from `#` to the end of its line.
 
-    If a text is not valid YAML, each `#` after the last scalar before the error begins a comment, if it is at the
-    beginning of a line or after a blank.
+    In a text that is not valid YAML, the rest after the last scalar before the error has no known scalars. There, each
+    `#` at the beginning of a line or after a blank begins a comment.
     """
     position = 0
     parser = Parser(text)
@@ -55,14 +55,14 @@ _COMMENT_OR_CDATA_START = re.compile(r"<!--|<!\[CDATA\[")
 def xml_comments(text: str) -> Iterator[tuple[int, int]]:
     """Yield the range of each comment in an XML text, without `-->`; comments of several lines are left out."""
     position = 0
-    while (opening := _COMMENT_OR_CDATA_START.search(text, position)) is not None:
-        closing = XML_END if opening[0] == XML_START else "]]>"
-        end = text.find(closing, opening.end())
+    while (start_match := _COMMENT_OR_CDATA_START.search(text, position)) is not None:
+        end_mark = XML_END if start_match[0] == XML_START else "]]>"
+        end = text.find(end_mark, start_match.end())
         if end < 0:
-            return  # an unclosed comment is not XML; the text is not searched twice
-        if closing == XML_END and "\n" not in text[opening.start() : end]:
-            yield opening.start(), end
-        position = end + len(closing)
+            return  # an unclosed comment is not valid XML; the rest of the text is not searched
+        if end_mark == XML_END and "\n" not in text[start_match.start() : end]:
+            yield start_match.start(), end
+        position = end + len(end_mark)
 
 
 def _comment_spans(pattern: re.Pattern[str], text: str, start: int, end: int) -> Iterator[tuple[int, int]]:

@@ -1,4 +1,4 @@
-"""Edits on the bytes of a file: bytes that no edit covers stay the same."""
+"""Edit the bytes of a file. Bytes that no edit covers stay the same."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Splice:
 
 @dataclass(frozen=True, slots=True)
 class EditableText:
-    """A file's text, with the lines and columns of findings, which do not count a byte order mark.
+    """A file's text, in which findings give places by line and column. A byte order mark is not part of a line.
 
     Attributes:
         line_starts: the offset of the first character of each line.
-        line_break: the line break of the first line; edits use it too.
+        line_break: the line break of the first line; the text of edits gets the same line breaks.
     """
 
     text: str

@@ -122,22 +122,24 @@ class _Fixing:
     def _fix_once(
         self, state: _State, is_allowed: Callable[[_FixKey], bool]
     ) -> tuple[dict[str, bytes], list[Diagnostic]]:
-        """Apply all fixes that do not overlap, and the first of overlapping fixes."""
+        """Return the texts after one round, and the fixed findings. Of overlapping fixes, only the first is applied."""
         texts: dict[str, EditableText] = {}
-        taken_splices: dict[str, list[Splice]] = {}
+        accepted_splices: dict[str, list[Splice]] = {}
         fixed_findings: list[Diagnostic] = []
         fixable_diagnostics = (
             diagnostic for diagnostic in state.diagnostics if is_safe(diagnostic) and is_allowed(_fix_key(diagnostic))
         )
         for diagnostic in fixable_diagnostics:
             splices = self._splices_of_fix(diagnostic, state, texts)
-            if splices is None or any(_has_conflict(splice, taken_splices.get(file, ())) for file, splice in splices):
+            if splices is None or any(
+                _has_conflict(splice, accepted_splices.get(file, ())) for file, splice in splices
+            ):
                 continue
             for file, splice in splices:
-                insort(taken_splices.setdefault(file, []), splice)
+                insort(accepted_splices.setdefault(file, []), splice)
             fixed_findings.append(diagnostic)
         return state.texts | {
-            file: texts[file].apply(splices) for file, splices in taken_splices.items()
+            file: texts[file].apply(splices) for file, splices in accepted_splices.items()
         }, fixed_findings
 
     def _splices_of_fix(
@@ -163,7 +165,7 @@ class _Fixing:
         return None if data is None else editable_text(data)
 
     def _has_new_errors(self, state: _State) -> bool:
-        """Return whether there are errors that did not exist before."""
+        """Return whether there are errors that did not exist before fixing."""
         return not _error_counts(state.diagnostics) <= _error_counts(self.initial_diagnostics)
 
     def _find_culprit(self, keys: list[_FixKey], refused_keys: set[_FixKey]) -> _FixKey:
@@ -179,20 +181,20 @@ class _Fixing:
         return keys[bad_count - 1]
 
 
-def _has_conflict(splice: Splice, taken_splices: Sequence[Splice]) -> bool:
-    """Return whether a splice overlaps one of the taken splices, which are sorted and do not overlap each other."""
-    position = bisect(taken_splices, splice)
-    return any(splice.conflicts_with(other) for other in taken_splices[max(0, position - 1) : position + 1])
+def _has_conflict(splice: Splice, accepted_splices: Sequence[Splice]) -> bool:
+    """Return whether a splice overlaps one of the accepted splices, which are sorted and do not overlap each other."""
+    position = bisect(accepted_splices, splice)
+    return any(splice.conflicts_with(other) for other in accepted_splices[max(0, position - 1) : position + 1])
 
 
 def _fix_key(diagnostic: Diagnostic) -> _FixKey:
-    """Return a key for the fix of a finding that does not depend on lines."""
+    """Return a key for the fix of a finding. The key does not depend on line numbers."""
     edits = diagnostic.fix.edits if diagnostic.fix is not None else ()
     return diagnostic.fingerprint, tuple(edit.text for edit in edits)
 
 
 def _error_counts(diagnostics: Sequence[Diagnostic]) -> Counter[tuple[str, ...]]:
-    """Count the errors among findings without their lines and the indexes of items, which fixes can move."""
+    """Count equal errors. Lines and indexes of items are not compared, because fixes can change them."""
     return Counter(
         (diagnostic.code, diagnostic.place.span.file, _INDEX.sub("", diagnostic.path), diagnostic.message)
         for diagnostic in diagnostics

@@ -35,10 +35,13 @@ def known_rules() -> Mapping[str, Rule]:
     return {rule.code: rule for table in tables for rule in table.values()}
 
 
-def nearest_code(written: str) -> str | None:
-    """Return the code that was probably intended: the code of a rule with this name, otherwise a similar code."""
-    named = {code.casefold(): code for code in known_rules()}
-    named |= {rule.name: code for code, rule in known_rules().items()}
-    same = written.casefold()
-    near = same if same in named else suggest(same, named)
-    return None if near is None else named[near]
+def nearest_code(written_code: str) -> str | None:
+    """Return the code that was probably intended, or None if nothing is similar.
+
+    This is the code itself, the code of the rule with this name, or the code with the most similar code or name.
+    """
+    codes = {code.casefold(): code for code in known_rules()}
+    codes |= {rule.name: code for code, rule in known_rules().items()}
+    folded_text = written_code.casefold()
+    nearest_text = folded_text if folded_text in codes else suggest(folded_text, codes)
+    return None if nearest_text is None else codes[nearest_text]

@@ -27,8 +27,8 @@ _SEVERITIES = {severity.value: severity for severity in Severity}
 class Settings:
     """The findings that a project wants to have reported about its specs.
 
-    If several codes and prefixes match a rule, the longest one decides. If the same one is in `select` and in `ignore`,
-    `ignore` decides.
+    If several codes and prefixes match a rule, the longest of them decides. If the same code or prefix is in `select`
+    and in `ignore`, `ignore` decides.
 
     Attributes:
         select: codes and prefixes of findings that are reported.
@@ -42,14 +42,14 @@ class Settings:
     severity: Mapping[str, Severity] = field(default_factory=dict)
     fail_on: Severity = Severity.ERROR
 
-    def wants(self, rule: Rule) -> bool:
-        """Return whether findings of a rule are reported; those of a binding rule always are."""
+    def selects(self, rule: Rule) -> bool:
+        """Return whether findings of a rule are reported; findings of a binding rule are always reported."""
         return rule.is_binding or _longest_match_length(self.select, rule.code) > _longest_match_length(
             self.ignore, rule.code
         )
 
     def level(self, rule: Rule) -> Severity:
-        """Return the severity of findings of a rule; those of a binding rule are always errors."""
+        """Return the severity of findings of a rule; findings of a binding rule are always errors."""
         if rule.is_binding:
             return rule.severity
         matching_prefixes = [prefix for prefix in self.severity if rule.code.startswith(prefix)]
@@ -84,11 +84,11 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
 
 
 def _toml_finding(toml_error: str, text: str) -> Diagnostic:
-    position = _POSITION_IN_ERROR.search(toml_error)
-    problem = toml_error[: position.start()] if position else toml_error
-    if position is None or position["line"] is None:
+    position_match = _POSITION_IN_ERROR.search(toml_error)
+    problem = toml_error[: position_match.start()] if position_match else toml_error
+    if position_match is None or position_match["line"] is None:
         return _unreadable_finding(problem, text.count("\n") + 1, len(text) - text.rfind("\n"))
-    return _unreadable_finding(problem, int(position["line"]), int(position["column"]))
+    return _unreadable_finding(problem, int(position_match["line"]), int(position_match["column"]))
 
 
 def _unreadable_finding(problem: str, line: int, column: int) -> Diagnostic:
@@ -97,7 +97,7 @@ def _unreadable_finding(problem: str, line: int, column: int) -> Diagnostic:
         message=f"'{SETTINGS}' is not valid TOML: {problem}",
         place=Place(Span(SETTINGS, line, column, line, column)),
         path="tool.codra",
-        help="correct it there; a key may occur only once in a table",
+        help="correct the file at this place; a key may occur only once in a table",
     )
 
 
@@ -176,10 +176,10 @@ class _SettingsReader:
         Args:
             code: the value.
             steps: the path of the value in the document.
-            forbidden_use: what codes of binding errors cannot be, such as `ignored`; empty if they are allowed.
+            forbidden_use: what codes of binding errors cannot be, such as `ignored`; empty if these codes are allowed.
         """
         if not isinstance(code, str):
-            self._report_wrong_setting("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
+            self._report_wrong_setting("a code must be a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
             return False
         matching_rules = [rule for known_code, rule in known_rules().items() if known_code.startswith(code)]
         place = self._places.value(*steps) if isinstance(steps[-1], int) else self._places.key(*steps)
@@ -198,7 +198,7 @@ class _SettingsReader:
                 f"'{code}' is an error that prevents" if is_complete_code else f"'{code}' are errors that prevent"
             )
             message = f"{subject_text} compiling, and cannot be {forbidden_use}"
-            self._add_finding("binding-code-in-settings", message, "remove it; correct the spec", place, *steps)
+            self._add_finding("binding-code-in-settings", message, "remove the code; correct the spec", place, *steps)
             return False
         return True
 

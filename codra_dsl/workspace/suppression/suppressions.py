@@ -3,8 +3,8 @@
 In files of trees, these comments are XML comments: `<!-- codra: ignore[CDR3309] reason -->`.
 
 A comment at the end of a line applies to the findings of that line. A comment on a separate line applies to the next
-line that has more than a comment. A finding that comes from a template is silenced for every use by a comment at the
-line of the template, and for one use by a comment at the line of this use.
+line that is neither empty nor a comment. If a finding comes from a template, a comment at the line of the template
+silences the finding for every use, and a comment at the line of a use silences the finding for this use.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from codra_dsl.workspace.suppression.comments import XML_END, XML_START, comment
 from codra_dsl.workspace.suppression.rules import OWN_PREFIX, RULES, known_rules, nearest_code
 from codra_dsl.workspace.suppression.settings import Settings
 
-_MAY_SUPPRESS = re.compile(rb"(?:#|<!--)[ \t]*codra[ \t]*:", re.IGNORECASE)
+_POSSIBLE_SUPPRESSION = re.compile(rb"(?:#|<!--)[ \t]*codra[ \t]*:", re.IGNORECASE)
 _SUPPRESSION_COMMENT = re.compile(
     r"(?:#|<!--)[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?",
     re.IGNORECASE,
@@ -53,8 +53,8 @@ class Sources:
 
     Attributes:
         texts: the contents of files that may have such comments, by their names in findings.
-        paths: the requested files and folders, relative to the root. All other files are only included, so
-            another spec may need a comment in them.
+        paths: the requested files and folders, relative to the root. A comment in any other file may be needed by a
+            spec that is not part of this run.
     """
 
     texts: Mapping[str, str]
@@ -77,7 +77,7 @@ def read_sources(
     for file in sorted(set(files)):
         path = root / file
         data = texts_in_memory[file] if file in texts_in_memory else _read_bytes(path) if path.is_file() else b""
-        if _MAY_SUPPRESS.search(data):
+        if _POSSIBLE_SUPPRESSION.search(data):
             texts_with_comments[file] = data.decode("utf-8", "replace")
     return Sources(texts=texts_with_comments, paths=tuple(paths))
 
@@ -100,13 +100,13 @@ class Code:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Suppression:
-    """One comment.
+    """One suppression comment.
 
     Attributes:
-        codes: its codes, in their order; empty if the comment does not have the form of a suppression.
+        codes: the codes of the comment, in order; empty if the comment does not have the form of a suppression.
         line: the line of the findings to silence; None if nothing follows the comment.
         removal: the edit that removes the comment.
-        used_codes: those of its codes that have silenced a finding.
+        used_codes: those codes of the comment that have silenced a finding.
     """
 
     span: Span
@@ -197,7 +197,7 @@ class _Suppressions:
                 "binding-code-suppressed",
                 message,
                 code.span,
-                "remove it; correct the spec",
+                "remove the code; correct the spec",
                 _removal_fix(suppression, index),
             )
         elif (
@@ -216,7 +216,7 @@ class _Suppressions:
 def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sources) -> tuple[Diagnostic, ...]:
     """Return findings in file order, with the findings about suppression comments.
 
-    Comments are applied before settings, because whether a comment is used depends on no setting. While an error is
+    Comments are applied before settings, so that no setting affects whether a comment is used. While an error is
     left, later checks may not have run, so no comment is reported as unused.
     """
     suppressions = _Suppressions(sources)
@@ -226,7 +226,7 @@ def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sourc
     is_complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in remaining_findings)
     findings = (*remaining_findings, *suppressions.findings(is_complete=is_complete))
     return in_file_order(
-        _with_level(diagnostic, settings) for diagnostic in findings if settings.wants(diagnostic.rule)
+        _with_level(diagnostic, settings) for diagnostic in findings if settings.selects(diagnostic.rule)
     )
 
 
@@ -307,12 +307,12 @@ def _create_suppression(source: Source, comment_match: re.Match[str], end: int, 
 
 
 def _next_line(source: Source, line: int) -> int | None:
-    """Return the number of the first line after `line` that has more than a comment."""
+    """Return the number of the first line after `line` that is neither empty nor a comment; None if there is none."""
     starts = (*source.line_starts[line:], len(source.text))
-    for number in range(line + 1, len(source.line_starts) + 1):
-        content = source.text[starts[number - line - 1] : starts[number - line]].strip()
+    for later_line in range(line + 1, len(source.line_starts) + 1):
+        content = source.text[starts[later_line - line - 1] : starts[later_line - line]].strip()
         if content and not content.startswith(("#", XML_START)):
-            return number
+            return later_line
     return None
 
 

@@ -1,7 +1,7 @@
 """Find the places of keys and values in a TOML text, which Python's `tomllib` does not report.
 
-One occurrence of the text after another is replaced by a marker. The place is the occurrence whose replacement changes
-exactly the wanted key or value of the parsed document.
+The text of a key or value can occur several times. Each occurrence in turn is replaced by a marker, and the text is
+parsed. If the marker is then the wanted key or value of the parsed document, this occurrence is the place.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from codra_dsl.language.diagnostics import Place, Span
 Steps = tuple[str | int, ...]
 
 MAX_TRIES = 500
-"""The maximum number of occurrences that are tried. After that, the place is the beginning of the file."""
+"""The maximum number of occurrences that are tried. If no key is found, the place is the beginning of the file."""
 
 _MARKER = "codra-looks-for-this"
 _QUOTES = "\"'"
@@ -32,7 +32,7 @@ class TomlPlaces:
     text: str
 
     def key(self, *steps: str | int) -> Place:
-        """Return the place of a key, given the steps to it; for an item of a list, the place of the list's key."""
+        """Return the place of the key to which some steps lead; for an item of a list, the place of the list's key."""
         *table, key = [step for step in steps if isinstance(step, str)]
         start, end = self._find_occurrence(key, _MARKER, lambda document: _MARKER in _value_at(document, table)) or (
             0,
@@ -51,7 +51,7 @@ class TomlPlaces:
     def _find_occurrence(
         self, text: str, replacement: str, is_wanted: Callable[[dict[str, object]], bool]
     ) -> tuple[int, int] | None:
-        """Return the occurrence of a text whose replacement passes the test `is_wanted` in the parsed document."""
+        """Return the range of the first occurrence whose replacement gives a document that `is_wanted` accepts."""
         for match in islice(re.finditer(re.escape(text), self.text), MAX_TRIES):
             start, end = match.span()
             try:

@@ -33,7 +33,7 @@ def _rewritable_bytes(file: str, root: Path) -> bytes | None:
 
 
 def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | None:
-    """Replace a file's bytes if they are still `before`; return a finding if they are not, or if replacing fails."""
+    """Replace a file's bytes if they are still `before`. If this fails, return a finding, otherwise None."""
     try:
         path = _project_path(file, root)
         if path.read_bytes() != before:
@@ -64,7 +64,7 @@ def _quote_name(file: str) -> str:
 
 
 def _write_failure(file: str, reason: str) -> Diagnostic:
-    help = "check the permissions of the file, and fix it again"
+    help = "check the permissions of the file, and run the fix again"
     return output_finding("cannot-write", file, f"cannot write '{file}': {reason}", help=help)
 
 
@@ -83,18 +83,18 @@ def _replace(path: Path, data: bytes) -> None:
     file_status = path.stat()
     if not os.access(path, os.W_OK):
         raise PermissionError(None, "it is write-protected")
-    descriptor, name = tempfile.mkstemp(prefix=".codra-", dir=path.parent)
+    descriptor, temporary_name = tempfile.mkstemp(prefix=".codra-", dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        temporary = Path(name)
-        with contextlib.suppress(OSError):  # only the superuser can give files away
-            os.chown(temporary, file_status.st_uid, file_status.st_gid)
-        temporary.chmod(stat.S_IMODE(file_status.st_mode))
-        temporary.replace(path)
+        temporary_path = Path(temporary_name)
+        with contextlib.suppress(OSError):  # only the superuser can change the owner of a file
+            os.chown(temporary_path, file_status.st_uid, file_status.st_gid)
+        temporary_path.chmod(stat.S_IMODE(file_status.st_mode))
+        temporary_path.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):
-            Path(name).unlink()
+            Path(temporary_name).unlink()
         raise

@@ -105,7 +105,7 @@ def test_methods_and_values_of_a_handle_are_used_in_the_serving_thread() -> None
             return (threading.get_ident(), values, keywords)
 
     hand_over = HandOver()
-    arm = hand_over.of(Arm())
+    arm = hand_over.proxy_of(Arm())
     thread, results = run_in_thread(lambda: (arm.reach_m, arm.thread(1, twice=2)))
 
     def end() -> None:

@@ -53,7 +53,7 @@ stories:
             "'kettle_state' has a wrong value: 'hott' is not one of empty, cold, hot, boiling",
             "write one of empty, cold, hot, boiling",
         ),
-        (11, 5, "'5 s' is not later than '9 s'", "write moments in order, each once"),
+        (11, 5, "'5 s' is not later than '9 s'", "write moments in order, each only once"),
         (11, 21, "spec 'kitchen' has no observer 'hobwatch'", "did you mean 'hob_watch'?"),
     ]
 

@@ -40,7 +40,7 @@ def run_in_job(perceive: Callable[..., object]) -> object:
 
 def test_a_class_of_the_user_keeps_its_state_when_one_of_its_jobs_fails() -> None:
     script = Script((), ())
-    function = script.function(Algorithm(name="count", call="tests.integrations.testing.test_script:Counter"))
+    function = script.function_for(Algorithm(name="count", call="tests.integrations.testing.test_script:Counter"))
     assert isinstance(function, type)
     counter = function()
 

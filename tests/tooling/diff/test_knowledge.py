@@ -188,8 +188,8 @@ def test_a_change_has_the_place_where_it_was_made() -> None:
 
     assert change.level is Level.BREAKING
     assert change.text == "has lost results: was there, blocked, is there"
-    assert change.before is not None
-    assert change.before.span.line == BASE[: BASE.index("results: [there")].count("\n") + 1
+    assert change.old_place is not None
+    assert change.old_place.span.line == BASE[: BASE.index("results: [there")].count("\n") + 1
 
 
 @pytest.mark.parametrize(
@@ -210,12 +210,17 @@ def test_conditions_on_poses_are_compared_by_meaning(old: str, new: str, expecte
 
 def test_a_longer_validity_of_a_pose_is_weaker() -> None:
     (change,) = review_edits(BASE, ("valid_for: 2 s, history", "valid_for: forever, history")).changes
-    assert (change.category, change.key, change.was, change.now) == (Category.WEAKER, "valid_for", "2 s", "forever")
+    assert (change.category, change.key, change.old_text, change.new_text) == (
+        Category.WEAKER,
+        "valid_for",
+        "2 s",
+        "forever",
+    )
 
 
 def test_a_change_of_an_entry_names_the_entry() -> None:
     (change,) = review_edits(BASE, ("range: [0, 500]", "range: [0, 400]")).changes
 
     assert change.text.startswith("attributes.weight: has lost values: was float in kg from 0 to 500, is")
-    assert change.before is not None
-    assert BASE.splitlines()[change.before.span.line - 1][change.before.span.column - 1 :].startswith("weight")
+    assert change.old_place is not None
+    assert BASE.splitlines()[change.old_place.span.line - 1][change.old_place.span.column - 1 :].startswith("weight")

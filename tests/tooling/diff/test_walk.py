@@ -152,7 +152,7 @@ def test_a_new_field_of_any_type_is_reported_by_its_key(
 
     old_text, new_text = (f"{value} s" if name == "novel_s" and value == "1.5" else value for value in expected_texts)
     assert (change.category, change.key) == (Category.REDEFINED, "novel")
-    assert (change.message, change.was, change.now) == ("'novel' has changed", old_text, new_text)
+    assert (change.message, change.old_text, change.new_text) == ("'novel' has changed", old_text, new_text)
 
 
 def test_a_new_section_has_elements_that_come_and_go() -> None:

@@ -270,8 +270,8 @@ def test_explain_without_a_code_lists_all() -> None:
     [
         ("unknwon-key", "there is no finding 'unknwon-key': did you mean CDR2003 (unknown-key)?"),
         ("CDR203", "there is no finding 'CDR203': did you mean CDR2003 (unknown-key)?"),
-        ("colour", "there is no finding 'colour': 'codra explain' lists all"),
-        ("\x1b[31m", "there is no finding '\N{REPLACEMENT CHARACTER}[31m': 'codra explain' lists all"),
+        ("colour", "there is no finding 'colour': 'codra explain' lists all findings"),
+        ("\x1b[31m", "there is no finding '\N{REPLACEMENT CHARACTER}[31m': 'codra explain' lists all findings"),
     ],
 )
 def test_an_unknown_code_is_a_usage_error_with_a_suggestion(asked: str, message: str) -> None:
@@ -286,7 +286,7 @@ def test_findings_on_a_terminal_end_with_a_pointer_to_a_page_and_nowhere_else(tm
     (tmp_path / "door.yaml").write_text(BAD, "utf-8")
     command = [sys.executable, "-m", "codra_dsl", "lint", "door.yaml"]
 
-    assert seen_on_a_terminal([*command], tmp_path).endswith("more about it: codra explain CDR2003\r\n")
+    assert seen_on_a_terminal([*command], tmp_path).endswith("to learn more: codra explain CDR2003\r\n")
     assert "codra explain" not in seen_on_a_terminal([*command, "--format", "concise"], tmp_path)
     piped = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
     assert "codra explain" not in piped.stdout + piped.stderr

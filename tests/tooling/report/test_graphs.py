@@ -136,7 +136,7 @@ def test_no_label_can_break_out_of_its_quotes(label: str) -> None:
 
 
 def test_a_part_has_the_chosen_nodes_and_all_edges_between_them(lab: Graph) -> None:
-    part = lab.part(select(lab.choices(), ["1+pcr_cycler_open"]))
+    part = lab.select_part(select(lab.choices(), ["1+pcr_cycler_open"]))
 
     assert [element.name for element in part.elements] == ["pcr_cycler_open", "localize_pcr_cycler_lid"]
     assert sentences(part) == {
@@ -162,7 +162,7 @@ def test_elements_are_selected_by_the_use_and_the_file_that_declare_them(lab: Gr
 
 
 def test_a_part_is_drawn_like_the_complete_graph(lab: Graph) -> None:
-    part = lab.part(select(lab.choices(), ["kind:skill"]))
+    part = lab.select_part(select(lab.choices(), ["kind:skill"]))
 
     words = "".join(ElementTree.fromstring(render_svg(part)).itertext())
 

@@ -210,7 +210,7 @@ def test_a_graph_beyond_mermaids_limits_is_condensed() -> None:
 def test_a_part_of_it_is_drawn_in_full() -> None:
     graph = halls(60)
 
-    chart = flowchart(graph.part(select(graph.choices(), ["+v_7_2"])))
+    chart = flowchart(graph.select_part(select(graph.choices(), ["+v_7_2"])))
 
     assert chart.is_complete
     assert "v_7_1" in chart.text
@@ -223,7 +223,7 @@ def test_one_file_is_condensed_by_observers() -> None:
     chart = flowchart(graph)
 
     assert "see_399<br/>3 nodes" in chart.text
-    assert chart.edges == 400
+    assert chart.edge_count == 400
     assert len(chart.text) < MAX_LETTERS
 
 
@@ -234,4 +234,4 @@ def test_a_condensed_graph_that_is_still_too_large_is_reported() -> None:
 
     chart = flowchart(graph_of([plan(checked_spec(looks))]))
 
-    assert (chart.is_complete, chart.is_within_limits, chart.edges) == (False, False, 600)
+    assert (chart.is_complete, chart.is_within_limits, chart.edge_count) == (False, False, 600)

@@ -188,4 +188,4 @@ NODES = [
 def test_a_search_finds_nodes_with_all_words_and_lists_labels_first(
     viewer: Viewer, asked: str, expected: list[int]
 ) -> None:
-    assert viewer.value("found(nodes, asked)", nodes=NODES, asked=asked) == expected
+    assert viewer.value("matchingNodes(nodes, query)", nodes=NODES, query=asked) == expected

@@ -37,7 +37,7 @@ def test_without_settings_everything_is_reported_at_the_rule_s_level(tmp_path: P
     settings, findings = settings_of(tmp_path)
 
     assert findings == ()
-    assert all(settings.wants(rule) for rule in RULES.values())
+    assert all(settings.selects(rule) for rule in RULES.values())
     assert all(settings.level(rule) is rule.severity for rule in RULES.values())
     assert settings.fail_on is Severity.ERROR
 
@@ -72,7 +72,7 @@ def test_the_longest_code_decides_and_errors_that_prevent_compiling_are_always_r
     settings, findings = read(tmp_path, lint(text))
 
     assert findings == ()
-    assert settings.wants(RULES[code]) is wanted
+    assert settings.selects(RULES[code]) is wanted
 
 
 def test_severities_go_by_the_longest_code(tmp_path: Path) -> None:

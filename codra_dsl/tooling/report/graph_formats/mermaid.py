@@ -11,14 +11,15 @@ if TYPE_CHECKING:
 
 
 def _render(graph: Graph, say: ShowMessage) -> str:
-    """Return the flowchart. Show a message if it is condensed, or if it exceeds the default limits of Mermaid."""
+    """Return the flowchart. Show a message if the flowchart is condensed or exceeds the default limits of Mermaid."""
     from codra_dsl.tooling.report.mermaid import MAX_EDGES, flowchart
 
     chart = flowchart(graph)
     if not chart.is_complete:
         say("the graph is too large for Mermaid and was condensed: --select shows a part in full")
     if not chart.is_within_limits:
-        say(f"the flowchart has {chart.edges} edges: Mermaid draws at most {MAX_EDGES} unless its page sets maxEdges")
+        message = f"the flowchart has {chart.edge_count} edges: Mermaid draws at most {MAX_EDGES}"
+        say(f"{message} unless its page sets maxEdges")
     return chart.text
 
 

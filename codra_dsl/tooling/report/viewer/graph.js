@@ -34,7 +34,7 @@ function boxesOf(nodes, specs) {
 }
 
 function linksBetween(boxes, edges) {
-  // One link for all edges between two boxes; if there are edges in both directions, it has two heads.
+  // One link for all edges between two boxes; if there are edges in both directions, the link has two heads.
   const boxOf = new Map(boxes.flatMap((box, index) => box.members.map((number) => [number, index])));
   const links = new Map();
   for (const [need, user] of edges) {
@@ -47,12 +47,12 @@ function linksBetween(boxes, edges) {
   return [...links.values()];
 }
 
-function found(nodes, asked) {
-  // The nodes that match every word of the query; first those whose label begins with the first word, then those that contain it.
+function matchingNodes(nodes, query) {
+  // The nodes that match every word of the query. Nodes come first if their label begins with the first word, then if it contains this word.
   const fold = (text) => text.toLowerCase();
-  const words = fold(asked).split(/\s+/).filter(Boolean);
-  const said = (node) => fold([node.label, node.name, node.id, node.place, node.description, ...Object.values(node.facts)].join("\n"));
-  const hits = words.length ? [...nodes.keys()].filter((number) => words.every((word) => said(nodes[number]).includes(word))) : [];
+  const words = fold(query).split(/\s+/).filter(Boolean);
+  const searchText = (node) => fold([node.label, node.name, node.id, node.place, node.description, ...Object.values(node.facts)].join("\n"));
+  const hits = words.length ? [...nodes.keys()].filter((number) => words.every((word) => searchText(nodes[number]).includes(word))) : [];
   const rank = (number) => (fold(nodes[number].label).startsWith(words[0]) ? 0 : fold(nodes[number].label).includes(words[0]) ? 1 : 2);
   return hits.sort((one, other) => rank(one) - rank(other) || one - other);
 }
@@ -90,7 +90,7 @@ function columnsOf(count, links) {
 }
 
 function isotonic(wanted, sizes, gap) {
-  // As near as possible to the preferred places, in order and without overlap: nodes that would collide form a group.
+  // Places nodes in order and without overlap, as near as possible to their preferred places. Nodes that would collide form a group.
   const pools = [];
   let offset = 0;
   const offsets = wanted.map((_, index) => { const at = offset + sizes[index] / 2; offset += sizes[index] + gap; return at; });
@@ -107,12 +107,12 @@ function isotonic(wanted, sizes, gap) {
   return placed;
 }
 
-const TALL = 20; // a taller column is split into several
+const TALL = 20; // a column with more nodes than this is split into several columns
 
 const MAX_BENDS = 4000;
 
-function bent(items, links, rank) {
-  // A link over several columns has a bend in each, which takes space there, so that it passes between the nodes.
+function bendLinks(items, links, rank) {
+  // A link over several columns has a bend in each column. The bend gets space there, so that the link passes between the nodes.
   const all = [...items], ranks = [...rank], ways = [], parts = [];
   const wide = new Set();
   const heights = new Map();
@@ -137,7 +137,7 @@ function bent(items, links, rank) {
 
 function layOut(nodesOnly, linksOnly) {
   const first = columnsOf(nodesOnly.length, linksOnly);
-  const { all: items, ranks: rank, ways, parts: links } = bent(nodesOnly, linksOnly, first.rank);
+  const { all: items, ranks: rank, ways, parts: links } = bendLinks(nodesOnly, linksOnly, first.rank);
   const { out, into, order } = columnsOf(items.length, links);
   const columns = [];
   for (const number of order) (columns[rank[number]] ??= []).push(number);

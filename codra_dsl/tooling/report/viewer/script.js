@@ -8,12 +8,12 @@ const SVG = "http://www.w3.org/2000/svg";
 const { needs, neededBy } = neighboursOf(nodes.length, edges);
 const boxes = boxesOf(nodes, data.specs);
 
-const LARGE = 150; // nodes; beyond, the page opens with an overview
+const LARGE = 150; // with more nodes than this, the page opens with an overview
 const state = {
   view: nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole",
   node: null, // the chosen node
   box: null, // the chosen box
-  members: null, // the subject of the part view, if it is not a node
+  members: null, // the nodes of the part view, if it does not show the chosen node and its neighbours
   hidden: new Set(),
   help: nodes.length > LARGE,
 };
@@ -21,30 +21,30 @@ const state = {
 // ---- small helpers
 
 function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
+  const newElement = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
-    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (value !== null && value !== false) made.setAttribute(key, value === true ? "" : value);
+    if (key.startsWith("on")) newElement.addEventListener(key.slice(2), value);
+    else if (value !== null && value !== false) newElement.setAttribute(key, value === true ? "" : value);
   }
-  made.append(...children);
-  return made;
+  newElement.append(...children);
+  return newElement;
 }
 
 function shape(name, attributes = {}, ...children) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
+  const newElement = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) newElement.setAttribute(key, value);
+  newElement.append(...children);
+  return newElement;
 }
 
-const counted = (list) => `${list.length} node${list.length === 1 ? "" : "s"}`;
+const nodeCountText = (list) => `${list.length} node${list.length === 1 ? "" : "s"}`;
 
 // ---- drawing
 
 const pen = document.createElement("canvas").getContext("2d");
 pen.font = '12px "DejaVu Sans", Verdana, Arial, sans-serif';
 
-function sized(lines, kind) {
+function sizeOf(lines, kind) {
   const width = Math.max(40, ...lines.map((line) => pen.measureText(line).width));
   return { width: width + (kind === "observer" ? 44 : kind === "skill" ? 32 : 20), height: 12 + 15 * lines.length };
 }
@@ -58,13 +58,13 @@ function outline(kind, width, height) {
 }
 
 function backwards(from, to) {
-  // The node that needs it is left of it, or above: a cycle. The arrow passes below both.
+  // In a cycle, the node that needs another node can be left of that node or above it. The arrow passes below both nodes.
   const low = Math.max(from.y + from.height / 2, to.y + to.height / 2) + 46, foot = to.y + to.height / 2 + 7;
   const line = `M${from.x},${from.y + from.height / 2}C${from.x},${low} ${to.x},${low} ${to.x},${foot}`;
   return [line, `${to.x - 3.5},${foot} ${to.x},${foot - 7} ${to.x + 3.5},${foot}`];
 }
 
-function drawn(items, links) {
+function drawGraph(items, links) {
   const { at, ways } = layOut(items, links);
   const world = shape("g", { class: "world" });
   const forwards = (from, to, bends, both) => {
@@ -81,20 +81,20 @@ function drawn(items, links) {
   const edgeShapes = links.map(([from, to, kind], number) => {
     const ends = [from, to].map((end) => ({ ...at[end], width: items[end].width, height: items[end].height }));
     const [line, ...heads] = at[to].x - items[to].width / 2 > at[from].x + items[from].width / 2 ? forwards(...ends, ways[number], kind.endsWith("both")) : backwards(...ends);
-    const made = shape("g", { class: `edge ${kind}` }, shape("path", { d: line }), ...heads.map((points) => shape("polygon", { points })));
-    world.append(made);
-    return made;
+    const newElement = shape("g", { class: `edge ${kind}` }, shape("path", { d: line }), ...heads.map((points) => shape("polygon", { points })));
+    world.append(newElement);
+    return newElement;
   });
   const nodeShapes = items.map((item, number) => {
-    const made = shape("g", { class: `node ${item.kind}`, transform: `translate(${at[number].x} ${at[number].y})` }, outline(item.kind, item.width, item.height));
+    const newElement = shape("g", { class: `node ${item.kind}`, transform: `translate(${at[number].x} ${at[number].y})` }, outline(item.kind, item.width, item.height));
     item.lines.forEach((line, index) => {
       const text = shape("text", { "text-anchor": "middle", y: 4 + 15 * (index - (item.lines.length - 1) / 2) });
       if (index) text.setAttribute("class", "more");
       text.textContent = line;
-      made.append(text);
+      newElement.append(text);
     });
-    world.append(made);
-    return made;
+    world.append(newElement);
+    return newElement;
   });
   return { world, nodeShapes, edgeShapes };
 }
@@ -102,7 +102,7 @@ function drawn(items, links) {
 const nodeItem = (number) => {
   const { kind, label, latency } = nodes[number];
   const lines = latency ? [label, latency] : [label];
-  return { kind, lines, ...sized(lines, kind) };
+  return { kind, lines, ...sizeOf(lines, kind) };
 };
 
 // The shapes of a picture, by the nodes and edges that they show.
@@ -111,7 +111,7 @@ function picturePart(members) {
   const numbers = [...members].filter((number) => !state.hidden.has(nodes[number].kind)).sort((one, other) => one - other);
   const index = new Map(numbers.map((number, position) => [number, position]));
   const inside = edges.map((edge, number) => [edge, number]).filter(([[from, to]]) => index.has(from) && index.has(to));
-  const { world, nodeShapes, edgeShapes } = drawn(numbers.map(nodeItem), inside.map(([[from, to, kind]]) => [index.get(from), index.get(to), kind]));
+  const { world, nodeShapes, edgeShapes } = drawGraph(numbers.map(nodeItem), inside.map(([[from, to, kind]]) => [index.get(from), index.get(to), kind]));
   return {
     world,
     nodes: new Map(numbers.map((number, position) => [number, nodeShapes[position]])),
@@ -124,10 +124,10 @@ function pictureWhole() {
   if (!given) return picturePart(nodes.keys());
   const world = shape("g", { class: "world" });
   world.append(...[...given.children].map((child) => child.cloneNode(true)));
-  const shapes = (letter, list) => new Map(list.map((_, number) => [number, world.querySelector(`#${letter}${number}`)]).filter(([, each]) => each));
+  const shapes = (letter, list) => new Map(list.map((_, number) => [number, world.querySelector(`#${letter}${number}`)]).filter(([, svgShape]) => svgShape));
   const picture = { world, nodes: shapes("n", nodes), edges: shapes("e", edges) };
-  for (const [number, each] of picture.nodes) each.classList.toggle("gone", state.hidden.has(nodes[number].kind));
-  for (const [number, each] of picture.edges) each.classList.toggle("gone", edges[number].slice(0, 2).some((end) => state.hidden.has(nodes[end].kind)));
+  for (const [number, svgShape] of picture.nodes) svgShape.classList.toggle("gone", state.hidden.has(nodes[number].kind));
+  for (const [number, svgShape] of picture.edges) svgShape.classList.toggle("gone", edges[number].slice(0, 2).some((end) => state.hidden.has(nodes[end].kind)));
   return picture;
 }
 
@@ -135,10 +135,10 @@ function pictureOverview() {
   const list = [...boxes.values()];
   const items = list.map((box) => {
     const worst = Math.max(...box.members.map((number) => nodes[number].worst_case_s ?? 0));
-    const lines = [box.label, `${counted(box.members)}${worst ? `, ≤ ${Number(worst.toFixed(3))} s` : ""}`];
-    return { kind: "box", lines, ...sized(lines, "box") };
+    const lines = [box.label, `${nodeCountText(box.members)}${worst ? `, ≤ ${Number(worst.toFixed(3))} s` : ""}`];
+    return { kind: "box", lines, ...sizeOf(lines, "box") };
   });
-  const { world, nodeShapes } = drawn(items, linksBetween(list, edges));
+  const { world, nodeShapes } = drawGraph(items, linksBetween(list, edges));
   return { world, nodes: new Map(), edges: new Map(), boxes: new Map(list.map((box, number) => [box.key, nodeShapes[number]])) };
 }
 
@@ -153,8 +153,8 @@ function place() {
 
 function extent(shapes) {
   const world = picture.inner.getScreenCTM().inverse();
-  const corners = shapes.flatMap((each) => {
-    const there = world.multiply(each.getScreenCTM()), own = each.getBBox();
+  const corners = shapes.flatMap((svgShape) => {
+    const there = world.multiply(svgShape.getScreenCTM()), own = svgShape.getBBox();
     return [[own.x, own.y], [own.x + own.width, own.y + own.height]].map(([x, y]) => new DOMPoint(x, y).matrixTransform(there));
   });
   const xs = corners.map((point) => point.x), ys = corners.map((point) => point.y);
@@ -163,8 +163,8 @@ function extent(shapes) {
 }
 
 function fit() {
-  // To the chosen node and its neighbours, else to everything.
-  const touched = state.node === null ? [] : [...picture.nodes.values()].filter((each) => !each.matches(".away, .gone"));
+  // Zoom to the chosen node and its neighbours, or else to the entire graph.
+  const touched = state.node === null ? [] : [...picture.nodes.values()].filter((svgShape) => !svgShape.matches(".away, .gone"));
   const frame = stage.getBoundingClientRect(), box = touched.length ? extent(touched) : picture.inner.getBBox();
   if (!box.width || !frame.width) return;
   const scale = Math.min((frame.width - 40) / box.width, (frame.height - 40) / box.height, 1.4);
@@ -192,11 +192,11 @@ stage.addEventListener("pointerdown", (event) => { fingers.set(event.pointerId, 
 window.addEventListener("pointermove", (event) => {
   const before = fingers.get(event.pointerId);
   if (!before) return;
-  const other = [...fingers.values()].find((each) => each.pointerId !== event.pointerId);
+  const other = [...fingers.values()].find((finger) => finger.pointerId !== event.pointerId);
   if (other) {
     const frame = stage.getBoundingClientRect();
-    const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
-    zoom(apart(event) / Math.max(1, apart(before)), other.clientX - frame.left, other.clientY - frame.top);
+    const distanceTo = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
+    zoom(distanceTo(event) / Math.max(1, distanceTo(before)), other.clientX - frame.left, other.clientY - frame.top);
   } else {
     fitted = false;
     view.x += event.clientX - before.clientX;
@@ -212,8 +212,8 @@ for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, (
 // ---- showing
 
 function show({ refit = true } = {}) {
-  const around = state.view === "part" ? partMembers() : null;
-  picture = state.view === "overview" ? pictureOverview() : around ? picturePart(around) : pictureWhole();
+  const shownNodes = state.view === "part" ? partMembers() : null;
+  picture = state.view === "overview" ? pictureOverview() : shownNodes ? picturePart(shownNodes) : pictureWhole();
   const outer = shape("svg", {});
   picture.inner = picture.world;
   picture.world = shape("g", {}, picture.inner);
@@ -235,35 +235,35 @@ function partMembers() {
 
 function prepare() {
   const label = (number) => `${nodes[number].label}, ${kinds[nodes[number].kind]}${nodes[number].latency ? ", " + nodes[number].latency : ""}`;
-  const ready = (each, name, act) => {
-    each.setAttribute("tabindex", "-1");
-    each.setAttribute("role", "button");
-    each.setAttribute("aria-label", name);
-    each.addEventListener("click", () => { if (moved <= 4) { act(); each.focus?.({ preventScroll: true }); } });
-    each.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); act(); } });
-    each.addEventListener("focus", () => { stage.querySelectorAll('[tabindex="0"]').forEach((old) => old.setAttribute("tabindex", "-1")); each.setAttribute("tabindex", "0"); });
+  const makeFocusable = (svgShape, name, act) => {
+    svgShape.setAttribute("tabindex", "-1");
+    svgShape.setAttribute("role", "button");
+    svgShape.setAttribute("aria-label", name);
+    svgShape.addEventListener("click", () => { if (moved <= 4) { act(); svgShape.focus?.({ preventScroll: true }); } });
+    svgShape.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); act(); } });
+    svgShape.addEventListener("focus", () => { stage.querySelectorAll('[tabindex="0"]').forEach((old) => old.setAttribute("tabindex", "-1")); svgShape.setAttribute("tabindex", "0"); });
   };
-  for (const [number, each] of picture.nodes) ready(each, label(number), () => choose(number));
-  for (const [key, each] of picture.boxes ?? []) {
-    ready(each, `${boxes.get(key).label}, ${counted(boxes.get(key).members)}`, () => chooseBox(key));
-    each.addEventListener("dblclick", () => openBox(key));
+  for (const [number, svgShape] of picture.nodes) makeFocusable(svgShape, label(number), () => choose(number));
+  for (const [key, svgShape] of picture.boxes ?? []) {
+    makeFocusable(svgShape, `${boxes.get(key).label}, ${nodeCountText(boxes.get(key).members)}`, () => chooseBox(key));
+    svgShape.addEventListener("dblclick", () => openBox(key));
   }
-  const first = [...(picture.boxes ?? picture.nodes).values()].find((each) => !each.classList.contains("gone"));
+  const first = [...(picture.boxes ?? picture.nodes).values()].find((svgShape) => !svgShape.classList.contains("gone"));
   first?.setAttribute("tabindex", "0");
 }
 
 function mark() {
   const related = state.node === null ? null : new Set([...reach([state.node], needs, Infinity), ...reach([state.node], neededBy, Infinity)]);
   const back = state.node === null ? null : reach([state.node], needs, Infinity), ahead = state.node === null ? null : reach([state.node], neededBy, Infinity);
-  for (const [number, each] of picture.nodes) {
-    each.classList.toggle("away", related !== null && !related.has(number));
-    each.classList.toggle("chosen", number === state.node);
+  for (const [number, svgShape] of picture.nodes) {
+    svgShape.classList.toggle("away", related !== null && !related.has(number));
+    svgShape.classList.toggle("chosen", number === state.node);
   }
-  for (const [number, each] of picture.edges) {
+  for (const [number, svgShape] of picture.edges) {
     const [from, to] = edges[number];
-    each.classList.toggle("away", related !== null && !((back.has(from) && back.has(to)) || (ahead.has(from) && ahead.has(to))));
+    svgShape.classList.toggle("away", related !== null && !((back.has(from) && back.has(to)) || (ahead.has(from) && ahead.has(to))));
   }
-  for (const [key, each] of picture.boxes ?? []) each.classList.toggle("chosen", key === state.box);
+  for (const [key, svgShape] of picture.boxes ?? []) svgShape.classList.toggle("chosen", key === state.box);
 }
 
 function choose(number) {
@@ -277,9 +277,9 @@ function choose(number) {
   bringIn(picture.nodes.get(number));
 }
 
-function bringIn(each) {
-  if (!each) return;
-  const frame = stage.getBoundingClientRect(), box = each.getBoundingClientRect();
+function bringIn(svgShape) {
+  if (!svgShape) return;
+  const frame = stage.getBoundingClientRect(), box = svgShape.getBoundingClientRect();
   const shift = (low, high, least, most) => (low < least + 8 ? least + 8 - low : high > most - 8 ? most - 8 - high : 0);
   view.x += shift(box.left, box.right, frame.left, frame.right);
   view.y += shift(box.top, box.bottom, frame.top, frame.bottom);
@@ -318,7 +318,7 @@ function controls() {
 
 const goTo = (number) => element("li", {}, element("button", { type: "button", onclick: () => reveal(number) }, element("span", { class: `dot ${nodes[number].kind}` }), nodes[number].label));
 
-function listed(title, numbers) {
+function listSection(title, numbers) {
   if (!numbers.length) return [];
   return [element("h3", {}, `${title} (${numbers.length})`), element("ul", {}, ...numbers.map(goTo))];
 }
@@ -353,8 +353,8 @@ function aboutNode(number) {
     facts([["Name", node.name], ["Place", node.place], ["Known", known], ...Object.entries(node.facts), ["In all", `needs ${before}, is needed by ${after}`]]),
     element("button", { type: "button", onclick: () => go(state.view === "part" ? home() : "part") }, state.view === "part" ? "Back" : "Show only its neighbourhood"),
     " ", element("button", { type: "button", onclick: () => choose(null) }, "Deselect"),
-    ...listed("Needs", direct(needs[number])),
-    ...listed("Is needed by", direct(neededBy[number])),
+    ...listSection("Needs", direct(needs[number])),
+    ...listSection("Is needed by", direct(neededBy[number])),
   ];
 }
 
@@ -362,9 +362,9 @@ function aboutBox(box) {
   const by = (kind) => box.members.filter((number) => nodes[number].kind === kind);
   return [
     element("h2", {}, box.label),
-    element("small", {}, `${counted(box.members)} from one use of a template or one file`),
+    element("small", {}, `${nodeCountText(box.members)} from one use of a template or one file`),
     state.view === "part" ? "" : element("p", {}, element("button", { type: "button", onclick: () => openBox(box.key) }, "Show its contents")),
-    ...Object.keys(kinds).flatMap((kind) => listed(kinds[kind], by(kind))),
+    ...Object.keys(kinds).flatMap((kind) => listSection(kinds[kind], by(kind))),
   ];
 }
 
@@ -373,9 +373,9 @@ function help() {
   return [
     element("h2", {}, data.title),
     element("p", {}, Object.keys(kinds).map((kind) => `${by(kind).length} × ${kinds[kind]}`).join(", ") + "."),
-    element("p", {}, "Arrows lead from a node to those that need it. Choose a node to see everything that it needs and everything that needs it."),
+    element("p", {}, "Arrows lead from a node to the nodes that need it. Choose a node to see everything that it needs and everything that needs it."),
     element("p", {}, element("small", {}, "Drag to move, wheel to zoom. Keys: / search, arrows walk from node to node, Enter chooses, Escape deselects, + − 0 zoom.")),
-    ...listed("Start from a skill", by("skill")),
+    ...listSection("Start from a skill", by("skill")),
   ];
 }
 
@@ -386,7 +386,7 @@ function legend() {
     element("input", { type: "checkbox", checked: !state.hidden.has(kind), onchange: (event) => { state.hidden[event.target.checked ? "delete" : "add"](kind); if (state.node !== null && state.hidden.has(nodes[state.node].kind)) state.node = null; show({ refit: false }); } }),
     element("span", { class: `swatch ${kind}` }), kinds[kind]));
   const samples = Object.entries(arrows).map(([kind, sentence]) => {
-    const text = (x, letter) => { const made = shape("text", { x, y: 13 }); made.textContent = letter; return made; };
+    const text = (x, letter) => { const newElement = shape("text", { x, y: 13 }); newElement.textContent = letter; return newElement; };
     const arrow = shape("g", { class: `edge ${kind}` }, shape("path", { d: "M14,9H43" }), shape("polygon", { points: "43,5.5 50,9 43,12.5" }));
     return element("label", {}, shape("svg", { "aria-hidden": "true" }, text(2, "A"), arrow, text(54, "B")), sentence);
   });
@@ -396,25 +396,25 @@ function legend() {
 
 // ---- search
 
-let hits = [], picked = 0;
+let hits = [], selectedIndex = 0;
 
 function search() {
-  const asked = find("search").value;
-  hits = found(nodes, asked);
-  picked = 0;
-  drawHits(asked.trim() !== "");
+  const query = find("search").value;
+  hits = matchingNodes(nodes, query);
+  selectedIndex = 0;
+  drawHits(query.trim() !== "");
 }
 
 function drawHits(open) {
   const list = find("hits");
   list.hidden = !open;
   find("search").setAttribute("aria-expanded", String(open));
-  const shown = hits.slice(0, 60).map((number, index) => element("li", { role: "option", id: `hit${index}`, "aria-selected": String(index === picked), onpointerdown: (event) => { event.preventDefault(); take(index); } },
+  const shown = hits.slice(0, 60).map((number, index) => element("li", { role: "option", id: `hit${index}`, "aria-selected": String(index === selectedIndex), onpointerdown: (event) => { event.preventDefault(); take(index); } },
     element("span", { class: `dot ${nodes[number].kind}` }), nodes[number].label, " ", element("small", {}, nodes[number].place)));
   const rest = hits.length > 60 ? [element("li", { "aria-disabled": "true" }, `and ${hits.length - 60} more`)] : [];
   list.replaceChildren(...shown, ...rest, ...(open && !hits.length ? [element("li", { "aria-disabled": "true" }, "no match")] : []));
-  if (open && hits.length) find("search").setAttribute("aria-activedescendant", `hit${picked}`); else find("search").removeAttribute("aria-activedescendant");
-  list.children[picked]?.scrollIntoView({ block: "nearest" });
+  if (open && hits.length) find("search").setAttribute("aria-activedescendant", `hit${selectedIndex}`); else find("search").removeAttribute("aria-activedescendant");
+  list.children[selectedIndex]?.scrollIntoView({ block: "nearest" });
 }
 
 function take(index) {
@@ -429,9 +429,9 @@ find("search").addEventListener("focus", () => find("search").value && search())
 find("search").addEventListener("blur", () => drawHits(false));
 find("search").addEventListener("keydown", (event) => {
   const last = Math.min(hits.length, 60) - 1;
-  if (event.key === "ArrowDown") picked = Math.min(last, picked + 1);
-  else if (event.key === "ArrowUp") picked = Math.max(0, picked - 1);
-  else if (event.key === "Enter") { event.preventDefault(); take(picked); return; }
+  if (event.key === "ArrowDown") selectedIndex = Math.min(last, selectedIndex + 1);
+  else if (event.key === "ArrowUp") selectedIndex = Math.max(0, selectedIndex - 1);
+  else if (event.key === "Enter") { event.preventDefault(); take(selectedIndex); return; }
   else if (event.key === "Escape") { event.stopPropagation(); find("search").value = ""; search(); find("search").blur(); return; }
   else return;
   event.preventDefault();
@@ -441,23 +441,23 @@ find("search").addEventListener("keydown", (event) => {
 // ---- keys
 
 function walk(key) {
-  const focused = [...picture.nodes].find(([, each]) => each === document.activeElement);
-  const boxed = [...(picture.boxes ?? [])].find(([, each]) => each === document.activeElement);
-  if (!focused && !boxed) return false;
-  const here = (focused ?? boxed)[1].getBoundingClientRect();
-  const candidates = boxed ? [...picture.boxes.values()] : key === "ArrowLeft" || key === "ArrowRight"
+  const focused = [...picture.nodes].find(([, svgShape]) => svgShape === document.activeElement);
+  const focusedBox = [...(picture.boxes ?? [])].find(([, svgShape]) => svgShape === document.activeElement);
+  if (!focused && !focusedBox) return false;
+  const here = (focused ?? focusedBox)[1].getBoundingClientRect();
+  const candidates = focusedBox ? [...picture.boxes.values()] : key === "ArrowLeft" || key === "ArrowRight"
     ? (key === "ArrowLeft" ? needs : neededBy)[focused[0]].map(([other]) => picture.nodes.get(other)).filter(Boolean) : [...picture.nodes.values()];
   const middle = (box) => [box.left + box.width / 2, box.top + box.height / 2];
   const [x, y] = middle(here);
   const sideways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[key];
   let best = null, least = Infinity;
-  for (const each of candidates) {
-    if (each === (focused ?? boxed)[1] || each.classList.contains("gone")) continue;
-    const [otherX, otherY] = middle(each.getBoundingClientRect());
+  for (const svgShape of candidates) {
+    if (svgShape === (focused ?? focusedBox)[1] || svgShape.classList.contains("gone")) continue;
+    const [otherX, otherY] = middle(svgShape.getBoundingClientRect());
     const along = (otherX - x) * sideways[0] + (otherY - y) * sideways[1];
     const across = Math.abs((otherX - x) * sideways[1]) + Math.abs((otherY - y) * sideways[0]);
     const cost = along > 1 ? along + 3 * across : focused && (key === "ArrowLeft" || key === "ArrowRight") ? 1e6 + across : Infinity;
-    if (cost < least) { least = cost; best = each; }
+    if (cost < least) { least = cost; best = svgShape; }
   }
   if (!best) return true;
   best.focus({ preventScroll: true });
@@ -488,5 +488,5 @@ window.addEventListener("resize", () => { if (fitted) fit(); });
 
 legend();
 show();
-const linked = nodes.findIndex((node) => "#" + encodeURIComponent(node.id) === location.hash || "#" + node.id === location.hash);
-if (linked >= 0) reveal(linked);
+const linkedNode = nodes.findIndex((node) => "#" + encodeURIComponent(node.id) === location.hash || "#" + node.id === location.hash);
+if (linkedNode >= 0) reveal(linkedNode);
