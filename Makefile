@@ -86,7 +86,7 @@ mutants: $(READY)
 fuzz: $(READY)
 	$(BIN)/python -m tests.campaigns.hostile 10000
 
-# Two thousand writers of journals and fifty robots are killed: does each journal recover, with all that was told of?
+# Two thousand writers of journals and fifty robots are killed: does each journal recover, with every acknowledged event?
 kills: $(READY)
 	$(BIN)/python -m tests.campaigns.kills 2000 1 50
 
