@@ -1,8 +1,8 @@
 """The stages of compiling: find, load, check, plan, triage, emit.
 
-Each stage is one function. It takes the frozen values of the stage before and adds its own results and findings. Load,
-check and plan are generators: one spec passes all three before the next spec is read, so the YAML nodes of only one
-spec are in memory at a time.
+Each stage is one function. It takes the frozen values of the previous stage and adds its own results and findings.
+Load, check and plan are generators: one spec passes all three before the next spec is read, so the YAML nodes of only
+one spec are in memory at a time.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Planned:
 
     Attributes:
         root: the folder that all paths in findings are relative to.
-        plans: one for each spec without an error that prevents planning, sorted by name.
+        plans: a plan for each spec without an error that prevents planning, sorted by name.
         diagnostics: the findings after triage, in file order, without duplicates.
         files: the files of the specs and their parts, relative to the root; `specs` has the files of the specs alone.
         modules: files of Python modules and of trees that were read or were missing, relative to the root.
@@ -57,7 +57,7 @@ class Planned:
     modules: tuple[str, ...] = ()
 
     def as_run(self) -> Run:
-        """Return the part that a command shows and the cache keeps."""
+        """Return the data that a command shows and the cache keeps."""
         files = (*self.files, *self.modules)
         return Run(diagnostics=self.diagnostics, specs=self.specs, files=files, fail_on=self.settings.fail_on)
 
@@ -76,7 +76,7 @@ class Compilation:
     covered: tuple[str, ...] = ()
 
     def as_run(self) -> Run:
-        """Return the part that a command shows and the cache keeps."""
+        """Return the data that a command shows and the cache keeps."""
         return replace(self.planned.as_run(), outputs=digests(self.files), covered=self.covered)
 
 

@@ -21,12 +21,13 @@
     23      F <- F + {O_i}
 
 `plan` decides only which trees exist, what each tree contains, and what everything is called in Python. The paper
-describes one variable and one algorithm per tree, but its text allows more (section 3.2, Figure 4C), and so do we:
-variables of one algorithm share a tree; algorithms that share a variable are alternatives in one tree, tried by rank;
-and trees with the same conditions are joined where `observers` names their variables together.
+describes one variable and one algorithm per tree, but its text allows more (section 3.2, Figure 4C), and so does
+`plan`. Variables of one algorithm share a tree. Algorithms that share a variable are alternatives in one tree, tried by
+rank. Trees with the same conditions are joined if `observers` names their variables together.
 
-The generated model has every declared variable. Only variables that decisions reach, C_M, have trees and nodes in the
-dependency graph.
+The generated model has every declared variable. C_M has the variables that decisions need, directly or indirectly, and
+the variables that are identified together with these. Only variables in C_M have trees. The dependency graph has the
+variables in C_M, and further variables that agents or loops read or write.
 """
 
 from __future__ import annotations
@@ -63,8 +64,8 @@ def plan(checked: CheckedSpec) -> BuildPlan:
 def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple[Tree, ...]]:
     """Return C_M and F. A stack replaces the recursion of line 21, so that no chain of variables is too long.
 
-    Each frame of the stack is a tree whose additional variables are being processed. The first frame has no tree: its
-    variables are the decisions of line 3.
+    Each frame of the stack is a tree, with its additional variables that are not processed yet. The first frame has no
+    tree: its variables are the decisions of line 3.
     """
     outlines = _outlines(checked)
     in_force: dict[str, None] = {}  # line 2
@@ -130,13 +131,13 @@ def _alternatives(checked: CheckedSpec) -> list[tuple[str, ...]]:
 
 
 def _identified_variables(checked: CheckedSpec, names: Iterable[str]) -> tuple[str, ...]:
-    """Return the variables that some algorithms identify, in the order of the algorithms."""
+    """Return the variables that the given algorithms identify, in the order of the algorithms."""
     pairs = chain.from_iterable(checked.algorithms[name].identifies for name in names)
     return tuple(dict.fromkeys(variable for variable, _ in pairs))
 
 
 def _create_tree(checked: CheckedSpec, outline: _Outline) -> Tree:
-    """Return a tree with its perception behaviours (lines 16, 17) and variables of its preconditions (lines 18, 20)."""
+    """Return a tree with perception behaviours (lines 16, 17) and the variables of its preconditions (lines 18, 20)."""
     first, setting = outline.groups[0][0], outline.setting
     algorithms = [checked.algorithms[name] for group in outline.groups for name in group]
     name = setting.name if setting is not None else first

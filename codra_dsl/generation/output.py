@@ -1,9 +1,9 @@
 """The output folder: which files are ours, whether they are up to date, and how they are renewed.
 
 The folder contains an `__init__.py` and one package per spec. A package is ours if it contains a manifest that codra
-wrote. In the folder itself and in the packages that a run generates, every other file is an orphan, except
-`__pycache__` and names that begin with a dot, which are left alone. All files of another package of ours are orphans if
-the run covers the spec file from which that package was made.
+wrote. In the folder itself and in the packages that a run generates, each file that the run does not generate is an
+orphan. Files in `__pycache__` and names that begin with a dot are left alone. If a run does not generate a package of
+ours, but covers the spec file from which the package was made, all files of this package are orphans.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Freshness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """The changes made to an output folder, as paths relative to it. After a finding, nothing more was done."""
+    """The changes made to an output folder, as paths relative to the folder. No change follows a finding."""
 
     changed: tuple[str, ...] = ()
     removed: tuple[str, ...] = ()
@@ -92,7 +92,7 @@ def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) 
     Args:
         files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that this run covers, relative to the project root.
+        covered: the files and folders of specs that this run covers, relative to the project root.
     """
     if not _is_ours_or_new(out):
         return Freshness(diagnostics=(_refusal(out, out),))
@@ -106,9 +106,9 @@ def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = (
     """Return whether an output folder holds exactly the files that an earlier run generated.
 
     Args:
-        outputs: the digest of each file, as `digests` gives it, by path relative to the folder.
+        outputs: the digest of each file, as `digests` returns it, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that the run covers, relative to the project root.
+        covered: the files and folders of specs that the run covers, relative to the project root.
     """
     if any(_foreign(outputs, out)) or _orphans(outputs, out, covered):
         return False
@@ -116,7 +116,7 @@ def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = (
 
 
 def digests(files: Mapping[str, str]) -> Mapping[str, str]:
-    """Return the digest of each output; the key is its path."""
+    """Return a mapping from the path of each output to its digest."""
     return {path: _digest(text.encode()) for path, text in files.items()}
 
 
@@ -129,12 +129,12 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
     """Bring an output folder up to date: write changed files and remove orphans; nothing else is touched.
 
     New text is compiled before it replaces the old text, and each file is replaced atomically. A folder that is not
-    ours is left alone, with a finding.
+    ours is left unchanged, and a finding reports it.
 
     Args:
         files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that this run covers, relative to the project root.
+        covered: the files and folders of specs that this run covers, relative to the project root.
 
     Raises:
         BrokenOutputError: if a text does not compile. Then nothing is written.

@@ -1,8 +1,8 @@
 """Findings: a message, the place of the mistake, and how to fix the mistake.
 
-Every layer of the compiler reports findings. A mistake of a user becomes a finding, which is a value with a place; a
-mistake of a programmer raises an exception. Each phase reports every mistake that it finds. Findings of later phases
-about the same element are then silenced.
+Every layer of the compiler reports findings. A user's mistake becomes a finding, which is a value with a place. A
+programmer's mistake raises an exception. Each phase reports every mistake that it finds. If a phase has a finding about
+an element, findings of later phases about this element are silenced.
 """
 
 from __future__ import annotations
@@ -80,14 +80,14 @@ class _LazyPlace:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Place(_LazyPlace):
-    """The place of an element: its span and, if a template made the element, the span of the `use` that made it."""
+    """The place of an element: its span and, if a template made the element, the span of the template's `use`."""
 
     span: Span
     use: Span | None = None
 
 
 def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
-    """Return the place of a range of a text; its span is computed on first access."""
+    """Return the place of a range of a text; the span of the place is computed on first access."""
     place = object.__new__(Place)
     object.__setattr__(place, "_text_range", (text, start, end))
     object.__setattr__(place, "use", use)
@@ -96,14 +96,14 @@ def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
 
 @dataclass(frozen=True, slots=True)
 class Related:
-    """Another place that belongs to a finding, with a message about it."""
+    """Another place that belongs to a finding, with a message about this place."""
 
     message: str
     place: Place
 
 
 class Applicability(StrEnum):
-    """Who may apply a fix: a tool on its own, or a person who has read it."""
+    """Who may apply a fix: a tool on its own, or only a person who has read the fix."""
 
     SAFE = "safe"
     SUGGESTED = "suggested"
@@ -135,7 +135,7 @@ _FIRST_OF_QUALITY = "CDR7"
 
 
 def replacing(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
-    """Return the fix that replaces a text by another; None for the text of a template, which other uses share."""
+    """Return the fix that replaces a text by another, or None for a text in a template, which several uses share."""
     if place.use is not None:
         return None
     applicability = Applicability.SAFE if safe else Applicability.SUGGESTED
@@ -152,9 +152,9 @@ class Rule:
 
     @property
     def is_binding(self) -> bool:
-        """Whether findings of this rule can be neither silenced nor lowered: errors of phases 0 to 6.
+        """Whether findings of this rule can be neither silenced nor reduced to warnings.
 
-        Such errors prevent compilation.
+        This is so for the errors of phases 0 to 6. They prevent compilation.
         """
         return self.severity is Severity.ERROR and self.code < _FIRST_OF_QUALITY
 
@@ -165,10 +165,11 @@ class Diagnostic:
 
     Attributes:
         path: the path of the element within the spec, e.g. `skills.open_door.monitor`; it contains no line number.
-        help: how to fix the mistake, in one sentence; empty only if the message already says it.
+        help: how to fix the mistake, in one sentence; empty only if the message already says how.
         fix: the fix as edits, if a tool can apply them.
         level: the severity from the project's settings, which replaces the severity of the rule; None if not set.
-        use_findings: if several uses of a template lead to the same finding about its text, the finding of each use.
+        use_findings: the finding of each use, if several uses of a template lead to the same finding about the
+            template's text.
     """
 
     rule: Rule
@@ -222,11 +223,11 @@ def in_file_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
 
 
 MAX_LISTED_USES = 5
-"""The number of other uses of a template that a finding lists."""
+"""The maximum number of other uses of a template that a merged finding lists."""
 
 
 def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the findings. Those of several uses about one text of a template are merged into one.
+    """Return the findings; findings of several uses about the same text of a template are merged into one.
 
     The merged finding lists the other uses.
     """
@@ -262,8 +263,8 @@ _LONG_WORD = 8
 def suggest(name: str, candidates: Iterable[str]) -> str | None:
     """Return the candidate that `name` most likely means, or None.
 
-    At most a third of the letters may differ (insertions, deletions, replacements, swapped neighbours). Between two
-    equally near candidates, the one with the same first letter wins. To bound the cost, at most MAX_CANDIDATES names
+    At most a third of the letters may differ (insertions, deletions, replacements, swapped neighbours). Of two equally
+    near candidates, the candidate with the first letter of `name` wins. To bound the cost, at most MAX_CANDIDATES names
     of similar length are compared.
     """
     if len(name) > MAX_SUGGESTED_LENGTH:
@@ -286,7 +287,7 @@ def surely_means(name: str, suggestion: str, candidates: Iterable[str]) -> bool:
 
     Either the two names differ only in case or underscores. Or they differ in one word of at least four letters, by one
     typing error (by up to two if the word has at least eight letters), and not in a digit. In both cases, no other
-    candidate may be about as similar.
+    candidate may be about as similar to `name`.
     """
     if not is_slip(name, suggestion):
         return False
@@ -316,7 +317,7 @@ def is_slip(name: str, suggestion: str) -> bool:
 
 
 def _distance(left: str, right: str, limit: int) -> int:
-    """Return the optimal string alignment distance; if the distance is above `limit`, return any number above it."""
+    """Return the optimal string alignment distance; if that is above `limit`, return any number above `limit`."""
     if abs(len(left) - len(right)) > limit:
         return limit + 1
     start = _common_prefix_length(left, right)
@@ -345,5 +346,5 @@ def _common_prefix_length(left: str, right: str) -> int:
 
 
 def rules(*entries: tuple[str, str, Severity]) -> Mapping[str, Rule]:
-    """Return the rules by name, from rows (code, name, severity). Each package with rules has its own table."""
+    """Return a mapping from names to rules, made from rows (code, name, severity)."""
     return {name: Rule(code=code, name=name, severity=severity) for code, name, severity in entries}

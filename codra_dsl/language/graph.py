@@ -53,8 +53,8 @@ def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
 def shortest_cycle(needs: Needs) -> tuple[str, ...]:
     """Return a shortest cycle as a path, or () if there is no cycle. The last name of the path needs the first one.
 
-    Among cycles of the same length, the one that is reached first from the least name is returned. The path begins with
-    its least name. On graphs with very many cycles, the search is bounded by MAX_VISITS.
+    Among cycles of the same length, the function returns the cycle that is reached first from the least name. The path
+    begins with its least name. On graphs with very many cycles, MAX_VISITS bounds the search.
     """
     itself = min((name for name, needed_names in needs.items() if name in needed_names), default=None)
     if itself is not None:
@@ -76,7 +76,7 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
 
 
 def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
-    """Return a shortest cycle through a name as a path that begins with this name, or () if it is on no cycle."""
+    """Return a shortest cycle through a name as a path that begins with this name, or () if the name is on no cycle."""
     if name not in closure(needs, needs.get(name, ())):
         return ()
     return _cycle_through(name, _directed(needs), shorter_than=0)[0]
@@ -103,7 +103,8 @@ def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
 def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
     """Return a shortest cycle through `start`, and the number of visited edges.
 
-    The cycle must be shorter than `shorter_than`; 0 means that any length is allowed. Without such a cycle, return ().
+    The cycle must be shorter than `shorter_than`; 0 means that any length is allowed. If there is no such cycle, ()
+    takes its place.
     """
     came_from: dict[str, str] = {}
     layer, length, visits = [start], 1, 0

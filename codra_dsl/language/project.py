@@ -49,7 +49,7 @@ def project_of(path: Path) -> Path | None:
 def root_of(path: Path) -> Path:
     """Return the folder to which the paths of specs are relative.
 
-    It is the project's root; outside of projects, it is the folder of the spec.
+    This folder is the project's root or, outside of projects, the folder of the spec.
     """
     return project_of(path) or (path.absolute() if path.is_dir() else path.absolute().parent)
 
@@ -68,7 +68,7 @@ def relative(path: Path, root: Path) -> str:
 
 
 def covers(paths: Iterable[str], file: str) -> bool:
-    """Return whether a file is one of the paths or inside one of them; all are relative to the root."""
+    """Return whether a file is one of the paths or inside one of them; file and paths are relative to the root."""
     return any(path in (".", file) or file.startswith(f"{path}/") for path in paths)
 
 
@@ -112,6 +112,6 @@ def _is_project(folder: Path) -> bool:
     try:
         settings = tomllib.loads(data.decode("utf-8"))
     except (ValueError, RecursionError):
-        return _OUR_TABLE.search(data) is not None  # mistakes in the file become findings; it still marks a project
+        return _OUR_TABLE.search(data) is not None  # the file still marks a project; its mistakes become findings
     tool = settings.get("tool")
     return isinstance(tool, dict) and "codra" in tool

@@ -239,7 +239,10 @@ def parse_quantity(text: str) -> Quantity | None:
 
 
 def parse_number(text: str) -> int | float | None:
-    """Return the number in a text: an int if the text has no point and no exponent. If it is too large, return None."""
+    """Return the number in a text, or None if the number is too large.
+
+    The number is an int if the text has no point and no exponent.
+    """
     if re.fullmatch(r"[0-9]{1,101}", text):
         number: int | float = int(text)
     else:

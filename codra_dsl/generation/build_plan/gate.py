@@ -1,4 +1,4 @@
-"""The verification that every plan passes."""
+"""The verification that every plan must pass."""
 
 from __future__ import annotations
 
@@ -42,7 +42,10 @@ def _no_duplicates(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
 
 
 def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """For each variable in force, a tree with all its algorithms identifies it, or the variable has another source."""
+    """Each variable in force has a tree that identifies the variable, or another source.
+
+    If the spec has algorithms for the variable, the tree contains all of them.
+    """
     producers = {name: {branch.name for branch in tree.branches} for tree in plan.forest for name in tree.identifies}
     for name in plan.in_force:
         missing_algorithms = set(checked.producers.get(name, ())) - producers.get(name, set())
@@ -55,7 +58,10 @@ def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iter
 
 
 def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """The variables in force are exactly those that the decisions reach through the needs and results of algorithms."""
+    """The variables in force are exactly those that can be reached from the decisions.
+
+    Each variable leads to all variables that its tree identifies, and to all variables that its tree needs.
+    """
     tree_by_variable = {name: tree for tree in plan.forest for name in tree.identifies}
     needs = {name: (*tree.identifies, *tree.needs) for name, tree in tree_by_variable.items()}
     reached_variables = set(graph.closure(needs, checked.decisions))
@@ -88,7 +94,7 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
 def _trees_joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """Trees are joined only if `observers` names their variables together and their conditions are equal.
 
-    A tree with a setting in `observers` has its name; any other tree has the name of its first algorithm.
+    A tree has the name of its setting in `observers`; a tree without a setting has the name of its first algorithm.
     """
     settings = {setting.name: setting for setting in checked.spec.observers}
     for tree in plan.forest:

@@ -1,4 +1,4 @@
-"""The edges that loops add to the dependency graph, such as the edge from an adaptation to a variable that it sets."""
+"""The edges that loops add to the dependency graph, such as the edge from an adaptation to the variable that is set."""
 
 from __future__ import annotations
 

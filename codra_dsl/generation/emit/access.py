@@ -1,9 +1,9 @@
-"""Typed access to the variables of a spec: methods whose signatures tie the names of variables to their values.
+"""Typed access to the variables of a spec: signatures that connect the names of variables with the types of values.
 
 There is one signature for each type of value, not for each variable, so that a spec may have any number of variables.
-One further signature accepts any name, but no value: with a name that may be that of variables of several types, a
-program can read and declare, but not write. The signatures are for editors and type checkers: at run time the calls
-reach the context manager directly.
+One further signature accepts any name, but no value. So if a name may belong to variables of several types, a program
+can read and declare the variable, but cannot write it. The signatures are for editors and type checkers: at run time,
+the calls go directly to the context manager.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ class Values:
 
     Attributes:
         variables: the names of the variables.
-        alias: the name that signatures use for the type of these names.
+        alias: the name of the literal type of these names, for signatures.
         type: the type of the values.
         answer: the type variable for the result of sequential perception of one of the variables.
-        members: the members of an enum, for which `type` is an alias too; empty for other types.
+        members: the members of an enum, in which case `type` is an alias for them; empty for other types.
     """
 
     variables: tuple[str, ...]
@@ -52,8 +52,8 @@ class _Shape:
 
     Attributes:
         typed_argument: the argument after `name`, whose type depends on the variable's type, for variables of one type.
-        fallback_argument: this argument for variables of any type: it accepts only what fits all types.
-        implementation_argument: this argument in the definition that follows several signatures.
+        fallback_argument: the same argument for variables of any type: it accepts only what fits all types.
+        implementation_argument: the same argument in the definition that follows several signatures.
         other_arguments: further arguments, with their defaults.
         return_type: the return type for variables of one type.
         fallback_return_type: the return type for variables of several types.
@@ -165,7 +165,7 @@ def _fill_in_types(text: str, kind: Values) -> str:
 
 
 def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: Sequence[str], return_type: str) -> str:
-    """Return a signature as `ruff format` writes it: on one line, or all arguments on one, or one argument a line."""
+    """Return a signature as `ruff format` writes it: on one line, with all arguments on one line, or one per line."""
     before, after = f"def {shape.name}(", f") -> {return_type}:"
     arguments = (
         "self",

@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 _EXPORTED_NAMES: Mapping[str, str] = {"Node": "TreeNode", "Precondition": "TreePrecondition"}
-"""The names in `generated_api` of words that have another meaning in other generated modules; the key is the word."""
+"""A mapping from words that mean something else in other generated modules to their names in `generated_api`."""
 
 _PYTHON_NAMES = {"else": "otherwise"}
 _RETURN = "    return "
@@ -245,7 +245,7 @@ class _Writer:
 
 
 def _port_values(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
-    """Return the values of a node's ports. A port that the node does not set has the default value of its model."""
+    """Return the values of a node's ports. A port that the node does not set has the default of the node's model."""
     ports = model.ports if model is not None else ()
     port_values = {attribute.name: attribute.value for attribute in node.ports}
     defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in port_values}
@@ -253,7 +253,7 @@ def _port_values(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
 
 
 def _has_direction(model: NodeModel | None, name: str, direction: Direction) -> bool:
-    """Return whether a port has a direction; without a model, it has both."""
+    """Return whether a port has a direction; a port without a model has both directions."""
     port = model.port(name) if model is not None else None
     return port is None or port.direction in (direction, Direction.BOTH)
 

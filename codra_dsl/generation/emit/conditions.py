@@ -1,4 +1,8 @@
-"""Lowered conditions as expressions, only of literals and the words of `codra_dsl.runtime.values.conditions`."""
+"""Conditions in Python, as expressions for generated code.
+
+They contain only literals, operators, and the words of `codra_dsl.runtime.values.conditions` and of
+`codra_dsl.runtime.knowledge.declarations`.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ POSES = frozenset({"distance", "in_view"})
 _CALLABLE = WORDS | POSES | {"abs"}
 _SINGLETON_SETS = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
-# The form of most conditions. All others go through Python's own parser, with the same result.
+# Most conditions have this form. All others go through Python's parser, which would also read these correctly.
 _SIMPLE = re.compile(
     r"""(value|known)\((["'])([A-Za-z][A-Za-z0-9_]*)\2\)"""
     r"""( (?:[<>]=?|[=!]=) (?:0|[1-9][0-9]{0,8})(?:\.(?:0|[0-9]{0,3}[1-9]))?)?"""
@@ -48,11 +52,11 @@ _LOGICAL = 1
 
 
 class ConditionError(Exception):
-    """A lowered condition uses something else than the words of the runtime: a bug in the code that lowered it."""
+    """A condition in Python uses something other than the words of the runtime: a bug in the code that wrote it."""
 
 
 def condition(python: str) -> tuple[Expression, frozenset[str]]:
-    """Return a lowered condition as an expression, and the words that it uses.
+    """Return a condition in Python as an expression, and the words that the condition uses.
 
     Raises:
         ConditionError: if the condition contains anything except words of conditions, operators and literals.
@@ -102,7 +106,11 @@ def _operand(node: ast.expr) -> Expression:
 
 
 def _comparison_side(node: ast.expr) -> Expression:
-    """Return a side of a comparison. Arithmetic needs no parentheses there; others are easier to read with them."""
+    """Return one side of a comparison.
+
+    Arithmetic and unary operations are written without parentheses. Other operations have parentheses, because they are
+    then easier to read.
+    """
     is_bare = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _strength(node) > _LOGICAL)
     return _expression(node) if is_bare else _operand(node)
 
@@ -116,7 +124,7 @@ def _add_prefix(sign: str, operand: Expression) -> Expression:
 
 
 def _chain(node: ast.BinOp) -> Chain:
-    """Return operators of equal precedence as one chain. Python nests their left operands, so a loop collects them."""
+    """Return operators of equal precedence as one chain. Python nests the left operands, so a loop collects them."""
     operator, strength = _OPERATORS[type(node.op)]
     rest = [(operator, _right(node))]
     first = node.left
@@ -133,7 +141,7 @@ def _continues(node: ast.BinOp, operator: str, strength: int) -> bool:
 
 
 def _right(node: ast.BinOp) -> Expression:
-    """Return a right operand. An operator of equal precedence keeps its parentheses, since it is evaluated first."""
+    """Return a right operand. An operation of equal precedence keeps its parentheses, because it is evaluated first."""
     return _chain_operand(node.right, _strength(node))
 
 

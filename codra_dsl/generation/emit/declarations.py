@@ -71,7 +71,7 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
 
 
 def variable(declared_variable: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
-    """Return the declaration of a context-variable; `poses` has the comparison of each variable derived from poses."""
+    """Return the declaration of a context-variable; `poses` maps the name of each pose condition to its comparison."""
     pose_condition, words = (
         condition(poses[declared_variable.name])
         if declared_variable.pose_condition is not None
@@ -168,7 +168,7 @@ def _result_type(returned: Returned, imports: Imports) -> Expression:
 
 
 def value_type(declared_type: ValueType, imports: Imports, **optional: Expression) -> Expression:
-    """Return the declaration of a value's type; finite bounds of an integer are written as integers."""
+    """Return the declaration of a value's type; an integer's bounds are written as integers if both are finite."""
     function = _TYPES[declared_type.kind]
     imports.use(function)
     bounds = declared_type.range if declared_type.range is not None else ()

@@ -55,7 +55,10 @@ def entry_text(plan: BuildPlan) -> str:
 
 
 def _values(plan: BuildPlan) -> list[Values]:
-    """Return the variables in groups of one type, in the order in which the types first appear."""
+    """Return the variables in groups of one type, in the order in which the types first appear.
+
+    Pose conditions are left out.
+    """
     variables_by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
     enums: set[tuple[str, ...]] = set()
     for variable in plan.checked.variables.values():
@@ -98,7 +101,7 @@ def _agent_signatures(knowledge: CheckedKnowledge, imports: Imports) -> Iterator
 
 
 def _values_of_type(kind: Kind, members: tuple[str, ...], variables: list[str], taken_names: set[str]) -> Values:
-    """Return variables of one type, with names for that type. Those for an enum are derived from its first variable."""
+    """Return variables of one type, with names for that type. The names for an enum follow from its first variable."""
     if kind in _PLAIN:
         python_type = _PLAIN[kind]
         stem = python_type.capitalize()
@@ -134,7 +137,7 @@ def _union(name: str, types: list[str]) -> str:
 
 
 def _counts_text(plan: BuildPlan) -> str:
-    """Return the number of elements of each kind, for the docstring."""
+    """Return how many elements of each kind there are, for the docstring."""
     counts_and_nouns = (
         (len(plan.forest), "observer"),
         (len(plan.checked.variables), "context-variable"),

@@ -1,7 +1,7 @@
-"""Typed access to knowledge, as signatures: the elements that each agent may write, and the elements that all may read.
+"""Typed access to knowledge, as signatures: the elements that each agent may write, and those that all agents may read.
 
 The signatures are for editors and type checkers, which find wrong names and writes to elements of other agents before
-the robot moves. At run time the classes are those of the runtime, which refuse the same names and writes.
+the robot moves. At run time, the classes of the runtime take their place; they refuse the same names and writes.
 
 A method of an agent's handle accepts fewer names than the method that it overrides, so mypy refuses the override. The
 first line of each handle therefore tells mypy to accept it.
@@ -41,7 +41,7 @@ _TYPES = (
     ),
     *("Node", "Pose", "Reading", "Request", "Snapshot", "Term", "Transaction", "overload"),
 )
-"""The names that signatures use."""
+"""The imported names that signatures use."""
 
 _INDENT = 8
 _STEP = 4
@@ -55,7 +55,8 @@ class Class:
 
     Attributes:
         head: the name, the bases and the colon.
-        stands_for: the class of the runtime that replaces it at run time; empty if it exists only for type checkers.
+        stands_for: the class of the runtime that replaces this class at run time; empty if this class exists only for
+            type checkers.
     """
 
     name: str
@@ -330,7 +331,7 @@ def _typed_argument(argument: str, type_: Expression) -> Expression:
 
 
 def _method(name: str, returns: str, arguments: Iterable[Expression]) -> str:
-    """Return a method as `ruff format` writes it: on one line, or with all arguments on one, or one argument a line."""
+    """Return a method as `ruff format` writes it: on one line, with all arguments on one line, or with one per line."""
     before, after = f"def {name}(", f") -> {returns}: ..."
     all_arguments: tuple[Expression, ...] = ("self", *arguments)
     flat = ", ".join(lay_out(argument, before=-WIDEST) for argument in all_arguments)

@@ -53,8 +53,8 @@ KNOWLEDGE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
 _DECIMAL_PLACES = 12
 """The decimal places of a quaternion's components.
 
-There are so few that the generated text is the same, whichever library computed the sines and cosines. The runtime
-normalises the quaternion.
+There are so few places that the generated text does not depend on the library that computes sines and cosines. The
+runtime normalises the quaternion.
 """
 
 
@@ -229,8 +229,8 @@ class _Writer:
     def _sources(self, writers: tuple[Writer, ...]) -> Expression:
         """Return the writers of an element.
 
-        If all priorities are equal, they are left out. If all of them differ, the writers are only listed, the one with
-        the highest priority first.
+        If all priorities are equal, they are left out. If all priorities differ, the writers are listed without
+        priorities, the writer with the highest priority first.
         """
         priorities = [writer.priority or 0 for writer in writers]
         if len(set(priorities)) <= 1:

@@ -77,7 +77,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
 
 
 def mape_texts(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, str]]:
-    """Yield the path and text of each module of the loops of a spec."""
+    """Yield the path and the text of each module of a spec's loops."""
     for module, stage in ((METRIC_ENGINE, mape.metrics), (ACTION_ENGINE, mape.actions)):
         if stage is not None:
             yield f"{module}.py", compile_engine(stage.engine)

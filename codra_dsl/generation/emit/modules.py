@@ -48,7 +48,7 @@ def _module_text(plan: BuildPlan, module: Module, trees: list[Tree], skills: lis
 
 
 def _tuple_statement(name: str, kind: str, declarations: Iterable[Expression]) -> str:
-    """Return the statement that assigns a tuple of declarations to a name, with one declaration a line."""
+    """Return the statement that assigns a tuple of declarations to a name, with one declaration per line."""
     before = f"{name}: tuple[{kind}, ...] = "
     return before + lay_out(spread_tuple(declarations), before=len(before))
 

@@ -17,7 +17,7 @@ _PLAIN_TEXT = r"[ !#-\[\]-~]*"  # printable ASCII without quotes and backslashes
 _PLAIN_DOCSTRING = re.compile(f'"""{_PLAIN_TEXT}"""')
 _PLAIN_STRING = re.compile(f'"{_PLAIN_TEXT}"')
 _MISLEADING_MARKS = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrRuU"))
-"""If one of these marks is left, a match that looked like a plain string may be something else."""
+"""If one of these marks is left after plain strings are removed, a removed match may not have been a plain string."""
 
 _WORDS_ACROSS_PIECES = ("__future__", "global")
 """Words of statements whose validity in one piece depends on other pieces."""

@@ -90,7 +90,10 @@ class _TreeWriter:
         return [*self._preconditions((branch,)), *self._perception_nodes(branch)]
 
     def _parallel(self, groups: Iterable[tuple[Branch, ...]]) -> Expression:
-        """Return joined groups as a parallel. A failing group must not fail it: that would cancel the other groups."""
+        """Return joined groups as a parallel.
+
+        A group that fails must not make the parallel fail, because this would cancel the other groups.
+        """
         self._imports.use("Parallel", "ParallelPolicy", "FailureIsSuccess")
         wrapped_groups = (
             spread_call("FailureIsSuccess", name=literal(group[0].name), child=self._group(group)) for group in groups

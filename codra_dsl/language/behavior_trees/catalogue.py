@@ -133,7 +133,7 @@ BUILT_IN: Mapping[str, BuiltIn] = {
 
 REFUSED_NODES: Mapping[str, str] = {
     "ManualSelector": "it asks a person at a terminal: use Switch2 to Switch6 with an entry that a page writes",
-    "TestNode": "it replaces nodes in tests: give the robot another action of the same name there",
+    "TestNode": "it replaces nodes in tests: in a test, give the robot another action of the same name",
     "LoopNode": "write LoopInt, LoopDouble, LoopString or LoopBool",
     "ConsumeQueue": "write LoopInt, LoopDouble, LoopString or LoopBool",
     "PopFromQueue": "write LoopInt, LoopDouble, LoopString or LoopBool",

@@ -111,7 +111,7 @@ class _Checker:
                     "unsupported-tree-node",
                     f"'{model.id}' is a {model.kind.lower()} node of the robot",
                     model.place,
-                    help="a robot can only have actions and conditions: build it from built-in nodes",
+                    help="a robot can only have actions and conditions: build this node from built-in nodes",
                 )
 
     def _check_name(self, name: str, place: Place) -> None:
@@ -216,11 +216,9 @@ class _Checker:
             return
         expected_text = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
         message = f"'{node.id}' has {count or 'no'} {'child' if count == 1 else 'children'}, not {expected_text}"
-        help_text = (
-            "put several below one node, e.g. <Sequence>" if least == most == 1 else "add or remove nodes below it"
-        )
+        help_text = "put them below one node, e.g. <Sequence>" if least == most == 1 else "add or remove nodes below it"
         if most == 0:
-            help_text = "close it at once: <.../>"
+            help_text = "close the element at once: <.../>"
         self._findings.add("wrong-children", message, node.place, help=help_text, path=path)
 
     def _check_ports(self, node: TreeNode, port_names: Sequence[str], path: str) -> None:
@@ -393,7 +391,7 @@ _ANY_VALUE_TYPES = frozenset({"", "BT::Any", "BT::AnyTypeAllowed", "AnyTypeAllow
 
 
 def _accepts_any_value(type_: str | None) -> bool:
-    """Return whether a port accepts any value, as do ports for texts: a text can be read as any type."""
+    """Return whether a port accepts any value. A port for a text does, because a text can be read as any type."""
     return type_ is None or type_ in _ANY_VALUE_TYPES
 
 

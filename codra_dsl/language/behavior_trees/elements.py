@@ -37,7 +37,7 @@ class Element:
     Attributes:
         comments: the comments before it.
         last_comments: the comments after its last child.
-        text: its text, for the elements in `TAGS_WITH_TEXT`.
+        text: the text of the element, if its tag is in `TAGS_WITH_TEXT`.
     """
 
     tag: str
@@ -54,7 +54,7 @@ class Element:
 
 
 class _RefusedError(Exception):
-    """Stops the reading of a file; the finding has been added."""
+    """Stops the reading of a file; the reason has already been reported."""
 
 
 def read_root(source: Source, findings: TreeFindings) -> Element | None:
@@ -130,7 +130,10 @@ class _Reader:
             self.root.last_comments += tuple(self._comments)
 
     def _offset(self) -> int:
-        """Return the position of expat in the text, in code points. The position only increases."""
+        """Return the position of expat in the text, in code points.
+
+        If the position has increased since the last call, only the bytes in between are decoded.
+        """
         byte, offset = self._last_position
         current_byte = self._parser.CurrentByteIndex
         if current_byte < byte:

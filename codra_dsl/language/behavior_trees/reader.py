@@ -1,4 +1,4 @@
-"""Read a file of BehaviorTree.CPP and the files that it includes: elements -> tree values. Their shape is checked."""
+"""Read a file of BehaviorTree.CPP and its included files: elements of the right shape -> tree values."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ _CONDITION_ATTRIBUTES = frozenset({*PRECONDITIONS, *POST_SCRIPTS})
 
 
 def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]:
-    """Return the trees of a file and of the files that it includes, or None if one cannot be read; and the findings.
+    """Return the trees of a file and its included files, or None if one of these cannot be read; and the findings.
 
     Args:
         path: the path of the file.
-        root: the folder of the project: files outside of it are not included, and places are relative to it.
+        root: the folder of the project. Files outside of this folder are not included, and paths in places are relative
+            to the folder.
     """
     findings = TreeFindings()
     files: dict[Path, TreeFile | None] = {}
@@ -279,7 +280,7 @@ class _FileBuilder:
 
 
 def _all_comments(element: Element) -> Iterable[str]:
-    """Yield the comments of an element, whose value has no field for them, and of all elements inside it."""
+    """Yield the comments of an element and of all elements inside it; the element's value has no field for them."""
     yield from element.comments
     for child in element.children:
         yield from _all_comments(child)

@@ -50,7 +50,7 @@ _MAX_NUMBER_LETTERS = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """`entry := value`, which also creates the entry; or `entry = value` if `creates` is false."""
+    """A statement: `entry := value`, which also creates the entry, or `entry = value` if `creates` is false."""
 
     entry: str
     value: Node
@@ -204,7 +204,7 @@ class _Parser:
     def _logical_expression(self) -> Node:
         """Read operands joined by `&&` or by `||`.
 
-        The two cannot be mixed: the library evaluates both from left to right.
+        The two operators cannot be mixed, because the library evaluates both of them from left to right.
         """
         operands = [self._comparison()]
         operator = self._next.text

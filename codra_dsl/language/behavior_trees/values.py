@@ -1,4 +1,4 @@
-"""Behaviour trees as values. Comparisons ignore their places."""
+"""Behaviour trees as values, which are compared without their places."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class TreeNode:
     """One node.
 
     Attributes:
-        id: the name under which it is registered, e.g. `Sequence`; `SubTree` for a subtree.
+        id: the name under which the node is registered, e.g. `Sequence`; `SubTree` for a subtree.
         kind: the kind in the explicit form, `<Action ID="..."/>`; None in the compact form.
         subtree: for a subtree, the id of its tree; otherwise None.
         name: a name that distinguishes nodes with the same id; None if the node has no name.

@@ -155,7 +155,7 @@ class _Parser:
         while self._next.text in _COMPARISONS:
             operator = Comparison(self._take().text)
             rest.append((operator, self.expression(Power.SUM)))
-            if len(rest) > MAX_DEPTH:  # generated code joins the links by `&`, which nests
+            if len(rest) > MAX_DEPTH:  # generated code joins the links by nested `&` operations
                 raise _too_deep(first.start, rest[-1][1].end)
         if self._next.text in ("in", "not"):
             raise self._mixed_chain()
@@ -253,7 +253,7 @@ class _Parser:
         return node
 
     def _close(self, opening: Token) -> int:
-        """Take the closing parenthesis and return its end offset."""
+        """Read the closing parenthesis and return its end offset."""
         if self._ended():
             raise ExpressionError("'(' is never closed", opening.start, opening.end, "add ')'")
         if self._next.text != ")":

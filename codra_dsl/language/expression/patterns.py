@@ -86,7 +86,7 @@ class Path(Node):
     """A sequence of nodes, each connected to the next by an edge.
 
     Attributes:
-        terms: the nodes; there is one more of them than of `links`.
+        terms: the nodes; there is one node more than there are edges.
         links: the edges.
         negated: whether the pattern states that no such sequence exists.
     """
@@ -121,7 +121,7 @@ def parse_pattern(text: str) -> Node | SyntaxProblem:
 
 
 def _condition(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text."""
+    """Return the tree of a condition in which names may have parts, such as `a.b`. Its offsets refer to `text`."""
     if text in _WORDS:
         raise ExpressionError(f"{shown(text)} is not a pattern by itself", 0, len(text), _EXAMPLE)
     if is_name(text):

@@ -1,8 +1,8 @@
 """Functions of poses, and names with parts: `distance(a, b)`, `in_view(node, camera)`, `node.attribute`.
 
 In the syntax tree of a pattern's condition, each of these is one name. In a condition over context, a complete
-comparison with poses, such as `distance(a, b) < 0.9 m`, is one name: poses change all the time, but the result of the
-comparison changes seldom.
+comparison with poses, such as `distance(a, b) < 0.9 m`, is one name, because poses change all the time, while the
+result of the comparison seldom changes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _POSE_FUNCTION_START = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
 
 def parse_named(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text.
+    """Return the tree of a condition in which names may have parts, such as `a.b`. Its offsets refer to `text`.
 
     Raises:
         ExpressionError: if a name with parts is invalid.
@@ -93,7 +93,7 @@ def _parse_masked(text: str, pattern: re.Pattern[str]) -> Node | SyntaxProblem:
 def _mask(text: str, pattern: re.Pattern[str]) -> tuple[str, dict[int, str]]:
     """Return the text in which each name with parts is replaced by a plain name of the same length.
 
-    Also return the replaced names by their offsets.
+    Also return a mapping from offsets to the replaced names.
     """
     names: dict[int, str] = {}
     masked_text = text
@@ -127,7 +127,7 @@ def _replace_comparisons(value: Node) -> Node:
     """Return a part of a tree in which each comparison with poses is one name.
 
     Raises:
-        ExpressionError: if the result of a part with poses cannot be kept as true, false or unknown.
+        ExpressionError: if a part with poses cannot be one name, for example because it is not a comparison.
     """
     if isinstance(value, Compare | In | Call | Name):
         pose_names = [name for name in names_in(value) if reads_of(name.name)[0]]

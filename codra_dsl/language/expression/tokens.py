@@ -68,7 +68,7 @@ class SyntaxProblem:
 
 
 class ExpressionError(Exception):
-    """Carries a problem to `parse`, which returns it."""
+    """Carries a problem to `parse`, which returns the problem."""
 
     def __init__(self, message: str, start: int, end: int, help_text: str) -> None:
         super().__init__(message)

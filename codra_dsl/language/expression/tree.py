@@ -86,7 +86,7 @@ class Compare(Node):
     """A chain of comparisons, such as `a < b < c`; it is equivalent to the conjunction of its links.
 
     Attributes:
-        rest: each further operand, after the operator in front of it.
+        rest: pairs of an operator and the operand after it.
     """
 
     first: Node

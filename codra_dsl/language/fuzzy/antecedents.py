@@ -1,4 +1,4 @@
-"""Parse the text of a rule: tokens -> tree. Names are checked with the engine's variables and terms."""
+"""Parse the text of a rule: tokens -> tree. Names are checked against the engine's variables and terms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Names = Mapping[str, frozenset[str]]
 
 
 class _Wrong(Exception):  # noqa: N818 - it never leaves this module
-    """The rest of a rule cannot be read; the finding has been added."""
+    """Stops the reading of a rule; the reason has already been reported."""
 
 
 class Side(Enum):
@@ -63,7 +63,7 @@ class _Reader:
         raise _Wrong
 
     def expect(self, keyword: str) -> Word:
-        """Take a keyword."""
+        """Read a keyword and return it."""
         word = self.take()
         if word.text != keyword:
             self.fail(f"expected '{keyword}', found {shown(word.text)}", word, f"write '{keyword}' before it")
@@ -96,14 +96,14 @@ class _Reader:
         return antecedent
 
     def limit_levels(self, levels: int, word: Word) -> None:
-        """Refuse operators and hedges that would be nested too deep in Python."""
+        """Refuse operators and hedges that would be nested too deeply in Python."""
         if levels > MAX_LEVELS:
             message = f"more than {MAX_LEVELS} nested operators and hedges"
             self.findings.add("fll-too-large", message, word.place, "split the rule")
             raise _Wrong
 
     def limit(self, depth: int, word: Word) -> None:
-        """Refuse too deep nesting."""
+        """Refuse nesting that is too deep."""
         if self.depth + depth > MAX_DEPTH:
             self.findings.add("fll-too-large", f"nested deeper than {MAX_DEPTH}", word.place, "split the rule")
             raise _Wrong
@@ -156,7 +156,7 @@ class _Reader:
         return tuple(conclusions)
 
     def weight(self) -> float:
-        """Read an optional `with` and a number, up to the end."""
+        """Read the optional weight at the end of a rule: `with` and a number."""
         weight = 1.0
         if self.peek() == "with":
             self.take()

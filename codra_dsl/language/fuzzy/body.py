@@ -34,8 +34,8 @@ class Body:
     """Writes one of the two functions of an engine.
 
     Attributes:
-        conclusions: the conclusions about each output, in the order in which they act. Each one is the index of its
-            term and its implication.
+        conclusions: the conclusions about each output, in the order in which they act. Each conclusion is a pair: the
+            index of its term, and its implication.
     """
 
     def __init__(self, engine: Engine, dialect: Dialect, constants: Mapping[str, str], taken: frozenset[str]) -> None:
@@ -94,7 +94,7 @@ class Body:
                 self._locals[output.name] = self._assign(previous_name, f"previous[{index}]")
 
     def _drop_unused_lines(self, lines: list[str]) -> list[str]:
-        """Return the lines, but leave out each one that reads a previous value which no other line uses."""
+        """Return the lines, except each line that assigns a previous value to a name that no other line uses."""
         names_by_line = {f"{name} = previous[{index}]": name for name, index in self._previous_names.items()}
         word_counts = Counter(word for line in lines for word in re.findall(r"\w+", line))
         return [line for line in lines if line not in names_by_line or word_counts[names_by_line[line]] > 1]
@@ -110,7 +110,7 @@ class Body:
         return is_named or output.keeps_previous or not output.is_enabled
 
     def _assign_memberships(self, blocks: Iterable[RuleBlock]) -> None:
-        """Compute all degrees that some rule reads, each of them only once."""
+        """Assign each membership degree that a rule reads to a name, so that it is computed only once."""
         needed_terms = {
             (proposition.variable, proposition.term): None
             for block in blocks

@@ -35,8 +35,8 @@ def compile_engine(engine: Engine) -> str:
 
     The module has `infer(*inputs, previous=...) -> Inference` and `infer_bounds(*inputs, previous=...) ->
     BoundedInference`. `INPUTS`, `OUTPUTS` and `RULES` are the names of the arguments, values and strengths, in their
-    order. `RANGES` has the bounds of each input while it is unknown. From codra, the module imports only
-    `codra_dsl.runtime.generated_api`. The same engine gives the same text.
+    order. `RANGES` has the bounds that are assumed for each input while the input is unknown. From codra, the module
+    imports only `codra_dsl.runtime.generated_api`. The same engine gives the same text.
     """
     names = Names()
     constants = {output.name: names.claim(output.name.upper()) for output in engine.outputs}

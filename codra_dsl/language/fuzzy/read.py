@@ -371,7 +371,7 @@ class _Builder:
 
 
 def _names(sections: Iterable[_Section]) -> dict[str, frozenset[str]]:
-    """Return the terms of each declared variable.
+    """Return a mapping from each declared variable to its terms.
 
     Terms that could not be read are included, so that a mistake in a term causes no findings in rules.
     """

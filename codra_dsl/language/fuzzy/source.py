@@ -114,7 +114,7 @@ def decode(data: bytes, file: str, findings: Findings) -> str | None:
 
 
 def lines(text: str, file: str, findings: Findings) -> Iterator[Line]:
-    """Yield the definitions of a text; report each other line, unless it is empty or a comment."""
+    """Yield the definitions of a text; report any other line, unless it is empty or a comment."""
     for number, raw in enumerate(text.split("\n"), start=1):
         content = raw.split("#", 1)[0].rstrip()
         body = content.lstrip()
@@ -142,7 +142,7 @@ def _place(file: str, line: int, column: int, length: int) -> Place:
 
 
 def number(word: Word, findings: Findings) -> float | None:
-    """Return the number that a word is, or None after a finding; NaN only for `nan`."""
+    """Return the number in a word, or None after a finding. Only the word `nan` gives NaN."""
     if not _NUMBER.fullmatch(word.text):
         findings.add("fll-wrong-value", f"{shown(word.text)} is not a number", word.place, "write a number such as 0.5")
         return None
@@ -150,7 +150,7 @@ def number(word: Word, findings: Findings) -> float | None:
 
 
 def quantity(word: Word, findings: Findings) -> float | None:
-    """Return the number that a word is, which may be infinite but not NaN, or None after a finding."""
+    """Return the number in a word, or None after a finding. The number may be infinite, but not NaN."""
     value = number(word, findings)
     if value is not None and math.isnan(value):
         findings.add("fll-wrong-value", "nan is not allowed here", word.place, "write a number")
@@ -159,7 +159,7 @@ def quantity(word: Word, findings: Findings) -> float | None:
 
 
 def natural(word: Word, most: int, findings: Findings) -> int | None:
-    """Return the whole number that a word is, from 0 to `most`, or None after a finding."""
+    """Return the whole number in a word, from 0 to `most`, or None after a finding."""
     if re.fullmatch(r"\d{1,9}", word.text, re.ASCII) and int(word.text) <= most:
         return int(word.text)
     findings.add("fll-wrong-value", f"{shown(word.text)} is not a count", word.place, f"write a count from 0 to {most}")

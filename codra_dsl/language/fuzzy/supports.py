@@ -1,4 +1,4 @@
-"""Compute the support and the core of a term. They tell which rules can act, without computing degrees."""
+"""Compute the support and the core of a term. They show which rules can act, without the computation of degrees."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Extent:
 
     Attributes:
         open: open intervals in which the term's degree is above 0.
-        full: closed intervals in which the degree is 1; they belong to the support too.
+        full: closed intervals in which the degree is 1; they belong to the support as well.
         peak: closed intervals in which the degree is largest, if the largest degree is below 1. For `Discrete`: all
             given points at which the degree is above 0.
     """
@@ -40,7 +40,7 @@ class Extent:
 
     @property
     def ends(self) -> tuple[float, ...]:
-        """Return the numbers between which neither the support nor the core begins or ends."""
+        """Return the finite ends of all intervals, sorted. The support and the core begin and end only at these."""
         endpoints = {end for interval in (*self.open, *self.full, *self.peak) for end in interval}
         return tuple(sorted(end for end in endpoints if math.isfinite(end)))
 

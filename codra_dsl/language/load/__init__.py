@@ -1,6 +1,6 @@
 """Read a spec: text -> (Spec | None, findings).
 
-A spec is read in steps. A finding of one step suppresses findings of later steps, but only about the same element:
+A finding of one step suppresses findings of later steps about the same element. A spec is read in these steps:
 
 - `yaml` converts bytes to nodes with positions, and repairs punctuation where possible;
 - `schema` compares the shape of the nodes with `schema.json`;

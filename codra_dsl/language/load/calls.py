@@ -70,7 +70,7 @@ class _Checker:
         self._missing_modules: dict[str, tuple[str, list[Algorithm]]] = {}
 
     def signature(self, call: str, callers: list[Algorithm]) -> Signature | None:
-        """Return the signature of the function of a call, or None if it is unknown or the function is missing."""
+        """Return the signature of a called function, or None if the signature is unknown or the function is missing."""
         name, _, function = call.partition(":")
         module = self.modules.find(name)
         if isinstance(module, Missing):
@@ -134,7 +134,7 @@ class _Checker:
         self._findings.add("call-not-found", message, place, help=help_text, path=path, related=related, fix=fix)
 
     def _suggestion(self, name: str, function: str, missing: Missing) -> str | None:
-        """Return the module that an unknown name probably means, preferably a module that has the function."""
+        """Return the module that an unknown name probably means, preferably one that has the function, or None."""
         name_parts = name.split(".")
         unknown_part, before, after = name_parts[missing.at], name_parts[: missing.at], name_parts[missing.at + 1 :]
         sibling_modules = self.modules.module_names(missing.folder)

@@ -67,7 +67,7 @@ class Uses:
     ) -> dict[str, str]:
         """Report templates whose declared names are misspelt.
 
-        Return the declared name of each of these templates. The key is the name in the uses.
+        Return a mapping from the name in the uses to the declared name of each of these templates.
         """
         subjects_by_name = {subject.name: subject for subject, _ in declarations}
         use_counts = {name: len(places) for name, places in uses.places.items() if name not in subjects_by_name}
@@ -90,7 +90,7 @@ class Uses:
         return misspelt_templates
 
     def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
-        """Add the elements that the uses in the documents create; `modules` has the module of each use, by its name."""
+        """Add the elements that the uses in the documents create; `modules` maps the name of each use to its module."""
         valid_instances: list[tuple[Subject, YamlNode, Template]] = []
         size = 0
         for subject, node in (use for document in documents for use in _entries(document, "use")):
@@ -126,7 +126,7 @@ class Uses:
             yield declared_template(template, is_used=name in self._named or not self.is_complete)
 
     def try_unused(self) -> None:
-        """Instantiate each template without a valid use, with example values, so that its mistakes are found too."""
+        """Instantiate each template without a valid use, with example values, so that mistakes in it are found."""
         for name, template in self._templates.items():
             if name not in self._used:
                 bound = {key: example(parameter) for key, parameter in template.parameters.items()}
@@ -141,7 +141,7 @@ class Uses:
         return first is subject and (is_valid or subject.section == "templates")
 
     def _template(self, subject: Subject, node: YamlNode) -> Template | None:
-        """Return the template that a use names."""
+        """Return the template that a use names, or None if it is unknown."""
         if isinstance(node, MappingNode):
             self._correct_keys(subject, node)
         name = node.value("template") if isinstance(node, MappingNode) else None

@@ -21,7 +21,7 @@ _MAX_LISTED = 2000
 
 @dataclass(frozen=True, slots=True)
 class _OpenFile:
-    """A file whose parts are being read. `include_chain` has the files that lead to this file, and the file itself."""
+    """A file whose parts are being read; `include_chain` is the path of includes to this file, with the file itself."""
 
     path: Path
     include_chain: tuple[Path, ...]

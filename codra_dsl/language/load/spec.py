@@ -36,7 +36,7 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
     """Return the spec in a file, with its parts.
 
     `root` is the project's folder: findings name files relative to this folder, and parts must be inside it. `texts`
-    has the content of files that are not read from disk. The key is the name of the file, relative to `root`.
+    maps the paths of files, relative to `root`, to their content; these files are not read from disk.
 
     Raises:
         ValueError: if the file is not in the project.
@@ -49,7 +49,8 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
 def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
     """Return the spec in a text, with its parts. In findings, the text has the name `file`: `-` for standard input.
 
-    `root` is the project's folder. The parts that a spec from standard input includes are relative to it.
+    `root` is the project's folder. The paths of the parts that a spec from standard input includes are relative to this
+    folder.
     """
     findings = Findings()
     source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
@@ -142,7 +143,7 @@ def _damaged_names(elements: Elements, sections: Iterable[str]) -> dict[str, fro
 
 
 def _module_names(documents: Iterable[Document]) -> dict[str, str]:
-    """Return the name of the generated module of each use and each file. The key is the use's name or the file's path.
+    """Return a mapping from the name of each use and the path of each file to the name of its generated module.
 
     The names are identifiers, and unique without regard to case. The module of a use has the name of the use. The
     module of a file is named after the file's stem; if this name is taken, after the file's path; if this name is taken

@@ -94,7 +94,7 @@ class Kind(StrEnum):
 
 
 class WhenUnobservable(StrEnum):
-    """Whether a value is kept or forgotten when its precondition fails or a result is rejected."""
+    """Whether a value is kept or forgotten when a precondition fails or a result is rejected."""
 
     KEEP = "keep"
     FORGET = "forget"
@@ -235,7 +235,8 @@ class Variable:
     """A context-variable c = (name, value) of C_M (P1, Equations 1 to 3).
 
     Attributes:
-        sources: who may write it: `observer`, `main_execution`, or agents' names; empty if its `source` is not stated.
+        sources: who may write the variable: `observer`, `main_execution`, or agents' names; empty if its `source` is
+            not stated.
         valid_for_s: how long evidence is valid; FOREVER_S for `forever`, or if its `valid_for` is not stated.
         states_validity: whether the spec states its `valid_for`.
         history: the number of readings that are kept.
@@ -323,7 +324,7 @@ Literal = bool | int | float | str
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A scalar key of an element that generated code hands to the runtime unchanged.
+    """A scalar key of an element. Generated code passes the value of the key to the runtime unchanged.
 
     Loading, generation and `codra diff` handle all settings alike. The type of the default determines the kind of
     value: a float is a duration in seconds, an int is a whole number, and a `StrEnum` is a choice of words.
@@ -418,7 +419,7 @@ class Skill:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverSetting:
-    """An entry of `observers`: name, period and priority of a tree. Algorithm 2 creates the tree without it as well."""
+    """An entry of `observers`: name, period and priority of a tree. Algorithm 2 also creates trees without an entry."""
 
     name: str
     place: Place

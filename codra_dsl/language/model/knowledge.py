@@ -30,7 +30,7 @@ TASK_ATTRIBUTES = ("request", "requester", RESULT, "reason")
 
 
 class TaskState(StrEnum):
-    """The label of the edge of a task (P2, section 3.2). P2 calls `wants` `starts`."""
+    """The label of the edge of a task (P2, section 3.2). P2 has the name `starts` for `wants`."""
 
     WANTS = "wants"
     IS = "is"
@@ -156,7 +156,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartingPose:
-    """The initial pose of the target of an edge in its origin: rotated by roll, pitch, yaw, then translated.
+    """The initial pose of an edge's target relative to its origin: rotated by roll, pitch, yaw, then translated.
 
     Attributes:
         translation_m: x, y, z.
@@ -174,7 +174,7 @@ class EdgeType:
     Attributes:
         origins: types of nodes, or single nodes, at which an edge may begin.
         targets: types of nodes, or single nodes, at which an edge may end.
-        sources: who may insert, change and delete such edges.
+        sources: who may insert, change and delete edges of this type.
         motion: the properties of the rigid motions; None for symbols.
         pose: the initial pose.
         places: by key; `name` is the place of the type's name.
@@ -239,9 +239,9 @@ class Conduct:
     """How an agent participates in knowledge.
 
     Attributes:
-        wakes: patterns, each of which alone wakes the agent; without any pattern, the agent is always active.
-        owns: further elements that the agent may write, besides those that state it under `source`.
-        reads: further elements that the agent reads, besides those in its rules and under `wakes`.
+        wakes: patterns; each of them alone wakes the agent. Without patterns, the agent is always active.
+        owns: further elements that the agent may write, besides the elements that name the agent under `source`.
+        reads: further elements that the agent reads, besides the elements in its rules and under `wakes`.
         places: by key; `name` is the place of the agent's name.
     """
 

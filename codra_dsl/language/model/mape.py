@@ -18,7 +18,7 @@ ADAPTER = "adaptation"
 
 
 def weight_name(action: str) -> str:
-    """Return the context-variable that holds the weight of an action."""
+    """Return the name of the context-variable that holds the weight of an action."""
     return f"weight_of_{action}"
 
 
@@ -63,7 +63,7 @@ class Phrase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Method:
-    """The operators of fuzzy rules; a defuzzifier of None means the default of the inference."""
+    """The operators of fuzzy rules; a defuzzifier of None means the inference's default defuzzifier."""
 
     inference: Inference = Inference.MAMDANI
     conjunction: TNorm = TNorm.MINIMUM
@@ -119,7 +119,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A context-variable that is set by a condition."""
+    """A context-variable that is set to the value of a condition."""
 
     variable: Reference
     value: Condition

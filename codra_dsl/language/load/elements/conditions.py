@@ -1,4 +1,4 @@
-"""Parse conditions, with the position of every letter; and recognise traps of YAML that show only as syntax errors."""
+"""Parse conditions, keep the position of every letter, and find traps of YAML that appear only as syntax errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_dsl.language.model import Condition
 from codra_dsl.language.model import Letters as PlacedLetters
 
 MAX_PIECES = 50
-"""The maximum number of pieces that are joined again to one condition."""
+"""The maximum number of pieces of a split condition that are joined again."""
 
 MAX_CACHED_LENGTH = 200
 """The maximum length, in code points, of a condition whose tree is cached."""
@@ -37,7 +37,7 @@ def read_conditions(reader: Reader, key: str, *, grammar: Grammar = parse) -> tu
 
 
 def untorn_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
-    """Yield the index and the node of each item in a list. Conditions that were split at their commas are reported."""
+    """Yield the index and the node of each item in a list. Conditions that commas have split are reported instead."""
     node = reader.node.value(key)
     skip_until = 0
     for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):

@@ -62,7 +62,7 @@ class Elements:
         elements_by_section: the elements that could be read, by section and name, in the order of files and uses.
         damaged: for each section, the names of elements that could not be read completely, whether built or not.
         damaged_keys: for each built element (section, name) that is damaged, the keys that could not be read.
-        origins: the module of each element (section, name).
+        origins: the name of the generated module of each element (section, name).
     """
 
     def __init__(self, findings: Findings) -> None:
@@ -79,7 +79,7 @@ class Elements:
     ) -> None:
         """Add the elements of a section.
 
-        `wrong` has the wrong keys of elements that have already been reported, by the element's name as written.
+        `wrong` maps the names of elements, as written, to their wrong keys; these have already been reported.
         """
         if not isinstance(elements, MappingNode):
             return
@@ -125,7 +125,7 @@ class Elements:
             self._suspects.extend((suspect, names) for suspect in reader.suspects)
 
     def report_comments(self) -> None:
-        """Report each comment after a condition that may be part of it, because all names in the comment are known."""
+        """Report each comment that may be part of the condition before it, since all names in the comment are known."""
         context = self.elements_by_section["context"].keys()
         for suspect, returned in self._suspects:
             if all(name in context or name in returned for name in suspect.names):

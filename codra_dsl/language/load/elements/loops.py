@@ -144,7 +144,7 @@ def build_loop(reader: Reader) -> Loop:
 
 
 def read_terms(reader: Reader) -> tuple[FuzzyTerm, ...]:
-    """Return the words for values of a variable, a metric or a weight."""
+    """Return the linguistic terms of a variable, a metric or a weight."""
     return tuple(_read_terms(reader))
 
 
@@ -193,9 +193,9 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
 
 
 def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
-    """Return why the numbers of a term are not a valid shape, although their count is right, and a hint.
+    """Return why the numbers of a term do not make a valid shape, and a hint; two empty texts if they do.
 
-    FuzzyLite would compute 0 or NaN.
+    There are as many numbers as the shape needs. From invalid numbers, FuzzyLite would compute 0 or NaN.
     """
     in_order = values[::2] if shape is Shape.Discrete else values if shape in _ORDERED else ()
     if any(one > other for one, other in pairwise(in_order)):

@@ -120,7 +120,7 @@ class _Entry:
         self._fail("'becomes' needs a 'within'", help_text, 0, len(self._text))
 
     def _condition(self, variable: Reference, start: int, end: int) -> Condition | None:
-        """Return the condition that the variable is expected to meet."""
+        """Return the condition that the variable is expected to meet, or None after a finding."""
         value = self._text[start:end].strip()
         if not value:
             self._fail(

@@ -101,7 +101,10 @@ def _read_range(
 
 
 def _read_end(node: YamlNode, unit: tuple[str, Unit | None] | None) -> float | None:
-    """Return one end of a range in the value's unit, or None if it is invalid. It may be written with another unit."""
+    """Return one end of a range in the value's unit, or None if the end is invalid.
+
+    The end may be written with another unit.
+    """
     if not isinstance(node, ScalarNode):
         return None
     if isinstance(node.data, (int, float)):

@@ -112,7 +112,7 @@ def read_document(source: Source, findings: Findings) -> Document | None:
 
 
 def _check_version(root: MappingNode, source: Source, findings: Findings) -> bool:
-    """Report if `codra: 1` is missing, not first, or another version; return whether the rest can be read."""
+    """Report a missing or misplaced `codra: 1`, or another version; return whether the rest can be read."""
     entry = root.entries.get("codra")
     if entry is None:
         known_keys = schema()["properties"]

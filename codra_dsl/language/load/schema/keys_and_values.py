@@ -33,10 +33,10 @@ _PARTS: Mapping[str | int, str] = {
     "attributes": "attribute",
     "rules": "rule",
 }
-"""The nouns for those parts of an element that have names of their own, by key."""
+"""A mapping from keys to the nouns for their entries, for entries that have names of their own."""
 
 _CONDITIONS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
-"""The kinds of values that YAML's traps affect: the value's anchor in the schema, and the kind of trap."""
+"""A mapping from the schema's anchors of values that YAML's traps affect to the kinds of traps."""
 
 _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
@@ -112,7 +112,7 @@ class _Explanation:
         self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
-        """Report unknown keys; return each mapping with unknown keys, and the known key that each key means, if any."""
+        """Report unknown keys; return each mapping with unknown keys, and the known key, if any, that each means."""
         corrections = []
         for error in errors:
             mapping = self._node(error.path)
@@ -220,7 +220,7 @@ class _Explanation:
     def _report_lists(
         self, path: tuple[str | int, ...], mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
     ) -> set[str]:
-        """Report lists without brackets in a mapping in braces; return the keys that are items of them."""
+        """Report lists without brackets in a mapping in braces; return the keys that are items of these lists."""
         all_item_keys: set[str] = set()
         for list_key, item_keys in _lists_without_brackets(mapping, explained_keys, known):
             value = mapping.entries[list_key][1]
@@ -241,7 +241,7 @@ class _Explanation:
     def _rename_fix(
         self, key: ScalarNode, suggestion: str, other_keys: Iterable[str], free_keys: Iterable[str]
     ) -> Fix | None:
-        """Return the fix of a misspelt key. It is safe if the meaning is unique and no other key means the same."""
+        """Return the fix of a misspelt key. It is a safe fix if the meaning is unique and no other key means it."""
         is_unique = not any(is_slip(other, suggestion) for other in other_keys if other != key.text)
         is_safe = is_unique and surely_means(key.text, suggestion, free_keys)
         return replacing(self._subject.origin.of(key), key.written, suggestion, safe=is_safe)
@@ -270,7 +270,7 @@ class _Explanation:
             )
 
     def _subschema(self, error: Error, key: str) -> dict[str, Any]:
-        """Return the schema of a missing key. An `if` that requires a key may be far from the key's description."""
+        """Return the schema of a missing key. An `if` of the schema can require a key that is described elsewhere."""
         property_schema = error.schema.get("properties", {}).get(key)
         if key == "type" and isinstance(error.data, dict) and "values" in error.data:
             return {"examples": ["enum"]}
@@ -312,7 +312,7 @@ class _Explanation:
         )
 
     def _intended_word(self, path: tuple[str | int, ...], word: str, allowed: Sequence[str]) -> tuple[str | None, bool]:
-        """Return the allowed word that is meant, and whether that is certain. A type with `values` is an enum."""
+        """Return the allowed word that is meant, or None, and whether it is certain. A type with `values` is `enum`."""
         holder = self._node(path[:-1])
         if path[-1:] == ("type",) and isinstance(holder, MappingNode) and "values" in holder.entries:
             return "enum", surely_means(word, "enum", ())
@@ -386,7 +386,7 @@ class _Explanation:
         return torn_condition_trap(written) if wanted == "condition" else torn_expectation_trap(written)
 
     def _report_torn_keys(self, mapping: MappingNode) -> set[str]:
-        """Return the keys of a mapping in braces that a comma split off a condition; report each split once."""
+        """Return the keys of a mapping in braces that are pieces of a split condition, which is reported once."""
         torn_keys: dict[str, ScalarNode] = {}
         first_piece: ScalarNode | None = None
         openings = Openings("")

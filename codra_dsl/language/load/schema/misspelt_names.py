@@ -46,12 +46,13 @@ def misspelt_declarations(
     vocabulary: Vocabulary,
     nearest: Callable[[str, Iterable[str]], str | None],
 ) -> dict[str, str]:
-    """Return the misspelt declarations: the name as used, mapped to the name as declared.
+    """Return the misspelt declarations, as a mapping from the used name to the declared name.
 
     Args:
         uses: the number of uses of each unknown name.
         unused: the names that are declared and never used.
-        declared: all declared names; if one that is used is nearer, the use is misspelt.
+        declared: all declared names. If a declared name that is used is nearer to an unknown name than an unused one,
+            the use is misspelt.
         vocabulary: decides about names with only one use.
         nearest: returns the candidate that a name most likely means.
     """

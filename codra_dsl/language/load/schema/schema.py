@@ -1,6 +1,7 @@
 """Compare data with the definitions of the published schema, `schema.json`, and list the errors of invalid data.
 
-`jsonschema_rs` accepts valid data very fast; only data that it refuses are given to `jsonschema`, which lists errors.
+`jsonschema_rs` accepts valid data very fast; only data that it refuses are given to `jsonschema`, which lists the
+errors.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class RepairedParameter:
 
 
 def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | None:
-    """Return a text with its first damaged parameter repaired.
+    """Return a text with its first damaged parameter repaired, or None if nothing can be repaired.
 
     Damaged parameters are `$( door )`, `$(door`, `door)`, `$door)`, `(door)`, and the syntax of other languages,
     `$door`, `${door}` and `{{ door }}`.

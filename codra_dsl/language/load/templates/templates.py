@@ -4,9 +4,9 @@ The position of a parameter determines which types are allowed and what is inser
 
 - in a name (a key, a reference, `call`, a unit, ...): only an `identifier`, as the complete name or a part of it;
 - as any other complete value: any type; the literal that the use gives is inserted;
-- in a condition: any type where a literal is allowed, and an `identifier` as part of a name; between quotes, any type,
-  whose text is inserted;
-- in `label` and `description`, and within the texts under `with`: any type, whose text is inserted.
+- in a condition: any type where a literal is allowed, and an `identifier` as part of a name; between quotes, any
+  type; the text of its value is inserted;
+- in `label` and `description`, and within the texts under `with`: any type; the text of its value is inserted.
 """
 
 from __future__ import annotations
@@ -238,7 +238,7 @@ def _report_unused(subject: Subject, parameters: Iterable[Parameter], findings: 
 
 
 def declared_template(template: Template, *, is_used: bool) -> DeclaredTemplate:
-    """Return the part of a template that a spec keeps: its declaration and the names that it uses from outside."""
+    """Return the part of a template that a spec keeps: its declaration, and the outside names to which it refers."""
     return DeclaredTemplate(
         name=template.name,
         place=template.subject.origin.of(template.subject.key),

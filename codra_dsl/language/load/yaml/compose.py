@@ -117,7 +117,8 @@ class _Composer:
     Attributes:
         _current: the collection that is being read.
         _key: the key of `_current` that waits for its value.
-        _parents: the enclosing collections, each with the key that waits for its value when the inner one is closed.
+        _parents: the enclosing collections, each with the key that waits for its value when the inner collection is
+            closed.
         _continued_section: the section that a duplicate key continues.
         _duplicate_keys: for each open mapping, by its id, the duplicate keys as (second key, first key).
     """
@@ -256,7 +257,7 @@ class _Composer:
             self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), help_text)
 
     def _report_duplicate_keys(self, duplicate_keys: list[tuple[ScalarNode, ScalarNode]]) -> None:
-        """Report the duplicate keys of one mapping. Several are probably due to a missing line above an element."""
+        """Report the duplicate keys of one mapping. A missing line above an element causes several of them."""
         (key, first), *others = duplicate_keys
         related = [Related("first one here", self._source.place(*_range(first)))]
         related += [

@@ -46,7 +46,7 @@ def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple
 
 
 def item_removal_fix(sequence: SequenceNode, index: int, origin: Origin) -> Fix | None:
-    """Return the fix that removes an item from a list, but not the first item. None if this would remove a comment.
+    """Return the fix that removes an item after the first one from a list, or None if it would remove a comment.
 
     The result is also None in the text of a template, because the item may differ in another use.
     """
@@ -80,7 +80,7 @@ def trap_fix(trap: Trap, place: Place) -> Fix | None:
 
 
 def version_fix(root: MappingNode, source: Source) -> Fix | None:
-    """Return the fix that puts `codra: 1` before all other keys; None if more than its own line would change."""
+    """Return the fix that puts `codra: 1` before all other keys, or None if it would change more than its own line."""
     first = next(iter(root.entries.values()))[0]
     top = source.span(first.start, first.start)
     if root.flow or top.column != 1:

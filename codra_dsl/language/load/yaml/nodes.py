@@ -31,7 +31,8 @@ class FilledText(NamedTuple):
 
     Attributes:
         written: the template's text.
-        pieces: the pieces of the new text. Each one has the positions of its letters, counted from its own beginning.
+        pieces: the pieces of the new text. Each piece has the positions of its letters, with offsets from the beginning
+            of the piece.
     """
 
     written: str
@@ -90,7 +91,7 @@ class SequenceNode:
 
 
 class MappingNode:
-    """A mapping. `entries` has (key, value) by the key's text; keys are always texts.
+    """A mapping. `entries` maps the text of each key to (key, value); keys are always texts.
 
     `unread` is true if the mapping has an entry with an unreadable key; this entry has been reported.
     """

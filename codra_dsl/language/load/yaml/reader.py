@@ -1,4 +1,4 @@
-"""Read the keys of one element as far as they are valid, and record those that could not be read."""
+"""Read the keys of one element as far as they are valid, and record the keys that could not be read."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Choice = TypeVar("Choice", bound=StrEnum)
 
 
 class Suspect(NamedTuple):
-    """A condition with a comment after it. The comment reads like a condition, and may belong to the first one."""
+    """A condition with a comment after it. The comment reads like a condition, and may belong to the condition."""
 
     place: Place
     written: str
@@ -51,7 +51,7 @@ class Reader:
     ) -> None:
         """Initialize; `damaged` has the keys that are already known to be unreadable.
 
-        `within` is the path from the element to `node`, if that is a part of it.
+        `within` is the path from the element to `node`, if `node` is a part of the element.
         """
         self.subject = subject
         self.node = node
@@ -106,26 +106,25 @@ class Reader:
         return node
 
     def text(self, key: str, default: str) -> str:
-        """Return a text."""
+        """Return the text of a key."""
         node = self.scalar(key)
         return default if node is None else node.text
 
     def number(self, key: str, default: int) -> int:
-        """Return an integer."""
+        """Return the integer of a key."""
         node = self.scalar(key)
         return int(node.data) if node is not None and isinstance(node.data, (int, float)) else default
 
     def choice(self, key: str, default: Choice) -> Choice:
-        """Return the member of an enumeration that is written under a key."""
+        """Return the member of an enumeration that is the value of a key."""
         node = self.scalar(key)
         known = node is not None and node.text in type(default).__members__.values()
         return type(default)(node.text) if node is not None and known else default
 
     def duration_s(self, key: str, default: float, *, least: str = "positive", most: str = "finite") -> float:
-        """Return a duration in seconds.
+        """Return the duration of a key, in seconds.
 
-        `least` states what is allowed at least ("zero" or "positive"), `most` what is allowed at most ("finite" or
-        "forever").
+        `least` is the least allowed duration ("zero" or "positive"), `most` the greatest ("finite" or "forever").
         """
         node = self.scalar(key)
         if node is None:

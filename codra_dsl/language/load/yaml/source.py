@@ -46,7 +46,7 @@ class Source:
         return Span(self.file, line, start - starts[line - 1] + 1, last, end - starts[last - 1] + 1)
 
     def place(self, start: int, end: int) -> Place:
-        """Return the place of a range of text that no use of a template has made."""
+        """Return the place of a range of the text, outside of any use of a template."""
         return Place(self.span(start, end))
 
     def line_end(self, offset: int) -> int:

@@ -1,6 +1,6 @@
 """The context-variables that loops imply: one for each metric, each weight and each course.
 
-They can be read like any context-variable, with history, journal and `why`.
+They can be read like any other context-variable, have a history, and appear in the journal and in `why`.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _SHARE = ValueType(kind=Kind.FLOAT, range=(0.0, 1.0))
 def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
     """Return a spec with the context-variables and agents that its loops imply.
 
-    If an implied context-variable has the same name as a declared one, or as one that was implied before, it is
-    reported and left out.
+    If an implied variable has the same name as a declared variable, or as another implied variable before it, the
+    implied variable is reported and left out.
     """
     if not spec.adapts:
         return spec

@@ -198,7 +198,7 @@ def _has_python(names: Iterable[str]) -> bool:
 
 @lru_cache(maxsize=256)
 def _module(data: bytes) -> Module:
-    """Return the definitions in the text of a module; `OPEN` if it is not valid Python of this version."""
+    """Return the definitions in the text of a module, or `OPEN` if the text is not valid Python of this version."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -250,7 +250,10 @@ def _may_bind_names(node: ast.AST) -> bool:
 
 
 def _signature_of_class(statement: ast.ClassDef) -> Signature | None:
-    """Return the signature of the method `perceive` of a class. The class is instantiated without arguments."""
+    """Return the signature of a class's method `perceive`, or None if it is uncertain.
+
+    The class is instantiated without arguments.
+    """
     if statement.bases or statement.keywords or statement.decorator_list:
         return None
     definitions = list(_definitions(statement.body, is_top_level=False))
