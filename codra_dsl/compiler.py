@@ -266,9 +266,9 @@ def _module_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
 
 def _same_names(specs: Iterable[Spec]) -> Iterator[Diagnostic]:
     """Yield a finding for each spec that has the name of another spec: their packages would overwrite each other."""
-    first: dict[str, Spec] = {}
+    first_specs: dict[str, Spec] = {}
     for spec in sorted(specs, key=lambda spec: spec.file):
-        other = first.setdefault(spec.name.casefold(), spec)
+        other = first_specs.setdefault(spec.name.casefold(), spec)
         if other is not spec:
             yield Diagnostic(
                 rule=RULES["same-spec-name"],

@@ -68,8 +68,8 @@ class Term:
         """Return the names that the term reads, and whether it reads an age; computed once."""
         if not hasattr(self, "_reads"):
             leaves = [term for term in self.walk() if isinstance(term, (_Variable, _Known, _Age))]
-            ages = any(isinstance(term, _Age) for term in leaves)
-            object.__setattr__(self, "_reads", (frozenset(term.name for term in leaves), ages))
+            reads_age = any(isinstance(term, _Age) for term in leaves)
+            object.__setattr__(self, "_reads", (frozenset(term.name for term in leaves), reads_age))
         return self._reads
 
     def holds(self, scope: Scope) -> bool:
@@ -284,10 +284,10 @@ class _Conjunction(Term):
     def evaluate(self, scope: Scope) -> Value | None:
         result: bool | None = True
         for term in self.terms:
-            held = term.evaluate(scope)
-            if held is False:
+            truth = term.evaluate(scope)
+            if truth is False:
                 return False
-            if held is None:
+            if truth is None:
                 result = None
         return result
 
@@ -305,10 +305,10 @@ class _Disjunction(Term):
     def evaluate(self, scope: Scope) -> Value | None:
         result: bool | None = False
         for term in self.terms:
-            held = term.evaluate(scope)
-            if held is True:
+            truth = term.evaluate(scope)
+            if truth is True:
                 return True
-            if held is None:
+            if truth is None:
                 result = None
         return result
 
@@ -324,8 +324,8 @@ class _Negation(Term):
         return (self.term,)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        held = self.term.evaluate(scope)
-        return None if held is None else not held
+        truth = self.term.evaluate(scope)
+        return None if truth is None else not truth
 
     def __repr__(self) -> str:
         return f"~{_grouped_text(self.term)}"
@@ -360,9 +360,9 @@ class _Comparison(Term):
         """Return in how many seconds an age on one side reaches the other side, or None if the age has passed it."""
         for aging, fixed in ((self.left, self.right), (self.right, self.left)):
             if isinstance(aging, _Age) and not isinstance(fixed, _Age):
-                reached, limit = aging.evaluate(scope), fixed.evaluate(scope)
-                if isinstance(reached, (int, float)) and isinstance(limit, (int, float)):
-                    return max(limit - reached, FLIP_STEP_S) if limit >= reached else None
+                age_s, limit_s = aging.evaluate(scope), fixed.evaluate(scope)
+                if isinstance(age_s, (int, float)) and isinstance(limit_s, (int, float)):
+                    return max(limit_s - age_s, FLIP_STEP_S) if limit_s >= age_s else None
         return None
 
     def __repr__(self) -> str:
@@ -458,9 +458,9 @@ class _Choice(Term):
         return (self.then, self.condition, self.otherwise)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        held = self.condition.evaluate(scope)
-        if held is not None:
-            return (self.then if held else self.otherwise).evaluate(scope)
+        truth = self.condition.evaluate(scope)
+        if truth is not None:
+            return (self.then if truth else self.otherwise).evaluate(scope)
         then, otherwise = self.then.evaluate(scope), self.otherwise.evaluate(scope)
         return then if then == otherwise else None
 
@@ -477,9 +477,9 @@ class _FirstOf(Term):
 
     def evaluate(self, scope: Scope) -> Value | None:
         for result, condition in self.cases:
-            held = condition.evaluate(scope)
-            if held is not False:
-                return result if held else None
+            truth = condition.evaluate(scope)
+            if truth is not False:
+                return result if truth else None
         return None
 
     def __repr__(self) -> str:

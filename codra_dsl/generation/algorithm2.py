@@ -38,7 +38,7 @@ from itertools import chain, pairwise
 
 from codra_dsl.generation.build_plan.dependencies import dependencies
 from codra_dsl.generation.build_plan.gate import verify
-from codra_dsl.generation.build_plan.modules import modules
+from codra_dsl.generation.build_plan.module_assignment import assign_modules
 from codra_dsl.generation.build_plan.names import MODULE_NAMES, class_name, python_name
 from codra_dsl.generation.build_plan.values import Branch, BuildPlan, Tree
 from codra_dsl.language import graph
@@ -54,7 +54,7 @@ def plan(checked: CheckedSpec) -> BuildPlan:
         class_name=class_name(checked.spec.name),
         in_force=in_force,
         forest=forest,
-        modules=modules(checked, forest),
+        modules=assign_modules(checked, forest),
         edges=dependencies(checked, forest),
     )
     verify(build_plan, checked)

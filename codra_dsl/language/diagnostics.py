@@ -131,10 +131,10 @@ class Fix:
     applicability: Applicability
 
 
-_FIRST_OF_QUALITY = "CDR7"
+_FIRST_QUALITY_CODE = "CDR7"
 
 
-def replacing(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
+def replacement_fix(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
     """Return the fix that replaces a text by another, or None for a text in a template, which several uses share."""
     if place.use is not None:
         return None
@@ -156,7 +156,7 @@ class Rule:
 
         This is so for the errors of phases 0 to 6. They prevent compilation.
         """
-        return self.severity is Severity.ERROR and self.code < _FIRST_OF_QUALITY
+        return self.severity is Severity.ERROR and self.code < _FIRST_QUALITY_CODE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,12 +232,12 @@ def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ..
     The merged finding lists the other uses.
     """
     groups: dict[object, list[Diagnostic]] = {}
-    counts_in_use: Counter[object] = Counter()
+    counts_by_code_and_place: Counter[object] = Counter()
     for diagnostic in diagnostics:
         key: object = diagnostic
         if diagnostic.place.use is not None:  # several findings of the same use at the same place stay separate
-            counts_in_use[diagnostic.code, diagnostic.place] += 1
-            key = diagnostic.code, diagnostic.place.span, counts_in_use[diagnostic.code, diagnostic.place]
+            counts_by_code_and_place[diagnostic.code, diagnostic.place] += 1
+            key = diagnostic.code, diagnostic.place.span, counts_by_code_and_place[diagnostic.code, diagnostic.place]
         groups.setdefault(key, []).append(diagnostic)
     return tuple(_merge_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in groups.values())
 
@@ -254,10 +254,10 @@ def _merge_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
 MAX_CANDIDATES = 2000
 MAX_SUGGESTED_LENGTH = 64
 
-_APART = re.compile(r"[_\s-]+")
+_WORD_SEPARATOR = re.compile(r"[_\s-]+")
 _DIGIT = re.compile(r"[0-9]")
-_SHORT_WORD = 4
-_LONG_WORD = 8
+_MIN_WORD_LENGTH = 4
+_LONG_WORD_LENGTH = 8
 
 
 def suggest(name: str, candidates: Iterable[str]) -> str | None:
@@ -304,16 +304,20 @@ def is_slip(name: str, suggestion: str) -> bool:
     """Return whether two names differ so little that one is probably a misspelling of the other."""
     if max(len(name), len(suggestion)) > MAX_SUGGESTED_LENGTH:
         return False
-    left, right = (_APART.split(text.casefold()) for text in (name, suggestion))
-    if "".join(left) == "".join(right):
+    name_words, suggestion_words = (_WORD_SEPARATOR.split(text.casefold()) for text in (name, suggestion))
+    if "".join(name_words) == "".join(suggestion_words):
         return True
-    different = [(one, other) for one, other in zip(left, right, strict=False) if one != other]
-    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(suggestion):
+    different_words = [(one, other) for one, other in zip(name_words, suggestion_words, strict=False) if one != other]
+    if (
+        len(name_words) != len(suggestion_words)
+        or len(different_words) != 1
+        or _DIGIT.findall(name) != _DIGIT.findall(suggestion)
+    ):
         return False
-    one, other = different[0]
-    slips = 1 if len(other) < _LONG_WORD else 2
-    long_enough = max(len(one), len(other)) >= _SHORT_WORD and min(len(one), len(other)) >= _SHORT_WORD - 1
-    return long_enough and _distance(one, other, slips) <= slips
+    one, other = different_words[0]
+    max_slips = 1 if len(other) < _LONG_WORD_LENGTH else 2
+    is_long_enough = max(len(one), len(other)) >= _MIN_WORD_LENGTH and min(len(one), len(other)) >= _MIN_WORD_LENGTH - 1
+    return is_long_enough and _distance(one, other, max_slips) <= max_slips
 
 
 def _distance(left: str, right: str, limit: int) -> int:
@@ -324,19 +328,19 @@ def _distance(left: str, right: str, limit: int) -> int:
     left, right = left[start:], right[start:]
     end = _common_prefix_length(left[::-1], right[::-1])
     left, right = left[: len(left) - end], right[: len(right) - end]
-    before: list[int] = []
-    previous = list(range(len(right) + 1))
+    row_before_previous: list[int] = []
+    previous_row = list(range(len(right) + 1))
     for row, letter in enumerate(left, start=1):
-        current = [row]
+        current_row = [row]
         for column, other in enumerate(right, start=1):
-            cost = min(previous[column] + 1, current[-1] + 1, previous[column - 1] + (letter != other))
+            cost = min(previous_row[column] + 1, current_row[-1] + 1, previous_row[column - 1] + (letter != other))
             if row > 1 and column > 1 and letter == right[column - 2] and left[row - 2] == other:
-                cost = min(cost, before[column - 2] + 1)
-            current.append(cost)
-        if min(current) > limit:
+                cost = min(cost, row_before_previous[column - 2] + 1)
+            current_row.append(cost)
+        if min(current_row) > limit:
             return limit + 1
-        before, previous = previous, current
-    return previous[-1]
+        row_before_previous, previous_row = previous_row, current_row
+    return previous_row[-1]
 
 
 def _common_prefix_length(left: str, right: str) -> int:

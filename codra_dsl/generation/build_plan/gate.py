@@ -85,8 +85,12 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
         if set(tree.needs) != {name for branch in tree.branches for name in branch.algorithm.needs}:
             yield f"tree {tree.name} has other preconditions than its algorithms"
         for group in tree.groups:
-            sets = [{name for name, _ in branch.algorithm.identifies} for branch in group]
-            yield from (f"{tree.name}: an alternative identifies more than the first" for s in sets if not s <= sets[0])
+            variable_sets = [{name for name, _ in branch.algorithm.identifies} for branch in group]
+            yield from (
+                f"{tree.name}: an alternative identifies more than the first"
+                for names in variable_sets
+                if not names <= variable_sets[0]
+            )
             ranks = [(branch.algorithm.algorithm.rank, branch.name) for branch in group]
             yield from (f"tree {tree.name} is not in order of rank" for _ in [0] if ranks != sorted(ranks))
 
@@ -104,11 +108,11 @@ def _trees_joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iter
             yield f"tree {tree.name} identifies other variables than its entry in `observers`"
         if setting is None and tree.name != tree.branches[0].name:
             yield f"tree {tree.name} has neither a name from `observers` nor that of its first algorithm"
-        if len(tree.groups) > 1 and (setting is None or len(set(map(_guards, tree.branches))) > 1):
+        if len(tree.groups) > 1 and (setting is None or len(set(map(_guard_conditions, tree.branches))) > 1):
             yield f"tree {tree.name} joins algorithms that `observers` or their conditions keep apart"
 
 
-def _guards(branch: Branch) -> frozenset[str]:
+def _guard_conditions(branch: Branch) -> frozenset[str]:
     """Return the conditions under which an algorithm runs, as a set."""
     known_conditions = (f"known({reference.name})" for reference in branch.algorithm.algorithm.given)
     return frozenset(chain((condition.python for condition in branch.algorithm.observable_when), known_conditions))

@@ -38,7 +38,7 @@ METRIC_ENGINE, ACTION_ENGINE = "metric_engine", "action_engine"
 
 
 # The words are written out, because Python's own lists grow from version to version, and `site` adds names to them.
-_PYTHONS_WORDS = """
+_PYTHON_NAMES_TEXT = """
     False None True and as assert async await break class continue def del elif else except finally for from global if
     import in is lambda nonlocal not or pass raise return try while with yield case match type
     abs aiter all anext any ascii bin bool breakpoint bytearray bytes callable chr classmethod compile complex copyright
@@ -47,7 +47,7 @@ _PYTHONS_WORDS = """
     ord pow print property quit range repr reversed round set setattr slice sorted staticmethod str sum super tuple vars
     zip
 """
-_PYTHONS_NAMES = frozenset(_PYTHONS_WORDS.split())
+_PYTHON_NAMES = frozenset(_PYTHON_NAMES_TEXT.split())
 
 
 def python_name(text: str, taken_names: frozenset[str]) -> str:
@@ -56,8 +56,8 @@ def python_name(text: str, taken_names: frozenset[str]) -> str:
     A keyword, builtin or taken name gets an underscore at its end. If it is already followed by underscores, it gets
     one more, so that different names stay different.
     """
-    plain = text.rstrip("_")
-    return f"{text}_" if plain in taken_names or plain in _PYTHONS_NAMES else text
+    stem = text.rstrip("_")
+    return f"{text}_" if stem in taken_names or stem in _PYTHON_NAMES else text
 
 
 def module_name(origin: str, taken_names: frozenset[str] = ENTRY_NAMES) -> str:

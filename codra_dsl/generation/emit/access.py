@@ -15,11 +15,11 @@ from codra_dsl.generation.emit.layout import WIDTH, lay_out, make_brackets
 from codra_dsl.generation.emit.literals import text_literal
 
 _METHOD_INDENT, _ARGUMENT_INDENT = 8 * " ", 12 * " "
-_NAMES = "VariableName"
+_ANY_NAME_ALIAS = "VariableName"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Values:
+class VariableGroup:
     """The variables whose values have one type in Python.
 
     Attributes:
@@ -118,40 +118,46 @@ _SHAPES = (
 )
 
 
-def methods(kinds: Sequence[Values]) -> Iterator[Method]:
+def methods(groups: Sequence[VariableGroup]) -> Iterator[Method]:
     """Yield the methods for variables of some types; a spec without variables has no methods."""
-    for shape in _SHAPES if kinds else ():
-        yield _overloaded_method(shape, kinds) if len(kinds) > 1 else _single_signature_method(shape, kinds[0])
+    for shape in _SHAPES if groups else ():
+        yield _overloaded_method(shape, groups) if len(groups) > 1 else _single_signature_method(shape, groups[0])
 
 
-def _overloaded_method(shape: _Shape, kinds: Sequence[Values]) -> Method:
+def _overloaded_method(shape: _Shape, groups: Sequence[VariableGroup]) -> Method:
     """Return a method with one signature for each type, and a last signature that accepts any name, but no value."""
     other_arguments = [f"{argument} = ..." for argument in shape.other_arguments]
     overloads = [
         _signature(
             shape,
-            kind.alias,
-            _fill_in_types(shape.typed_argument, kind),
+            group.alias,
+            _fill_in_types(shape.typed_argument, group),
             other_arguments,
-            _fill_in_types(shape.return_type, kind),
+            _fill_in_types(shape.return_type, group),
         )
-        for kind in kinds
+        for group in groups
     ]
-    overloads.append(_signature(shape, _NAMES, shape.fallback_argument, other_arguments, shape.fallback_return_type))
+    overloads.append(
+        _signature(shape, _ANY_NAME_ALIAS, shape.fallback_argument, other_arguments, shape.fallback_return_type)
+    )
     definition = _signature(
-        shape, _NAMES, shape.implementation_argument, _arguments_with_defaults(shape), shape.fallback_return_type
+        shape,
+        _ANY_NAME_ALIAS,
+        shape.implementation_argument,
+        _arguments_with_defaults(shape),
+        shape.fallback_return_type,
     )
     return Method(tuple(overloads), definition, shape.docstring)
 
 
-def _single_signature_method(shape: _Shape, kind: Values) -> Method:
+def _single_signature_method(shape: _Shape, group: VariableGroup) -> Method:
     """Return a method for values of one type."""
     definition = _signature(
         shape,
-        _NAMES,
-        _fill_in_types(shape.typed_argument, kind),
+        _ANY_NAME_ALIAS,
+        _fill_in_types(shape.typed_argument, group),
         _arguments_with_defaults(shape),
-        _fill_in_types(shape.return_type, kind),
+        _fill_in_types(shape.return_type, group),
     )
     return Method((), definition, shape.docstring)
 
@@ -160,8 +166,8 @@ def _arguments_with_defaults(shape: _Shape) -> list[str]:
     return [f"{argument} = {default}" for argument, default in shape.other_arguments.items()]
 
 
-def _fill_in_types(text: str, kind: Values) -> str:
-    return text.format(type=kind.type, answer=kind.answer)
+def _fill_in_types(text: str, group: VariableGroup) -> str:
+    return text.format(type=group.type, answer=group.answer)
 
 
 def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: Sequence[str], return_type: str) -> str:
@@ -185,7 +191,7 @@ def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: 
     return f"{before}\n{_ARGUMENT_INDENT}{lines},\n{_METHOD_INDENT}{after}"
 
 
-def alias(name: str, members: Iterable[str]) -> str:
+def alias_statement(name: str, members: Iterable[str]) -> str:
     """Return the statement that makes `name` an alias for the literal type of some strings."""
     items = tuple(map(text_literal, dict.fromkeys(members)))
     literals = lay_out(make_brackets("Literal[", items, "]"), before=len(name) + 3)

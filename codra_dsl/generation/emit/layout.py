@@ -14,10 +14,10 @@ from typing import NamedTuple
 WIDTH = 120
 _STEP = 4
 
-WIDEST = 10_000
+UNLIMITED_WIDTH = 10_000
 """Wider than any line that must not be broken."""
 
-SHORT = 70
+SHORT_TEXT_LENGTH = 70
 """A text of at most this length fits on every line: no declaration or behaviour is indented too far for it."""
 
 
@@ -144,7 +144,7 @@ def _add_prefix(prefix_text: str, item: Expression) -> Expression:
 def _brackets_or_text(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
     """Return items in brackets, as plain text if this text is so short that it fits on every line."""
     flat = _flat_brackets_text(opening, items, closing)
-    return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT else flat
+    return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT_TEXT_LENGTH else flat
 
 
 def lay_out(expression: Expression, *, indent: int = 0, before: int = 0, after: int = 0) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 from codra_dsl import __version__
 from codra_dsl.generation.build_plan import BuildPlan, Edge, Node, NodeKind
 from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_places, node_id, variable_entry
-from codra_dsl.generation.emit.loop_plans import loop_nodes, loop_places
+from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
 from codra_dsl.language.model import Agent, Algorithm, Variable

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from codra_dsl.generation.build_plan import Branch, Tree
-from codra_dsl.generation.emit.conditions import condition
+from codra_dsl.generation.emit.conditions import condition_with_words
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_list
 from codra_dsl.generation.emit.literals import literal
@@ -146,6 +146,6 @@ class _TreeWriter:
         return call(name, *arguments)
 
     def _condition(self, python: str) -> Expression:
-        expression, words = condition(python)
+        expression, words = condition_with_words(python)
         self._imports.use(*words)
         return expression

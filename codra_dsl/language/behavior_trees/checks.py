@@ -73,7 +73,7 @@ class _Checker:
         self._findings = findings
         self._trees = {tree.id: tree for tree in reversed(forest.trees)}
         self._models = {(model.kind is NodeKind.SUBTREE, model.id): model for model in reversed(forest.models)}
-        self._known = [*BUILT_IN, *(name for of_subtree, name in self._models if not of_subtree)]
+        self._names = [*BUILT_IN, *(name for of_subtree, name in self._models if not of_subtree)]
         self._entries: dict[str, frozenset[str]] = {}
 
     # The complete forest
@@ -82,7 +82,7 @@ class _Checker:
         """Check that ids of trees and models are unique, and that the main tree exists."""
         self._check_unique("tree", ((tree.id, tree.place) for tree in self._forest.trees))
         for tree in self._forest.trees:
-            if tree.id in self._known:
+            if tree.id in self._names:
                 self._findings.add(
                     "duplicate-tree",
                     f"the tree '{tree.id}' has the name of a node",
@@ -171,7 +171,7 @@ class _Checker:
             self._check_subtree(node, path)
         elif node.id in BUILT_IN and node.id != "SubTree":
             built_in = BUILT_IN[node.id]
-            self._check_child_count(node, built_in.least, built_in.most, path)
+            self._check_child_count(node, built_in.min_children, built_in.max_children, path)
             self._check_ports(node, [port.name for port in built_in.ports], path)
             self._check_built_in(node, built_in, path)
         else:
@@ -183,7 +183,7 @@ class _Checker:
             fallback = f'declare it: <TreeNodesModel><Action ID="{node.id}"/></TreeNodesModel>'
             if node.id in self._trees:
                 fallback = f'write <SubTree ID="{node.id}"/>'
-            help_text = fallback if node.id in self._trees else self._findings.name_help(node.id, self._known, fallback)
+            help_text = fallback if node.id in self._trees else self._findings.name_help(node.id, self._names, fallback)
             self._findings.add("unknown-tree-node", f"unknown node '{node.id}'", node.place, help=help_text, path=path)
             return
         self._check_child_count(node, 0, 0, path)

@@ -22,7 +22,7 @@ MAX_DEPTH = 50
 
 MAX_ELEMENTS = 10_000
 MAX_ATTRIBUTES = 64
-MAX_VALUE = 4000
+MAX_VALUE_LENGTH = 4000
 
 TAGS_WITH_TEXT = frozenset({"input_port", "output_port", "inout_port"})
 """The tags of elements whose text is kept, since it describes a port."""
@@ -186,9 +186,9 @@ class _Reader:
                 is_literal=match[group] == value,
             )
             self._limit(
-                len(value) <= MAX_VALUE,
+                len(value) <= MAX_VALUE_LENGTH,
                 "tree-file-too-large",
-                f"a value of over {MAX_VALUE:,} characters",
+                f"a value of over {MAX_VALUE_LENGTH:,} characters",
                 attribute.place,
             )
             attributes.append(attribute)
@@ -209,9 +209,9 @@ class _Reader:
             element = self._open_elements[-1]
             element.text += text
             self._limit(
-                len(element.text) <= MAX_VALUE,
+                len(element.text) <= MAX_VALUE_LENGTH,
                 "tree-file-too-large",
-                f"a text of over {MAX_VALUE:,} characters",
+                f"a text of over {MAX_VALUE_LENGTH:,} characters",
                 element.place,
             )
         elif text.strip():

@@ -29,7 +29,7 @@ from codra_dsl.language.project import relative
 
 FORMAT = "4"
 MAX_FILES = 100
-_MODELS = "TreeNodesModel"
+_MODELS_TAG = "TreeNodesModel"
 _EXPLICIT_TAGS = frozenset(kind.value for kind in NodeKind)
 _CONDITION_ATTRIBUTES = frozenset({*PRECONDITIONS, *POST_SCRIPTS})
 
@@ -80,8 +80,8 @@ def _included_files(
     """Yield the files that a file includes, if they are in the project."""
     for include in file.includes:
         included_path = path.parent / include.path
-        is_inside = Path(os.path.realpath(included_path)).is_relative_to(os.path.realpath(root))
-        if Path(include.path).is_absolute() or not is_inside:
+        is_inside_project = Path(os.path.realpath(included_path)).is_relative_to(os.path.realpath(root))
+        if Path(include.path).is_absolute() or not is_inside_project:
             findings.add(
                 "tree-include",
                 f"'{include.path}' is outside of the project",
@@ -121,12 +121,12 @@ class _FileBuilder:
             return None
         main = root.get("main_tree_to_execute")
         children = [(child.tag, child) for child in root.children]
-        known_tags = ("BehaviorTree", _MODELS, "include")
+        known_tags = ("BehaviorTree", _MODELS_TAG, "include")
         for tag, child in children:
             if tag not in known_tags:
                 self._report_misplaced_element(child, "<root>", known_tags)
         trees = (self._tree(child) for tag, child in children if tag == "BehaviorTree")
-        models = (model for tag, child in children if tag == _MODELS for model in self._models(child))
+        models = (model for tag, child in children if tag == _MODELS_TAG for model in self._models(child))
         includes = (self._include(child) for tag, child in children if tag == "include")
         comments = [comment for tag, child in children if tag != "BehaviorTree" for comment in _all_comments(child)]
         return TreeFile(
@@ -217,7 +217,7 @@ class _FileBuilder:
     def _models(self, element: Element) -> Iterable[NodeModel]:
         for child in element.children:
             if child.tag not in _EXPLICIT_TAGS:
-                self._report_misplaced_element(child, f"<{_MODELS}>", sorted(_EXPLICIT_TAGS))
+                self._report_misplaced_element(child, f"<{_MODELS_TAG}>", sorted(_EXPLICIT_TAGS))
                 continue
             name = self._required_attribute(child, "ID")
             ports = [
@@ -272,8 +272,8 @@ class _FileBuilder:
         return None
 
     def _report_misplaced_element(self, element: Element, parent: str, allowed: Iterable[str]) -> None:
-        allowed_text = ", ".join(f"<{tag}>" for tag in allowed)
-        help_text = self._findings.name_help(element.tag, allowed, f"{parent} may contain {allowed_text}")
+        allowed_tags_text = ", ".join(f"<{tag}>" for tag in allowed)
+        help_text = self._findings.name_help(element.tag, allowed, f"{parent} may contain {allowed_tags_text}")
         self._findings.add(
             "misplaced-element", f"<{element.tag}> is not allowed in {parent}", element.place, help=help_text
         )

@@ -29,19 +29,19 @@ _POSE_FUNCTION_PATTERN = rf"""(?:{_TEXT})
     | (?P<half>\b(?:{"|".join(GEOMETRY)})\ *\()"""
 _FLAGS = re.VERBOSE | re.DOTALL | re.ASCII
 _POSE_FUNCTION = re.compile(rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?!))", _FLAGS)
-_DOTTED_OR_POSE_NAME = re.compile(
+_DOTTED_NAME_OR_POSE_FUNCTION = re.compile(
     rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS
 )
 _POSE_FUNCTION_START = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
 
-def parse_named(text: str) -> Node | SyntaxProblem:
+def parse_with_dotted_names(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition in which names may have parts, such as `a.b`. Its offsets refer to `text`.
 
     Raises:
         ExpressionError: if a name with parts is invalid.
     """
-    return _parse_masked(text, _DOTTED_OR_POSE_NAME)
+    return _parse_masked(text, _DOTTED_NAME_OR_POSE_FUNCTION)
 
 
 def parse_over_context(text: str) -> Node | SyntaxProblem:
@@ -58,8 +58,8 @@ def parse_over_context(text: str) -> Node | SyntaxProblem:
 def spelt_out(tree: Node) -> Node:
     """Return a condition over context in which each name of a comparison with poses is replaced by the comparison."""
     if isinstance(tree, Name):
-        return tree if tree.asks is None else tree.asks
-    if not any(part.asks is not None for part in names_in(tree)):
+        return tree if tree.pose_comparison is None else tree.pose_comparison
+    if not any(part.pose_comparison is not None for part in names_in(tree)):
         return tree
     return _map_parts(tree, spelt_out)
 
@@ -156,7 +156,7 @@ def _comparison_name(part: Compare | In | Call | Name, pose_names: list[Name]) -
             other_name.end,
             help_text,
         )
-    return Name(start=part.start, end=part.end, name=to_text(part), asks=part)
+    return Name(start=part.start, end=part.end, name=to_text(part), pose_comparison=part)
 
 
 def _map_parts(node: NodeT, function: Callable[[Node], Node]) -> NodeT:

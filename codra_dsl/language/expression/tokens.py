@@ -26,7 +26,7 @@ FUNCTIONS: Mapping[str, tuple[int, int | None]] = {
 """The minimum and maximum number of arguments of each function."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_NO_NAMES = frozenset({*keyword.kwlist, *WORDS, *FUNCTIONS, "null"})
+_RESERVED_WORDS = frozenset({*keyword.kwlist, *WORDS, *FUNCTIONS, "null"})
 
 
 class TokenKind(StrEnum):
@@ -164,7 +164,7 @@ def tokens(text: str) -> tuple[Token, ...]:
 
 def is_name(text: str) -> bool:
     """Return whether a text can be the name of a context-variable or of a returned value."""
-    return len(text) <= MAX_LENGTH and text not in _NO_NAMES and _IDENTIFIER.fullmatch(text) is not None
+    return len(text) <= MAX_LENGTH and text not in _RESERVED_WORDS and _IDENTIFIER.fullmatch(text) is not None
 
 
 def shown(text: str) -> str:

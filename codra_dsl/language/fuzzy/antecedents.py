@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from codra_dsl.language.fuzzy.model import And, Antecedent, Or, Proposition, Rule
-from codra_dsl.language.fuzzy.source import Findings, Word, number, shown, split
+from codra_dsl.language.fuzzy.source import Findings, Word, parse_number, shown, split
 from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge
 
 MAX_DEPTH = 40
@@ -23,7 +23,7 @@ Names = Mapping[str, frozenset[str]]
 """The terms of each variable."""
 
 
-class _Wrong(Exception):  # noqa: N818 - it never leaves this module
+class _WrongRuleError(Exception):
     """Stops the reading of a rule; the reason has already been reported."""
 
 
@@ -43,24 +43,24 @@ class _Reader:
     all_terms: Names
     outputs: Names
     findings: Findings
-    at: int = 0
+    position: int = 0
     depth: int = 0
 
     def peek(self) -> str:
         """Return the next token, or an empty text at the end."""
-        return self.tokens[self.at].text if self.at < len(self.tokens) else ""
+        return self.tokens[self.position].text if self.position < len(self.tokens) else ""
 
     def take(self) -> Word:
         """Return the next token and advance."""
-        if self.at == len(self.tokens):
+        if self.position == len(self.tokens):
             self.fail("the rule ends too early", self.end, "write 'if VARIABLE is TERM then VARIABLE is TERM'")
-        self.at += 1
-        return self.tokens[self.at - 1]
+        self.position += 1
+        return self.tokens[self.position - 1]
 
     def fail(self, message: str, word: Word, help: str) -> None:
         """Report a finding and stop reading the rule."""
         self.findings.add("fll-wrong-rule", message, word.place, help)
-        raise _Wrong
+        raise _WrongRuleError
 
     def expect(self, keyword: str) -> Word:
         """Read a keyword and return it."""
@@ -69,16 +69,16 @@ class _Reader:
             self.fail(f"expected '{keyword}', found {shown(word.text)}", word, f"write '{keyword}' before it")
         return word
 
-    def either(self) -> Antecedent:
+    def disjunction(self) -> Antecedent:
         """Read operands joined by `or`."""
-        left, depth = self.both(), 0
+        left, depth = self.conjunction(), 0
         while self.peek() == "or":
             word, depth = self.take(), depth + 1
             self.limit(depth, word)
-            left = Or(left, self.both())
+            left = Or(left, self.conjunction())
         return left
 
-    def both(self) -> Antecedent:
+    def conjunction(self) -> Antecedent:
         """Read operands joined by `and`."""
         left, depth = self.atom(), 0
         while self.peek() == "and":
@@ -90,7 +90,7 @@ class _Reader:
     def condition(self) -> Antecedent:
         """Read the antecedent between `if` and `then`."""
         first = self.expect("if")
-        antecedent = self.either()
+        antecedent = self.disjunction()
         self.expect("then")
         self.limit_levels(_levels(antecedent), first)
         return antecedent
@@ -100,13 +100,13 @@ class _Reader:
         if levels > MAX_LEVELS:
             message = f"more than {MAX_LEVELS} nested operators and hedges"
             self.findings.add("fll-too-large", message, word.place, "split the rule")
-            raise _Wrong
+            raise _WrongRuleError
 
     def limit(self, depth: int, word: Word) -> None:
         """Refuse nesting that is too deep."""
         if self.depth + depth > MAX_DEPTH:
             self.findings.add("fll-too-large", f"nested deeper than {MAX_DEPTH}", word.place, "split the rule")
-            raise _Wrong
+            raise _WrongRuleError
 
     def atom(self) -> Antecedent:
         """Read a proposition, or anything in parentheses."""
@@ -114,7 +114,7 @@ class _Reader:
             return self.proposition(Side.ANTECEDENT)
         self.depth += 1
         self.limit(0, self.take())
-        inside = self.either()
+        inside = self.disjunction()
         self.expect(")")
         self.depth -= 1
         return inside
@@ -161,7 +161,7 @@ class _Reader:
         if self.peek() == "with":
             self.take()
             word = self.take()
-            parsed_weight = number(word, self.findings)
+            parsed_weight = parse_number(word, self.findings)
             if parsed_weight is not None and not 0.0 <= parsed_weight < float("inf"):
                 help = "write a weight of 0 or more"
                 self.findings.add("fll-wrong-value", f"{shown(word.text)} is not a weight", word.place, help)
@@ -174,14 +174,14 @@ class _Reader:
 
 def _levels(antecedent: Antecedent) -> int:
     """Return the maximum nesting depth of operators and hedges."""
-    deepest, left = 0, [(antecedent, 0)]
-    while left:
-        part, level = left.pop()
+    max_level, pending = 0, [(antecedent, 0)]
+    while pending:
+        part, level = pending.pop()
         if isinstance(part, Proposition):
-            deepest = max(deepest, level + len(part.hedges))
+            max_level = max(max_level, level + len(part.hedges))
         else:
-            left += [(part.left, level + 1), (part.right, level + 1)]
-    return deepest
+            pending += [(part.left, level + 1), (part.right, level + 1)]
+    return max_level
 
 
 def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings) -> Rule | None:
@@ -190,7 +190,7 @@ def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings)
     try:
         antecedent = reader.condition()
         return Rule(antecedent=antecedent, conclusions=reader.conclusions(), weight=reader.weight())
-    except _Wrong:
+    except _WrongRuleError:
         return None
 
 
@@ -209,5 +209,5 @@ def parse_rule_about(
             reader.expect("is")
         conclusion = reader.hedged_term(output, terms, Side.CONSEQUENT)
         return Rule(antecedent=antecedent, conclusions=(conclusion,), weight=reader.weight())
-    except _Wrong:
+    except _WrongRuleError:
         return None

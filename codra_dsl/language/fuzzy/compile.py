@@ -48,8 +48,8 @@ def compile_engine(engine: Engine) -> str:
             "RULES", [rule_text(rule) for block in engine.blocks if block.is_enabled for rule in block.rules]
         ),
     ]
-    numbers = Body(engine, NUMBERS, constants, names.taken)
-    bounds = Body(engine, BOUNDS, constants, names.taken)
+    numbers = Body(engine, NUMBERS, constants, names.taken_names)
+    bounds = Body(engine, BOUNDS, constants, names.taken_names)
     functions = [numbers.function("infer"), bounds.function("infer_bounds")]
     outputs = [
         _output_source(output, engine, constants[output.name], numbers.conclusions[output.name])

@@ -13,7 +13,7 @@ from enum import Enum, auto
 
 from codra_dsl.language.fuzzy.model import Call, Formula, Name, Number
 
-_INLINE = ("+", "-", "*")
+_INLINE_OPERATORS = ("+", "-", "*")
 
 
 class Kind(Enum):
@@ -95,7 +95,7 @@ class Dialect:
             return names[part.name]
         assert isinstance(part, Call)
         operands = [self.formula(operand, names) for operand in part.operands]
-        if self.has_numbers and part.function in _INLINE:
+        if self.has_numbers and part.function in _INLINE_OPERATORS:
             return f"({operands[0]} {part.function} {operands[1]})"
         module = "formulas" if self.has_numbers else "bounded_formulas"
         return f"{module}.calculate({', '.join([literal(part.function), *operands])})"

@@ -158,13 +158,13 @@ Antecedent = Proposition | And | Or
 
 def propositions(antecedent: Antecedent) -> Iterator[Proposition]:
     """Yield the propositions of an antecedent from left to right."""
-    waiting = [antecedent]
-    while waiting:
-        part = waiting.pop()
+    pending = [antecedent]
+    while pending:
+        part = pending.pop()
         if isinstance(part, Proposition):
             yield part
         else:
-            waiting += [part.right, part.left]
+            pending += [part.right, part.left]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

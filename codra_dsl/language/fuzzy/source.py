@@ -115,8 +115,8 @@ def decode(data: bytes, file: str, findings: Findings) -> str | None:
 
 def lines(text: str, file: str, findings: Findings) -> Iterator[Line]:
     """Yield the definitions of a text; report any other line, unless it is empty or a comment."""
-    for number, raw in enumerate(text.split("\n"), start=1):
-        content = raw.split("#", 1)[0].rstrip()
+    for number, raw_line in enumerate(text.split("\n"), start=1):
+        content = raw_line.split("#", 1)[0].rstrip()
         body = content.lstrip()
         if not body:
             continue
@@ -141,7 +141,7 @@ def _place(file: str, line: int, column: int, length: int) -> Place:
     return Place(Span(file, line, column, line, column + length))
 
 
-def number(word: Word, findings: Findings) -> float | None:
+def parse_number(word: Word, findings: Findings) -> float | None:
     """Return the number in a word, or None after a finding. Only the word `nan` gives NaN."""
     if not _NUMBER.fullmatch(word.text):
         findings.add("fll-wrong-value", f"{shown(word.text)} is not a number", word.place, "write a number such as 0.5")
@@ -149,16 +149,16 @@ def number(word: Word, findings: Findings) -> float | None:
     return float(word.text)
 
 
-def quantity(word: Word, findings: Findings) -> float | None:
+def parse_quantity(word: Word, findings: Findings) -> float | None:
     """Return the number in a word, or None after a finding. The number may be infinite, but not NaN."""
-    value = number(word, findings)
+    value = parse_number(word, findings)
     if value is not None and math.isnan(value):
         findings.add("fll-wrong-value", "nan is not allowed here", word.place, "write a number")
         return None
     return value
 
 
-def natural(word: Word, most: int, findings: Findings) -> int | None:
+def parse_natural(word: Word, most: int, findings: Findings) -> int | None:
     """Return the whole number in a word, from 0 to `most`, or None after a finding."""
     if re.fullmatch(r"\d{1,9}", word.text, re.ASCII) and int(word.text) <= most:
         return int(word.text)

@@ -7,7 +7,7 @@ A finding of one step suppresses findings of later steps about the same element.
 - `parts` reads the parts that the spec includes;
 - `templates` and `instantiation` read templates and their uses;
 - `elements` builds the elements;
-- `calls` and `modules` check the functions that the elements call.
+- `calls` and `called_modules` check the functions that the elements call.
 
 This package never executes the content of a spec, never imports the modules that a spec names, and never reads files
 outside the project's folder.

@@ -11,9 +11,9 @@ from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.calls import DeclaredNames, check_calls
-from codra_dsl.language.load.derived import with_derived_variables
 from codra_dsl.language.load.elements.elements import Elements
 from codra_dsl.language.load.instantiation import Uses
+from codra_dsl.language.load.loop_variables import with_loop_variables
 from codra_dsl.language.load.parts import Parts
 from codra_dsl.language.load.pose_conditions import with_pose_conditions
 from codra_dsl.language.load.schema.document import SECTIONS, Document, read_document, take_section
@@ -88,7 +88,7 @@ def _sorted_diagnostics(findings: Findings) -> tuple[Diagnostic, ...]:
 def _read_spec(
     document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings
 ) -> Spec | None:
-    lost_sections = frozenset[str]().union(*(part.lost for part in parts.documents))
+    lost_sections = frozenset[str]().union(*(part.lost_sections for part in parts.documents))
     elements = Elements(findings)
     uses = Uses(findings, may_lack_templates=bool(lost_sections) or not parts.is_complete)
     module_names = _module_names(parts.documents)
@@ -97,8 +97,8 @@ def _read_spec(
         origin = Origin(part.origin.source, module=module_names[part.origin.source.file])
         for section in SECTIONS:
             elements.add(section, take_section(part.root, section), origin)  # removed, so that its nodes can be freed
-    uses.make(parts.documents, module_names, elements)
-    uses.try_unused()
+    uses.create_elements(parts.documents, module_names, elements)
+    uses.try_unused_templates()
     elements.report_comments()
     if name is None:
         return None
@@ -126,7 +126,7 @@ def _read_spec(
         damaged=damaged_names,
         damaged_keys=elements.damaged_keys,
     )
-    return with_pose_conditions(with_derived_variables(spec, findings))
+    return with_pose_conditions(with_loop_variables(spec, findings))
 
 
 def _declared_names(elements: Elements) -> DeclaredNames:

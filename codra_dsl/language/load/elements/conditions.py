@@ -91,14 +91,14 @@ def build_condition(
     `grammar` parses the text; by default, the text is parsed as a plain condition.
     """
     place = reader.origin.of(node)
-    tree = None if node.reported else (grammar or _tree)(text)
+    tree = None if node.reported else (grammar or _cached_tree)(text)
     if not isinstance(tree, Node):
         reader.damage(*steps)
     placed_letters = PlacedLetters(reader.place_of, letters) if letters else None
     return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed_letters)
 
 
-def _tree(text: str) -> Node | SyntaxProblem:
+def _cached_tree(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition. Trees of short conditions are cached, because many conditions are equal."""
     return _parse_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse(text)
 
@@ -107,11 +107,11 @@ _parse_cached = lru_cache(maxsize=4096)(parse)
 _parse_over_context_cached = lru_cache(maxsize=4096)(parse_over_context)
 
 
-def _tree_over_context(text: str) -> Node | SyntaxProblem:
+def _cached_tree_over_context(text: str) -> Node | SyntaxProblem:
     return _parse_over_context_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse_over_context(text)
 
 
-_CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context: _tree_over_context}
+_CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _cached_tree, parse_over_context: _cached_tree_over_context}
 
 
 def _torn_end(sequence: SequenceNode, index: int) -> int | None:
@@ -161,8 +161,8 @@ def _record_suspect_comment(reader: Reader, node: YamlNode, condition: Condition
 def _comment_after(reader: Reader, node: YamlNode) -> str | None:
     """Return the comment that follows a plain scalar on its line."""
     text = reader.origin.source.text
-    plain = isinstance(node, ScalarNode) and node.style is Style.PLAIN
-    if not plain or text[node.end : node.end + 1] not in (" ", "\t"):
+    is_plain = isinstance(node, ScalarNode) and node.style is Style.PLAIN
+    if not is_plain or text[node.end : node.end + 1] not in (" ", "\t"):
         return None
     comment = _COMMENT.match(text, node.end)
     return None if comment is None else comment[1]

@@ -197,8 +197,8 @@ def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
 
     There are as many numbers as the shape needs. From invalid numbers, FuzzyLite would compute 0 or NaN.
     """
-    in_order = values[::2] if shape is Shape.Discrete else values if shape in _ORDERED else ()
-    if any(one > other for one, other in pairwise(in_order)):
+    ordered_values = values[::2] if shape is Shape.Discrete else values if shape in _SHAPES_WITH_ORDERED_CORNERS else ()
+    if any(one > other for one, other in pairwise(ordered_values)):
         return "has its numbers out of order", " from left to right"
     for name, value in zip(shape.value.names, values, strict=False):
         if name.startswith(("width", "standard_deviation")) and value <= 0.0:
@@ -208,7 +208,7 @@ def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
     return "", ""
 
 
-_ORDERED = {Shape.Triangle, Shape.Trapezoid, Shape.PiShape, Shape.SShape, Shape.ZShape}
+_SHAPES_WITH_ORDERED_CORNERS = {Shape.Triangle, Shape.Trapezoid, Shape.PiShape, Shape.SShape, Shape.ZShape}
 """The shapes whose corners must be in order from left to right."""
 
 
@@ -242,8 +242,8 @@ def _read_phrases(reader: Reader, key: str) -> Iterator[Phrase]:
             reader.damage(key)
             continue
         text, letters = condition_text(reader, item)
-        placed = Letters(reader.place_of, letters) if letters else None
-        yield Phrase(text=text, place=reader.origin.of(item), letters=placed)
+        placed_letters = Letters(reader.place_of, letters) if letters else None
+        yield Phrase(text=text, place=reader.origin.of(item), letters=placed_letters)
 
 
 def _read_course(reader: Reader) -> Course:

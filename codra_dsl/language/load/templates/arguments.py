@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from codra_dsl.language.diagnostics import Related, replacing, surely_means
+from codra_dsl.language.diagnostics import Related, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.schema import has_shape
-from codra_dsl.language.load.templates.substitution import Bound, bind, example
+from codra_dsl.language.load.templates.substitution import BoundValue, bind, example_value
 from codra_dsl.language.load.templates.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
@@ -24,7 +24,7 @@ class Arguments:
         is_valid: whether no argument is wrong or missing.
     """
 
-    bound: Mapping[str, Bound]
+    bound: Mapping[str, BoundValue]
     is_valid: bool
 
 
@@ -51,7 +51,7 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
                     subject, given_entries[name][0], template, given_entries, findings, missing=only_missing_name
                 )
             )
-    bound = {INSTANCE: Bound(ParameterKind.IDENTIFIER, subject.name, subject.name)}
+    bound = {INSTANCE: BoundValue(ParameterKind.IDENTIFIER, subject.name, subject.name)}
     for name, parameter in template.parameters.items():
         if name == INSTANCE:
             continue
@@ -62,7 +62,9 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
                 continue
         elif name in missing_names and name not in corrected_names and not is_unread(node):
             _report_missing(subject, name, parameter, template, findings)
-        bound[name] = replace(example(parameter), known=True) if name in template.unused_names else example(parameter)
+        bound[name] = (
+            replace(example_value(parameter), known=True) if name in template.unused_names else example_value(parameter)
+        )
     return Arguments(bound, is_valid and all(argument.known for argument in bound.values()))
 
 
@@ -117,7 +119,7 @@ def _report_unknown(
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
     place, path = subject.origin.of(key), subject.part(key.text)
     is_safe = suggestion is not None and suggestion in template.used_names and surely_means(key.text, suggestion, known)
-    fix = replacing(place, key.text, suggestion, safe=is_safe) if suggestion else None
+    fix = replacement_fix(place, key.text, suggestion, safe=is_safe) if suggestion else None
     findings.add("unknown-argument", message, place, help=help_text, path=path, fix=fix)
     return suggestion or missing or ""
 

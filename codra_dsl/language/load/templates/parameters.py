@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from codra_dsl.language.diagnostics import Fix, Place, Related, replacing, surely_means
+from codra_dsl.language.diagnostics import Fix, Place, Related, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_declarations
 from codra_dsl.language.load.yaml.findings import Findings, list_names
@@ -173,7 +173,7 @@ class ParameterResolver:
         message = f"the parameter {shown(declared)} of {self._subject} is never used, and {shown(name)} is not declared"
         path = self._subject.part("parameters", declared)
         related = [Related(f"{shown(name)} is used here", mention.place) for mention in mentions]
-        fix = replacing(place, declared, name, safe=False)
+        fix = replacement_fix(place, declared, name, safe=False)
         findings.add(
             "unknown-parameter", message, place, help=f"did you mean '{name}'?", path=path, related=related, fix=fix
         )
@@ -208,7 +208,7 @@ class ParameterResolver:
         if span.line != span.end_line or span.end_column - span.column != len(mention.written):
             return None
         is_safe = suggestion in self._mentions and surely_means(name, suggestion, declared)
-        return replacing(mention.place, mention.written, f"$({suggestion})", safe=is_safe)
+        return replacement_fix(mention.place, mention.written, f"$({suggestion})", safe=is_safe)
 
 
 def _mentions(origin: Origin, sections: Mapping[str, MappingNode]) -> Iterator[tuple[str, _Mention]]:

@@ -60,7 +60,7 @@ DEFINITIONS = {
 INSTANCE = "instance"
 """The parameter that every template has: the name of the use."""
 
-_KNOWN = frozenset({"parameters", *KEYS})
+_KEYS = frozenset({"parameters", *KEYS})
 _BARE_WORD = re.compile(r"(?<![$\w(])[A-Za-z]\w*(?![\w)])")
 _PARAMETER_MARK = re.compile(r"[$){]")
 _WORD_CHARACTER = re.compile(r"[\w$).]")
@@ -193,7 +193,7 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     origin = Origin(subject.origin.source, None, subject.name)
     explain_outline("template", node, subject, findings)
     sections = {key: value for key in SECTIONS if (value := section_of(node, key)) is not None}
-    has_bad_key = any(key not in _KNOWN and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
+    has_bad_key = any(key not in _KEYS and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
     parameters = _parameters(subject, node, findings)
     has_invalid_name = any(not is_identifier(name) for name in parameters) or is_unread(node.value("parameters"))
     is_open = has_invalid_name or ((has_bad_key or node.unread) and "parameters" not in node.entries)

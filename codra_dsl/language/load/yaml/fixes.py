@@ -13,7 +13,7 @@ from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.language.load.yaml.traps import Trap
 
-_OTHER_NAMES = {
+_TYPE_NAME_SYNONYMS = {
     "boolean": "bool",
     "integer": "int",
     "number": "float",
@@ -23,7 +23,7 @@ _OTHER_NAMES = {
     "text": "str",
     "enumeration": "enum",
 }
-_SURE_NAMES = frozenset({"boolean", "integer", "string", "enumeration"})
+_CERTAIN_SYNONYMS = frozenset({"boolean", "integer", "string", "enumeration"})
 """Type names of other languages that correspond to exactly one of ours."""
 
 _TRUTH_VALUES = {"yes": "true", "on": "true", "no": "false", "off": "false"}
@@ -38,9 +38,9 @@ def corrected_truth_value(text: str) -> str | None:
 
 def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple[str | None, bool]:
     """Return the allowed word that another word probably means, and whether that is certain."""
-    known_word = _OTHER_NAMES.get(word.casefold())
-    if known_word in allowed:
-        return known_word, word.casefold() in _SURE_NAMES
+    own_type_name = _TYPE_NAME_SYNONYMS.get(word.casefold())
+    if own_type_name in allowed:
+        return own_type_name, word.casefold() in _CERTAIN_SYNONYMS
     suggestion = findings.nearest(word, allowed)
     return suggestion, suggestion is not None and surely_means(word, suggestion, allowed)
 
