@@ -41,7 +41,7 @@ class Planned:
     """Specs that were loaded, checked and planned.
 
     Attributes:
-        root: the folder that all paths in findings are relative to.
+        root: the folder to which all paths in findings are relative.
         plans: a plan for each spec without an error that prevents planning, sorted by name.
         diagnostics: the findings after triage, in file order, without duplicates.
         files: the files of the specs and their parts, relative to the root; `specs` has the files of the specs alone.
@@ -204,7 +204,7 @@ def _load(files: Iterable[Path], root: Path, texts: Mapping[str, bytes], timings
 
 
 def _check(loaded_specs: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_SpecAfterCheck]:
-    """Yield each spec with the results of its checks, and of the checks of the behaviour trees that it names."""
+    """Yield each spec with the results of its checks, and of the checks of the behaviour trees that the spec names."""
     for spec, load_findings in loaded_specs:
         with timings.stage("check"):
             checked_spec = _check_spec(spec, load_findings, root)

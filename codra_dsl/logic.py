@@ -48,7 +48,7 @@ class Term:
         raise NotImplementedError
 
     def parts(self) -> tuple[Term, ...]:
-        """Return the terms that this one is made of."""
+        """Return the terms of which this term is made."""
         return ()
 
     def walk(self) -> Iterator[Term]:
@@ -65,7 +65,7 @@ class Term:
 
     @property
     def reads(self) -> tuple[frozenset[str], bool]:
-        """Return the names that the term reads, and whether it reads an age; computed once."""
+        """Return the names that the term reads, and whether the term reads an age; they are computed once."""
         if not hasattr(self, "_reads"):
             leaves = [term for term in self.walk() if isinstance(term, (_Variable, _Known, _Age))]
             reads_age = any(isinstance(term, _Age) for term in leaves)
@@ -211,7 +211,7 @@ def _operands(kind: type[_Conjunction] | type[_Disjunction], term: Term) -> tupl
 
 
 def _grouped_text(term: Term) -> str:
-    """Return the text of an operand, in parentheses where an operator beside it could change its meaning."""
+    """Return the text of an operand, in parentheses where an operator beside the operand could change its meaning."""
     return f"({term!r})" if isinstance(term, (_Conjunction, _Disjunction, _Comparison, _Arithmetic)) else repr(term)
 
 

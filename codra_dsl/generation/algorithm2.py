@@ -47,7 +47,7 @@ from codra_dsl.language.model import ObserverSetting
 
 
 def plan(checked: CheckedSpec) -> BuildPlan:
-    """Return what to build for a checked spec, by Algorithm 2 (line 1)."""
+    """Return the build plan of a checked spec, made by Algorithm 2 (line 1)."""
     in_force, forest = _build_observer_system(checked)
     build_plan = BuildPlan(
         checked=checked,

@@ -72,7 +72,7 @@ class Freshness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WriteResult:
-    """The changes made to an output folder, as paths relative to the folder. No change follows a finding."""
+    """The changes made to an output folder, as paths relative to the folder. No further change followed a finding."""
 
     changed: tuple[str, ...] = ()
     removed: tuple[str, ...] = ()

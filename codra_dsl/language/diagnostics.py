@@ -41,7 +41,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True, order=True)
 class Span:
-    """A range of text. Lines and columns are 1-based, columns count code points, the end is exclusive.
+    """A range of text. Lines and columns begin at 1. Columns count code points. The end is exclusive.
 
     Attributes:
         file: the path relative to the project root, with `/`; `-` for standard input.
@@ -135,7 +135,7 @@ _FIRST_QUALITY_CODE = "CDR7"
 
 
 def replacement_fix(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
-    """Return the fix that replaces a text by another, or None for a text in a template, which several uses share."""
+    """Return the fix that replaces one text by another, or None in a template, because several uses share its text."""
     if place.use is not None:
         return None
     applicability = Applicability.SAFE if safe else Applicability.SUGGESTED
@@ -154,7 +154,7 @@ class Rule:
     def is_binding(self) -> bool:
         """Whether findings of this rule can be neither silenced nor reduced to warnings.
 
-        This is so for the errors of phases 0 to 6. They prevent compilation.
+        These are the errors of phases 0 to 6, which prevent compilation.
         """
         return self.severity is Severity.ERROR and self.code < _FIRST_QUALITY_CODE
 
@@ -189,14 +189,14 @@ class Diagnostic:
 
     @property
     def severity(self) -> Severity:
-        """Return the severity from the settings or, if they state none, from the rule."""
+        """Return the severity from the settings or, if the settings state none, from the rule."""
         return self.level or self.rule.severity
 
     @property
     def fingerprint(self) -> str:
         """Return an identifier of this finding that stays the same when lines move."""
         message = _LINE_NUMBER.sub("", self.message)
-        used_in = () if self.place.use is None else (self.place.use.file,)  # specs share parts
+        used_in = () if self.place.use is None else (self.place.use.file,)  # several specs may use the same part
         text = "\0".join((self.code, self.place.span.file, self.path, message, *used_in))
         return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:16]
 

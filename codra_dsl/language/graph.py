@@ -39,7 +39,7 @@ def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
 def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
     """Return the groups of names that need each other. Each group is sorted; groups are ordered by their first name.
 
-    Names that are on no cycle are left out. A name that needs itself is a component even without other names.
+    Names that are on no cycle are left out. A name that needs itself is a group even if it is alone.
     """
     if not needs:
         return ()
@@ -51,7 +51,7 @@ def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
 
 
 def shortest_cycle(needs: Needs) -> tuple[str, ...]:
-    """Return a shortest cycle as a path, or () if there is no cycle. The last name of the path needs the first one.
+    """Return a shortest cycle as a path, or () if there is no cycle. The last name of the path needs the first name.
 
     Among cycles of the same length, the function returns the cycle that is reached first from the least name. The path
     begins with its least name. On graphs with very many cycles, MAX_VISITS bounds the search.
@@ -69,7 +69,7 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
         path, visits = _cycle_through(start, part, shorter_than=len(shortest))
         shortest = path or shortest
         budget -= visits + part.number_of_edges()
-        part.remove_node(start)  # no other cycle through `start` is shorter than `best`
+        part.remove_node(start)  # no other cycle through `start` is shorter than `shortest`
         pending_parts.extend(_cyclic_parts(part))
     least_index = shortest.index(min(shortest)) if shortest else 0
     return shortest[least_index:] + shortest[:least_index]
@@ -103,8 +103,8 @@ def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
 def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
     """Return a shortest cycle through `start`, and the number of visited edges.
 
-    The cycle must be shorter than `shorter_than`; 0 means that any length is allowed. If there is no such cycle, ()
-    takes its place.
+    The cycle must be shorter than `shorter_than`; 0 means that any length is allowed. If there is no such cycle, return
+    () as the cycle.
     """
     came_from: dict[str, str] = {}
     layer, length, visits = [start], 1, 0

@@ -115,7 +115,7 @@ def _tasks_of_agents(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Map
 
 
 def _elements_read_by_agent(agent: CheckedAgent, tasks: Collection[str]) -> list[KnowledgeElement]:
-    """Return the elements that an agent reads, without those that it knows in any case: what it owns, and its tasks."""
+    """Return the elements that an agent reads, except those that it knows in any case: its own elements and tasks."""
     known_elements = {(element.section, element.name) for element in agent.owns} | {("tasks", name) for name in tasks}
     return [element for element in agent.reads if (element.section, element.name) not in known_elements]
 

@@ -21,7 +21,9 @@ class _Contents:
 
 
 def assign_modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...]:
-    """Return one module per spec file that has elements, and one per use of a template; equal names share a module.
+    """Return one module for each spec file and each use of a template that has elements.
+
+    Files and uses with the same module name share a module.
 
     A tree, with all its algorithms, is in the module in which its first algorithm is declared.
     """

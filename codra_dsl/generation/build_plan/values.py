@@ -140,7 +140,8 @@ class BuildPlan:
         class_name: the Python name of the class of the spec's context.
         in_force: C_M, in the order in which Algorithm 2 adds the variables.
         forest: F, in Algorithm 2's order: a tree comes after the trees that it needs, except for feedback.
-        modules: sorted by name; together they hold every declared variable and skill, and every tree.
+        modules: the generated modules, sorted by name; together they contain every declared variable and skill, and
+            every tree.
         edges: the dependency graph, sorted.
     """
 

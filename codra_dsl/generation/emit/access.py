@@ -51,7 +51,8 @@ class _Shape:
     """A method whose types have not been filled in.
 
     Attributes:
-        typed_argument: the argument after `name`, whose type depends on the variable's type, for variables of one type.
+        typed_argument: for variables of one type, the argument after `name`; its type depends on the type of the
+            variables.
         fallback_argument: the same argument for variables of any type: it accepts only what fits all types.
         implementation_argument: the same argument in the definition that follows several signatures.
         other_arguments: further arguments, with their defaults.
@@ -119,7 +120,7 @@ _SHAPES = (
 
 
 def methods(groups: Sequence[VariableGroup]) -> Iterator[Method]:
-    """Yield the methods for variables of some types; a spec without variables has no methods."""
+    """Yield the methods for groups of variables; a spec without variables has no methods."""
     for shape in _SHAPES if groups else ():
         yield _overloaded_method(shape, groups) if len(groups) > 1 else _single_signature_method(shape, groups[0])
 

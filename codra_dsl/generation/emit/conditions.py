@@ -28,12 +28,12 @@ WORDS = frozenset(
 """The functions of `codra_dsl.runtime.values.conditions` that conditions call."""
 
 POSE_FUNCTIONS = frozenset({"distance", "in_view"})
-"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge can call too."""
+"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge can call as well."""
 
 _CALLABLE_NAMES = WORDS | POSE_FUNCTIONS | {"abs"}
 _SINGLETON_SETS = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
-# Most conditions have this form. All others go through Python's parser, which would also read these correctly.
+# Most conditions have this form. Python's parser reads the others; it would give the same result for all.
 _SIMPLE_CONDITION = re.compile(
     r"""(value|known)\((["'])([A-Za-z][A-Za-z0-9_]*)\2\)"""
     r"""( (?:[<>]=?|[=!]=) (?:0|[1-9][0-9]{0,8})(?:\.(?:0|[0-9]{0,3}[1-9]))?)?"""

@@ -147,7 +147,7 @@ def _fields(model: str, imports: Imports, **fields: Expression) -> dict[str, Exp
 def non_default_fields(
     model: str, defaults: Mapping[str, Expression], imports: Imports, fields: Mapping[str, Expression]
 ) -> dict[str, Expression]:
-    """Return the fields that differ from the defaults of the runtime; their imports are recorded."""
+    """Return the fields that differ from the defaults of the runtime, and record the imports of these fields."""
     imports.use(model)
     kept_fields = {
         name: value

@@ -20,7 +20,7 @@ _PLAIN_TYPES: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLO
 
 
 MAX_ENUMS = 50
-"""The maximum number of enums with their own type; variables of further enums are strings for editors and mypy."""
+"""The maximum number of enums with their own type; members of further enums are plain strings for editors and mypy."""
 
 
 def entry_text(plan: BuildPlan) -> str:

@@ -62,7 +62,7 @@ class Imports:
         self._names.update(names)
 
     def use_in(self, code: Iterable[str], names: Iterable[str]) -> None:
-        """Record which of some names the module uses: those that occur in its code outside of literals."""
+        """Record which of the given names the module uses: those that occur in its code outside of literals."""
         self._names.update(set(names).intersection(_WORD.findall(_TEXT.sub("", "\n".join(code)))))
 
     def use_math_for(self, values: Iterable[Expression]) -> None:

@@ -99,7 +99,7 @@ class _Writer:
         )
 
     def node_types(self) -> Iterable[Expression]:
-        """Yield the node types: first the declared types, then types that are not declared but that a node has."""
+        """Yield the node types: first the declared types, then the undeclared types of nodes."""
         for name in node_type_names(self._world):
             declared = self._world.types.get(name)
             if declared is None:

@@ -52,7 +52,7 @@ def prove(files: Mapping[str, str]) -> None:
 
 
 def _is_proven_in_pieces(text: str, proven_pieces: set[str]) -> bool:
-    """Compile the pieces of a module that are not in `proven_pieces`, and return whether this proves the whole module."""
+    """Compile the pieces of a module that are not in `proven_pieces`; return whether this proves the whole module."""
     code_before_docstring, _, rest = text.partition('"""')
     docstring, closing, statements = rest.partition('"""')
     docstring_line = docstring.replace("\n", "")

@@ -44,7 +44,7 @@ class BuiltIn:
     Attributes:
         min_children: the minimum number of children.
         max_children: the maximum number of children; None for any.
-        word: the name of its class or function in `codra_dsl.runtime.behavior_trees`.
+        word: the name of the node's class or function in `codra_dsl.runtime.behavior_trees`.
     """
 
     kind: NodeKind

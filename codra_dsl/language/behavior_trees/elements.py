@@ -35,7 +35,7 @@ class Element:
     """An element as written.
 
     Attributes:
-        comments: the comments before it.
+        comments: the comments before the element.
         last_comments: the comments after its last child.
         text: the text of the element, if its tag is in `TAGS_WITH_TEXT`.
     """

@@ -59,7 +59,7 @@ def read_trees(spec: Spec, root: Path) -> Mapping[str, ReadResult]:
 
 
 def named_tree_files(spec: Spec, trees: Mapping[str, ReadResult]) -> Iterator[str]:
-    """Yield the files from which a spec's trees were read, and the files that it names, even if missing."""
+    """Yield the files from which a spec's trees were read, and all files that the spec names; these may be missing."""
     for tree in spec.trees:
         forest, _ = trees.get(tree.name, UNREAD_RESULT)
         path = os.path.normpath(PurePosixPath(tree.file.place.span.file).parent / tree.file.name)

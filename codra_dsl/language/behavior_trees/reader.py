@@ -1,4 +1,4 @@
-"""Read a file of BehaviorTree.CPP and its included files: elements of the right shape -> tree values."""
+"""Read a file of BehaviorTree.CPP and its included files: elements -> tree values, with a check of the shape."""
 
 from __future__ import annotations
 
@@ -280,7 +280,7 @@ class _FileBuilder:
 
 
 def _all_comments(element: Element) -> Iterable[str]:
-    """Yield the comments of an element and of all elements inside it; the element's value has no field for them."""
+    """Yield the comments of an element and of all elements inside it; the element's value has no field for comments."""
     yield from element.comments
     for child in element.children:
         yield from _all_comments(child)

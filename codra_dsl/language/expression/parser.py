@@ -1,7 +1,7 @@
 """Tokens -> syntax tree, by precedence climbing.
 
-From loosest to tightest: `A if C else B`, `or`, `and`, `not`, comparisons and `in`, `+ -`, `* /`, sign. As in Python,
-comparisons form chains and `not` applies to a complete comparison.
+The operators, from loosest to tightest binding: `A if C else B`, `or`, `and`, `not`, comparisons and `in`, `+ -`, `*
+/`, sign. As in Python, comparisons form chains and `not` applies to a complete comparison.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MAX_DEPTH = 64
 
 
 class Power(IntEnum):
-    """The binding power of an operator: a larger one binds tighter."""
+    """The binding power of an operator: an operator with a larger power binds tighter."""
 
     CHOICE = 1
     OR = 2
@@ -87,7 +87,7 @@ _OPERATOR_HELP = {
 
 
 def parse(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition, or the problem of an invalid text. Never raises."""
+    """Return the tree of a condition, or the problem of an invalid text. This function never raises."""
     if is_name(text):  # the most common form
         return Name(start=0, end=len(text), name=text)
     try:
@@ -99,7 +99,8 @@ def parse(text: str) -> Node | SyntaxProblem:
 class _Parser:
     """Reads one condition.
 
-    The text of a token is enough to recognise a word or a symbol: no name, number or quoted text is spelled like one.
+    The text of a token is enough to recognise a word or a symbol: no name, number or quoted text is spelled like a word
+    or a symbol.
     """
 
     def __init__(self, all_tokens: tuple[Token, ...]) -> None:

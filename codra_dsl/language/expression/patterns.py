@@ -1,6 +1,6 @@
 """Patterns of the knowledge graph: text -> syntax tree, with help for common mistakes.
 
-A pattern is either a path such as `robot -wants-> detecting`, optionally preceded by `not`; or a condition. A condition
+A pattern is a path such as `robot -wants-> detecting`, with an optional `not` before it, or a condition. A condition
 reads context-variables, `node.attribute`, `distance(a, b)` and `in_view(node, camera)`; each of these is one name in
 the syntax tree.
 """
@@ -109,7 +109,7 @@ class Path(Node):
 
 
 def parse_pattern(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a pattern, or the problem of an invalid text. Never raises."""
+    """Return the tree of a pattern, or the problem of an invalid text. This function never raises."""
     try:
         if len(text) > MAX_LENGTH:
             help_text = f"at most {MAX_LENGTH} are allowed: split it into several patterns"

@@ -31,7 +31,7 @@ class Name(Node):
     """A context-variable or a returned value.
 
     Attributes:
-        pose_comparison: the comparison with poses that has this name, such as `distance(a, b) < 0.9 m`; None for other names.
+        pose_comparison: the comparison with poses that has this name, such as `distance(a, b) < 0.9 m`; otherwise None.
     """
 
     name: str

@@ -20,7 +20,7 @@ _TOKEN = r"[()]|[^\s()]+"
 _HEDGES = frozenset(Hedge)
 
 Names = Mapping[str, frozenset[str]]
-"""The terms of each variable."""
+"""A mapping from each variable to its terms."""
 
 
 class _WrongRuleError(Exception):

@@ -1,4 +1,4 @@
-"""Engine -> the text of a Python module with two functions: `infer` of numbers, and `infer_bounds` of bounds."""
+"""Engine -> the text of a Python module with two functions: `infer` for numbers, and `infer_bounds` for bounds."""
 
 from __future__ import annotations
 

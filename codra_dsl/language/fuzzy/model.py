@@ -17,8 +17,8 @@ class Term:
     """A fuzzy set of a known shape.
 
     Attributes:
-        parameters: in the order of the names in the shape's form; for `Discrete` the points x1 y1 x2 y2 ..., for
-            `Linear` the coefficients.
+        parameters: the parameters, in the order of the names in the shape's form; for `Discrete` the points x1 y1 x2 y2
+            ..., for `Linear` the coefficients.
     """
 
     name: str
@@ -82,7 +82,7 @@ class InputVariable:
     description: str = ""
 
     def term(self, name: str) -> AnyTerm:
-        """Return the term with a name."""
+        """Return the term with the given name."""
         return next(term for term in self.terms if term.name == name)
 
 
@@ -121,7 +121,7 @@ class OutputVariable:
     description: str = ""
 
     def term(self, name: str) -> AnyTerm:
-        """Return the term with a name."""
+        """Return the term with the given name."""
         return next(term for term in self.terms if term.name == name)
 
 
@@ -220,7 +220,7 @@ class Engine:
     description: str = ""
 
     def variable(self, name: str) -> Variable:
-        """Return the input or output with a name."""
+        """Return the input or output with the given name."""
         return next(variable for variable in self.variables if variable.name == name)
 
     @property

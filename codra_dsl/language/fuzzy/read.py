@@ -1,4 +1,4 @@
-"""Read FLL: bytes -> engine, or None, and findings. All mistakes are reported in one run, with their places."""
+"""Read FLL: bytes -> an engine or None, and findings. All mistakes are reported in one run, with their places."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Read:
 
     Attributes:
         engine: None if there are findings.
-        findings: in the order of the text.
+        findings: the findings, in the order of the text.
     """
 
     engine: Engine | None

@@ -95,7 +95,7 @@ def split(word: Word, pattern: str) -> Iterator[Word]:
 
 
 def decode(data: bytes, file: str, findings: Findings) -> str | None:
-    """Return the text in some bytes, or None if it is not UTF-8, or has too many bytes or lines."""
+    """Return bytes as text, or None if they are not UTF-8, or there are too many bytes or lines."""
     start = _place(file, 1, 1, 0)
     if len(data) > MAX_BYTES:
         findings.add("fll-too-large", f"more than {MAX_BYTES} bytes", start, "name a file that describes one engine")

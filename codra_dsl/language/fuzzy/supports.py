@@ -40,7 +40,7 @@ class Extent:
 
     @property
     def ends(self) -> tuple[float, ...]:
-        """Return all finite ends of intervals, sorted. Support and core begin and end only there or at infinity."""
+        """Return all finite ends of intervals, sorted. Support and core begin and end only at these, or at infinity."""
         endpoints = {
             end for interval in (*self.open_intervals, *self.full_intervals, *self.peak_intervals) for end in interval
         }

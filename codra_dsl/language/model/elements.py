@@ -136,7 +136,7 @@ class ValueType:
 
     Attributes:
         unit: the unit's text, e.g. `m/s`, or None. Values are in this unit; only `with` literals are converted to SI.
-        range: both ends inclusive, in `unit`.
+        range: the least and the greatest value, in `unit`.
         values: an enum's members, in order.
         places: the places of the keys that are written (`type`, `unit`, `range`, `values`), by key. The place of a
             member has the key `values.NAME`.
@@ -246,7 +246,8 @@ class Variable:
         is_derived: whether another element implies the variable: its value is then a metric, a weight, a course or the
             result of a comparison with poses.
         pose_condition: the comparison with poses whose result is the value of the variable, if any.
-        places: by key (`valid_for`, `source`, ...); `name` is the place of the variable's name.
+        places: the places of the entries, by key (`valid_for`, `source`, ...); `name` is the place of the variable's
+            name.
     """
 
     name: str
@@ -358,7 +359,7 @@ class Algorithm:
         call: `package.module:function`.
         parameters: literals in file order, with quantities as SI floats; `places` has a key `with.NAME` for each.
         given: the variables whose values the function gets as arguments; all of them must be known.
-        places: by key; `name` is the place of the algorithm's name.
+        places: the places of the entries, by key; `name` is the place of the algorithm's name.
     """
 
     name: str

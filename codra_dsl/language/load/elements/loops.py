@@ -193,7 +193,7 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
 
 
 def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
-    """Return why the numbers of a term do not make a valid shape, and a hint; two empty texts if they do.
+    """Return why the numbers of a term do not make a valid shape, and a hint, or two empty texts if nothing is wrong.
 
     There are as many numbers as the shape needs. From invalid numbers, FuzzyLite would compute 0 or NaN.
     """

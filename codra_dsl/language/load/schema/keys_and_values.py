@@ -36,7 +36,7 @@ _PART_NOUNS: Mapping[str | int, str] = {
 """A mapping from keys to the nouns for their entries, for entries that have names of their own."""
 
 _TRAP_KINDS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
-"""A mapping from the schema's anchors of values that YAML's traps affect to the kinds of traps."""
+"""For each anchor in the schema whose values can fall into traps of YAML: the kind of trap."""
 
 _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
@@ -112,7 +112,7 @@ class _Explanation:
         self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
-        """Report unknown keys; return each mapping with unknown keys, and the known key, if any, that each means."""
+        """Report unknown keys; return each mapping with unknown keys, with the known key or None for each of them."""
         corrections = []
         for error in errors:
             mapping = self._node(error.path)
@@ -241,7 +241,7 @@ class _Explanation:
     def _rename_fix(
         self, key: ScalarNode, suggestion: str, other_keys: Iterable[str], free_keys: Iterable[str]
     ) -> Fix | None:
-        """Return the fix of a misspelt key. It is a safe fix if the meaning is unique and no other key means it."""
+        """Return the fix of a misspelt key. It is safe if the meaning is unique and no other key has this meaning."""
         is_unique = not any(is_slip(other, suggestion) for other in other_keys if other != key.text)
         is_safe = is_unique and surely_means(key.text, suggestion, free_keys)
         return replacement_fix(self._subject.origin.of(key), key.written, suggestion, safe=is_safe)

@@ -51,8 +51,8 @@ def misspelt_declarations(
     Args:
         uses: the number of uses of each unknown name.
         unused: the names that are declared and never used.
-        declared: all declared names. If a declared name that is used is nearer to an unknown name than an unused one,
-            the use is misspelt.
+        declared: all declared names. If another of these is nearer to the unknown name than the unused name, the use is
+            misspelt.
         vocabulary: decides about names with only one use.
         nearest: returns the candidate that a name most likely means.
     """

@@ -257,7 +257,7 @@ class _Composer:
             self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), help_text)
 
     def _report_duplicate_keys(self, duplicate_keys: list[tuple[ScalarNode, ScalarNode]]) -> None:
-        """Report the duplicate keys of one mapping. A missing line above an element causes several of them."""
+        """Report a mapping's duplicate keys. If there are several, a line above an element is probably missing."""
         (key, first), *others = duplicate_keys
         related = [Related("first one here", self._source.place(*_range(first)))]
         related += [

@@ -53,7 +53,7 @@ class Findings:
         return tuple(self._diagnostics)
 
     def nearest(self, name: str, candidates: Iterable[str]) -> str | None:
-        """Return the candidate that a name most likely means, or None, also if all suggestions have been used up."""
+        """Return the candidate that a name most likely means, or None. After MAX_SUGGESTIONS searches, return None."""
         if self._suggestions_left == 0:
             return None
         self._suggestions_left -= 1

@@ -32,12 +32,12 @@ _BULLET = re.compile(r"[ \t]*-[ \t]+")
 
 
 def corrected_truth_value(text: str) -> str | None:
-    """Return `true` or `false` for a word that was a truth value in YAML 1.1; None for any other."""
+    """Return `true` or `false` for a word that was a truth value in YAML 1.1, or None for any other word."""
     return _TRUTH_VALUES.get(text.casefold())
 
 
 def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple[str | None, bool]:
-    """Return the allowed word that another word probably means, and whether that is certain."""
+    """Return the allowed word that another word probably means, or None, and whether the meaning is certain."""
     own_type_name = _TYPE_NAME_SYNONYMS.get(word.casefold())
     if own_type_name in allowed:
         return own_type_name, word.casefold() in _CERTAIN_SYNONYMS

@@ -65,7 +65,7 @@ class Reader:
             self.damaged.update(key for key in _MAPPINGS if key in node.entries and is_unread(node.value(key)))
 
     def inner(self, node: MappingNode, *steps: str) -> Reader:
-        """Return a reader of the part of the element at `steps`; both share the damaged keys."""
+        """Return a reader of the part of the element at `steps`; both readers share the damaged keys."""
         reader = Reader(self.subject, node, self.findings, within=(*self._within, *steps))
         reader.damaged, reader.suspects = self.damaged, self.suspects
         return reader
@@ -169,5 +169,5 @@ def is_unread(node: YamlNode | None) -> bool:
 
 
 def entries(node: YamlNode | None) -> Iterable[tuple[ScalarNode, YamlNode]]:
-    """Return the entries of a mapping; none for any other node."""
+    """Return the entries of a mapping, or no entries for any other node."""
     return node.entries.values() if isinstance(node, MappingNode) else ()

@@ -22,7 +22,7 @@ class RepairedText:
     """The text of one file, with the repairs that make it readable.
 
     Attributes:
-        text: the repaired text that the parser reads. Its offsets equal the file's if nothing was inserted.
+        text: the repaired text that the parser reads. Its offsets equal those in the file if nothing was inserted.
         reported_offsets: the offsets in `text` of masked ranges and inserted placeholders, which have been reported.
     """
 

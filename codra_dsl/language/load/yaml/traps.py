@@ -91,7 +91,7 @@ def read_as_quoted_trap(first: str, rest: str, complete_text: str) -> Trap:
 
 
 def read_as_literal_trap(scalar_text: str, noun: str, key: str) -> Trap:
-    """Return the trap of a condition that is a YAML literal, under a key of an element."""
+    """Return the trap of a condition that is a YAML literal; `key` is the element's key that contains it."""
     message = f"YAML reads {shown(scalar_text)} as {noun}, not as a condition"
     if key == "value":
         return Trap("read-as-literal", message, f"quote it: '{scalar_text}'")
@@ -185,7 +185,7 @@ class Openings:
 
     @property
     def is_any_open(self) -> bool:
-        """Whether anything is open."""
+        """Whether a quote or a parenthesis is open."""
         return self._depth > 0 or self.quote != ""
 
     def read(self, text: str) -> None:
