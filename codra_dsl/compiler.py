@@ -22,7 +22,7 @@ from codra_dsl.language.diagnostics import Diagnostic, Related, has_errors
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
 from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec
-from codra_dsl.language.project import relative
+from codra_dsl.language.project import relative_path
 from codra_dsl.workspace.cache import Run
 from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triage
 from codra_dsl.workspace.timings import UNTIMED, Timings
@@ -147,8 +147,8 @@ def plan_paths(
     request = _Request(
         root=root,
         files=files,
-        specs=[relative(file, root) for file in files.specs],
-        paths=[relative(path, root) for path in paths],
+        specs=[relative_path(file, root) for file in files.specs],
+        paths=[relative_path(path, root) for path in paths],
         texts=texts,
     )
     return _plan_request(request, _load(files.specs, root, texts, timings), timings)
@@ -159,9 +159,9 @@ def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIM
     """Load, check and plan one spec that is given as text; `file` is its name in findings."""
     data = text.encode(errors="surrogatepass") if isinstance(text, str) else text
     with timings.stage("load"):
-        loaded = load_text(text, file, root)
+        loaded_spec = load_text(text, file, root)
     request = _Request(root=root, files=Files(), specs=[file], paths=[file], texts={file: data})
-    return _plan_request(request, [loaded], timings)
+    return _plan_request(request, [loaded_spec], timings)
 
 
 def _plan_request(request: _Request, loaded_specs: Iterable[Loaded], timings: Timings) -> Planned:

@@ -78,8 +78,8 @@ class Term:
 
     def flips_s(self, scope: Scope) -> float | None:
         """Return in how many seconds a comparison with an age next changes if no variable changes, or None if never."""
-        waits = (term.flip_s(scope) for term in self.walk() if isinstance(term, _Comparison))
-        return min((wait for wait in waits if wait is not None), default=None)
+        waits_s = (term.flip_s(scope) for term in self.walk() if isinstance(term, _Comparison))
+        return min((wait_s for wait_s in waits_s if wait_s is not None), default=None)
 
     def is_in(self, *options: Value) -> Term:
         """Return a term that is true when the value is one of `options`."""
@@ -358,9 +358,9 @@ class _Comparison(Term):
 
     def flip_s(self, scope: Scope) -> float | None:
         """Return in how many seconds an age on one side reaches the other side, or None if the age has passed it."""
-        for aging, fixed in ((self.left, self.right), (self.right, self.left)):
-            if isinstance(aging, _Age) and not isinstance(fixed, _Age):
-                age_s, limit_s = aging.evaluate(scope), fixed.evaluate(scope)
+        for aging_term, other_term in ((self.left, self.right), (self.right, self.left)):
+            if isinstance(aging_term, _Age) and not isinstance(other_term, _Age):
+                age_s, limit_s = aging_term.evaluate(scope), other_term.evaluate(scope)
                 if isinstance(age_s, (int, float)) and isinstance(limit_s, (int, float)):
                     return max(limit_s - age_s, FLIP_STEP_S) if limit_s >= age_s else None
         return None

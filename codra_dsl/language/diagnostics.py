@@ -218,8 +218,10 @@ def has_binding_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 def in_file_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return findings sorted by file, place and code, without duplicates."""
-    unique = dict.fromkeys(diagnostics)
-    return tuple(sorted(unique, key=lambda diagnostic: (diagnostic.place.span, diagnostic.code, diagnostic.message)))
+    unique_diagnostics = dict.fromkeys(diagnostics)
+    return tuple(
+        sorted(unique_diagnostics, key=lambda diagnostic: (diagnostic.place.span, diagnostic.code, diagnostic.message))
+    )
 
 
 MAX_LISTED_USES = 5
@@ -270,10 +272,10 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
     if len(name) > MAX_SUGGESTED_LENGTH:
         return None
     limit = max(1, len(name) // 3)
-    similar = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
-    similar.sort(key=lambda other: (other[:1] != name[:1], other))
+    similar_names = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
+    similar_names.sort(key=lambda other: (other[:1] != name[:1], other))
     folded_name, best_candidate = name.casefold(), None
-    for other in similar[:MAX_CANDIDATES]:
+    for other in similar_names[:MAX_CANDIDATES]:
         distance = _distance(folded_name, other.casefold(), limit)
         if distance <= limit:
             best_candidate, limit = other, distance - 1  # only a nearer candidate can still replace this one
@@ -292,11 +294,11 @@ def surely_means(name: str, suggestion: str, candidates: Iterable[str]) -> bool:
     if not is_slip(name, suggestion):
         return False
     folded_name, limit = name.casefold(), _distance(name.casefold(), suggestion.casefold(), len(suggestion)) + 1
-    others = [
+    other_names = [
         other for other in set(candidates) if other not in (name, suggestion) and abs(len(other) - len(name)) <= limit
     ]
-    return len(others) <= MAX_CANDIDATES and all(
-        _distance(folded_name, other.casefold(), limit) > limit for other in others
+    return len(other_names) <= MAX_CANDIDATES and all(
+        _distance(folded_name, other.casefold(), limit) > limit for other in other_names
     )
 
 

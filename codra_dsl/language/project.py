@@ -64,7 +64,7 @@ def without_parent_steps(path: Path) -> Path:
     )  # `..` after a link leads elsewhere
 
 
-def relative(path: Path, root: Path) -> str:
+def relative_path(path: Path, root: Path) -> str:
     """Return a path as findings show it: relative to the root, with `/`."""
     return Path(os.path.relpath(path.absolute(), root.absolute())).as_posix()
 

@@ -110,14 +110,19 @@ class Quantity:
         return convert(self.value, self.unit, Unit(self.unit.dimension))
 
 
-def _base(symbol: str) -> Dimension:
+def _base_dimension(symbol: str) -> Dimension:
     return Dimension(tuple(int(base == symbol) for base in _BASE_SYMBOLS))
 
 
 ONE = Unit(Dimension((0,) * len(_BASE_SYMBOLS)), text="1")
 """The unit of a bare number."""
 
-_METRE, _SECOND, _KILOGRAM, _AMPERE = _base("m"), _base("s"), _base("kg"), _base("A")
+_METRE, _SECOND, _KILOGRAM, _AMPERE = (
+    _base_dimension("m"),
+    _base_dimension("s"),
+    _base_dimension("kg"),
+    _base_dimension("A"),
+)
 _NEWTON = _KILOGRAM * _METRE / _SECOND / _SECOND
 _WATT = _NEWTON * _METRE / _SECOND
 
@@ -132,16 +137,16 @@ UNITS: Mapping[str, Unit] = {
         Unit(_SECOND, Fraction(1, 1000), text="ms"),
         Unit(_SECOND, Fraction(60), text="min"),
         Unit(_SECOND, Fraction(3600), text="h"),
-        Unit(_base("rad"), text="rad"),
-        Unit(_base("rad"), degrees=1, text="deg"),
+        Unit(_base_dimension("rad"), text="rad"),
+        Unit(_base_dimension("rad"), degrees=1, text="deg"),
         Unit(_KILOGRAM, text="kg"),
         Unit(_KILOGRAM, Fraction(1, 1000), text="g"),
         Unit(_NEWTON, text="N"),
         Unit(_WATT / _AMPERE, text="V"),
         Unit(_AMPERE, text="A"),
         Unit(_WATT, text="W"),
-        Unit(_base("lux"), text="lux"),
-        Unit(_base("percent"), text="percent"),
+        Unit(_base_dimension("lux"), text="lux"),
+        Unit(_base_dimension("percent"), text="percent"),
     )
 }
 """All units by symbol; their products and quotients are units as well."""

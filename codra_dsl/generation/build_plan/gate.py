@@ -79,8 +79,8 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
     The first algorithm of each group identifies all variables of the group, and each group is in order of rank.
     """
     for tree in plan.forest:
-        identified = {name for branch in tree.branches for name, _ in branch.algorithm.identifies}
-        if identified != set(tree.identifies):
+        identified_names = {name for branch in tree.branches for name, _ in branch.algorithm.identifies}
+        if identified_names != set(tree.identifies):
             yield f"tree {tree.name} identifies other variables than its algorithms"
         if set(tree.needs) != {name for branch in tree.branches for name in branch.algorithm.needs}:
             yield f"tree {tree.name} has other preconditions than its algorithms"

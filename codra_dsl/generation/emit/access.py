@@ -195,5 +195,5 @@ def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: 
 def alias_statement(name: str, members: Iterable[str]) -> str:
     """Return the statement that makes `name` an alias for the literal type of some strings."""
     items = tuple(map(text_literal, dict.fromkeys(members)))
-    literals = lay_out(make_brackets("Literal[", items, "]"), before=len(name) + 3)
-    return f"{name} = {literals if items else 'Never'}"
+    literals_text = lay_out(make_brackets("Literal[", items, "]"), before=len(name) + 3)
+    return f"{name} = {literals_text if items else 'Never'}"

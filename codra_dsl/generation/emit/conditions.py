@@ -69,9 +69,9 @@ def condition_with_words(python: str) -> tuple[Expression, frozenset[str]]:
     Raises:
         ConditionError: if the condition contains anything except words of conditions, operators and literals.
     """
-    simple = _SIMPLE_CONDITION.fullmatch(python)
-    if simple is not None:
-        word, _, name, comparison = simple.groups()
+    simple_match = _SIMPLE_CONDITION.fullmatch(python)
+    if simple_match is not None:
+        word, _, name, comparison = simple_match.groups()
         return f'{word}("{name}"){comparison or ""}', _SINGLETON_SETS[word]
     try:
         tree = ast.parse(python, mode="eval").body

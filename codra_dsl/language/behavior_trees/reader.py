@@ -25,7 +25,7 @@ from codra_dsl.language.diagnostics import Diagnostic, Place
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.source import Source, decode
 from codra_dsl.language.load.yaml.source import read as read_source
-from codra_dsl.language.project import relative
+from codra_dsl.language.project import relative_path
 
 FORMAT = "4"
 MAX_FILES = 100
@@ -69,7 +69,7 @@ def read_text(data: bytes, file: str) -> tuple[TreeFile | None, tuple[Diagnostic
 
 def _read_file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
     source_findings = Findings()
-    source = read_source(path, relative(path, root), source_findings)
+    source = read_source(path, relative_path(path, root), source_findings)
     findings.extend(source_findings.all())
     return None if source is None else _read_source(source, findings)
 

@@ -169,8 +169,8 @@ def is_name(text: str) -> bool:
 
 def shown(text: str) -> str:
     """Return a text for a message: quoted, shortened, without control characters."""
-    plain = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text[:41])
-    return f"'{plain[:40]}...'" if len(plain) > 40 else f"'{plain}'"
+    printable_text = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text[:41])
+    return f"'{printable_text[:40]}...'" if len(printable_text) > 40 else f"'{printable_text}'"
 
 
 def _read_token(match: re.Match[str]) -> Token:

@@ -252,13 +252,13 @@ class Body:
     def _integral_value(self, output: OutputVariable) -> str:
         constant, degrees = self._constants[output.name], self._degrees(output)
         terms = concluded_terms(output, self._engine)
-        dynamic = ""
+        memberships = ""
         if depends_on_inputs(output, self._engine):
-            dynamic = tuple_of([f"lambda x: {self._membership(term, 'x')}" for term in terms])
+            memberships = tuple_of([f"lambda x: {self._membership(term, 'x')}" for term in terms])
         if self._dialect.has_numbers:
-            shaped = f"outputs.shaped({constant}, {dynamic})" if dynamic else constant
-            return f"{shaped}.value({degrees})"
-        return f"bounded_outputs.integral({', '.join([constant, degrees, *([dynamic] if dynamic else [])])})"
+            integral = f"outputs.shaped({constant}, {memberships})" if memberships else constant
+            return f"{integral}.value({degrees})"
+        return f"bounded_outputs.integral({', '.join([constant, degrees, *([memberships] if memberships else [])])})"
 
     def _weighted_value(self, output: OutputVariable) -> str:
         constant, degrees = self._constants[output.name], self._degrees(output)

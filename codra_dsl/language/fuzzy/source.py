@@ -83,8 +83,8 @@ class Findings:
 
 def shown(text: str) -> str:
     """Return a text quoted for a message: shortened, with printable letters only."""
-    short = text if len(text) <= MAX_SHOWN else text[:MAX_SHOWN] + "..."
-    return "'" + "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in short) + "'"
+    short_text = text if len(text) <= MAX_SHOWN else text[:MAX_SHOWN] + "..."
+    return "'" + "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in short_text) + "'"
 
 
 def split(word: Word, pattern: str) -> Iterator[Word]:

@@ -40,12 +40,12 @@ class Files:
     parts: Mapping[Path, Place] = field(default_factory=dict)
     diagnostics: tuple[Diagnostic, ...] = ()
 
-    def unincluded(self, included: Iterable[str], root: Path) -> Iterator[Diagnostic]:
+    def unincluded(self, included_files: Iterable[str], root: Path) -> Iterator[Diagnostic]:
         """Yield a finding for each part that no spec includes.
 
-        `included` has the files of all specs, relative to the root.
+        `included_files` has the files of all specs, relative to the root.
         """
-        files = {(root / file).resolve() for file in included}
+        files = {(root / file).resolve() for file in included_files}
         for part, place in self.parts.items():
             if part not in files:
                 yield Diagnostic(

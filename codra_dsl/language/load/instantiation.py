@@ -129,8 +129,8 @@ class Uses:
         """Instantiate each template without a valid use, with example values, so that mistakes in it are found."""
         for name, template in self._templates.items():
             if name not in self._used_templates:
-                bound = {key: example_value(parameter) for key, parameter in template.parameters.items()}
-                self._fill(template, Arguments(bound, is_valid=True), template.origin, Elements(self._findings))
+                bound_values = {key: example_value(parameter) for key, parameter in template.parameters.items()}
+                self._fill(template, Arguments(bound_values, is_valid=True), template.origin, Elements(self._findings))
 
     def _is_new(self, subject: Subject) -> bool:
         """Report an invalid or duplicate name; return whether the name can be used."""
@@ -193,7 +193,7 @@ class Uses:
 
     def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
         """Instantiate a template with arguments, and add the resulting elements."""
-        filler = Filler(template, arguments.bound)
+        filler = Filler(template, arguments.bound_values)
         sections = filler.sections()
         filler.report(origin, self._findings)
         for section, mapping in sections.items():
@@ -227,7 +227,7 @@ class _UsedNames:
 
 def _record_lost_names(template: Template, arguments: Arguments, elements: Elements) -> None:
     """Record the names that an invalid use would have created."""
-    for section, mapping in Filler(template, arguments.bound).sections().items():
+    for section, mapping in Filler(template, arguments.bound_values).sections().items():
         for name in mapping.entries:
             elements.record_lost(section, name)
 

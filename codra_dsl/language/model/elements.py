@@ -71,10 +71,10 @@ class Letters:
 
     def place(self, start: int, end: int) -> Place | None:
         """Return the place of a range of the text, or None if none of its letters is in the file."""
-        first, last = self._at(start), self._at(max(start, end - 1))
+        first, last = self._range_at(start), self._range_at(max(start, end - 1))
         return None if first is None or last is None else self.place_of(first[0], last[1])
 
-    def _at(self, offset: int) -> tuple[int, int] | None:
+    def _range_at(self, offset: int) -> tuple[int, int] | None:
         index = bisect_right(self.runs, (offset, math.inf)) - 1
         if index < 0:
             return None

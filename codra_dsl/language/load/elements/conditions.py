@@ -72,9 +72,9 @@ def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
     text = node.text
     if node.style is Style.PLAIN and node.filled_text is None:
         return text, letters
-    stripped = text.strip()
+    stripped_text = text.strip()
     before = len(text) - len(text.lstrip())
-    return stripped.replace("\n", " "), cut(letters, before, before + len(stripped), 0) if before else letters
+    return stripped_text.replace("\n", " "), cut(letters, before, before + len(stripped_text), 0) if before else letters
 
 
 def build_condition(

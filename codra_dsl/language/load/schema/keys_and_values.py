@@ -366,10 +366,10 @@ class _Explanation:
         self._findings.add(trap.rule, trap.message, origin.of(node), help=trap.help, path=path, fix=fix)
         return True
 
-    def _trap_of(self, path: tuple[str | int, ...], node: YamlNode, wanted: str) -> Trap | None:
+    def _trap_of(self, path: tuple[str | int, ...], node: YamlNode, trap_kind: str) -> Trap | None:
         written = self._subject.origin.written(node)
         if isinstance(node, ScalarNode):
-            if wanted != "condition" or node.data is None:
+            if trap_kind != "condition" or node.data is None:
                 return None
             holder, index = self._node(path[:-1]), path[-1]
             if isinstance(holder, SequenceNode) and isinstance(index, int) and index > 0:
@@ -381,7 +381,7 @@ class _Explanation:
             return None
         if isinstance(node, SequenceNode):
             return read_as_list_trap(written)
-        return torn_condition_trap(written) if wanted == "condition" else torn_expectation_trap(written)
+        return torn_condition_trap(written) if trap_kind == "condition" else torn_expectation_trap(written)
 
     def _report_torn_keys(self, mapping: MappingNode) -> set[str]:
         """Return the keys of a mapping in braces that are pieces of a split condition, which is reported once."""

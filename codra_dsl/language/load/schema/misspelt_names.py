@@ -20,14 +20,14 @@ class Vocabulary:
     def __init__(self, texts: Iterable[str]) -> None:
         self._counts = Counter(word for text in set(texts) for word in _words(text))
 
-    def knows_better(self, used: str, declared: str) -> bool:
+    def knows_better(self, used_name: str, declared_name: str) -> bool:
         """Return whether the words only in the used name are more frequent than the words only in the declared name.
 
         If both names have the same words, return whether the used name is shorter.
         """
-        used_words, declared_words = _words(used), _words(declared)
+        used_words, declared_words = _words(used_name), _words(declared_name)
         if used_words == declared_words:
-            return len(used) < len(declared)
+            return len(used_name) < len(declared_name)
         used_count = sum(self._counts[word] for word in used_words - declared_words)
         declared_count = sum(
             max(0, self._counts[word] - 1) for word in declared_words - used_words

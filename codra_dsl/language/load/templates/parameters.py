@@ -150,15 +150,15 @@ class ParameterResolver:
             findings: the list to which findings are added.
             is_open: whether there may be parameters with unknown names. An unknown mention may then mean one of these.
         """
-        unknown = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
-        if not unknown:
+        unknown_mentions = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
+        if not unknown_mentions:
             return
         arguments = list(given)
-        unused = [name for name in declared if name not in self._mentions and name not in arguments]
+        unused_names = [name for name in declared if name not in self._mentions and name not in arguments]
         self._given_names = frozenset(arguments)
-        uses = {name: len(mentions) + arguments.count(name) for name, mentions in unknown.items()}
-        misspelt_by_used_name = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
-        for name, mentions in unknown.items():
+        use_counts = {name: len(mentions) + arguments.count(name) for name, mentions in unknown_mentions.items()}
+        misspelt_by_used_name = misspelt_declarations(use_counts, unused_names, declared, NO_WORDS, findings.nearest)
+        for name, mentions in unknown_mentions.items():
             if name in misspelt_by_used_name:
                 self.corrected_declarations[misspelt_by_used_name[name]] = name
                 self._report_declaration(
@@ -189,12 +189,12 @@ class ParameterResolver:
         if suggestion is None:
             (self.undeclared_names if name in self._given_names else self.unresolved_names).add(name)
         first, *others = mentions
-        known = (
+        default_help = (
             f"declare '{name}' under 'parameters'"
             if name in self._given_names
             else f"parameters are {list_names(declared)}"
         )
-        help_text = f"did you mean '{suggestion}'?" if suggestion else known
+        help_text = f"did you mean '{suggestion}'?" if suggestion else default_help
         message = f"unknown parameter {shown(name)} in {self._subject}"
         related = [Related("also here", mention.place) for mention in others]
         fix = None if suggestion is None or others else self._rename_fix(first, name, suggestion, declared)

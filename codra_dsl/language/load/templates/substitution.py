@@ -22,13 +22,13 @@ class BoundValue:
 
     Attributes:
         text: the value as written, without quotes.
-        known: whether the value comes from the use or a default; otherwise it is only an example of the type.
+        is_known: whether the value comes from the use or a default; otherwise it is only an example of the type.
     """
 
     kind: ParameterKind
     text: str
     data: Literal
-    known: bool = True
+    is_known: bool = True
 
 
 def bind(parameter: Parameter, node: ScalarNode) -> BoundValue:
@@ -45,9 +45,9 @@ def example_value(parameter: Parameter) -> BoundValue:
     if parameter.default is not None and not parameter.default.reported:
         return bind(parameter, parameter.default)
     if parameter.kind is ParameterKind.IDENTIFIER:
-        return BoundValue(parameter.kind, parameter.key.text, parameter.key.text, known=False)
+        return BoundValue(parameter.kind, parameter.key.text, parameter.key.text, is_known=False)
     data = EXAMPLES[parameter.kind][1]
-    return BoundValue(parameter.kind, str(data).lower() if isinstance(data, bool) else str(data), data, known=False)
+    return BoundValue(parameter.kind, str(data).lower() if isinstance(data, bool) else str(data), data, is_known=False)
 
 
 class Filler:
@@ -117,11 +117,11 @@ class Filler:
 
     def _literal(self, node: ScalarNode, piece: Piece) -> ScalarNode:
         bound = self._bindings[piece.parameter]
-        quoted = bound.kind in (ParameterKind.STR, ParameterKind.IDENTIFIER)
+        is_quoted = bound.kind in (ParameterKind.STR, ParameterKind.IDENTIFIER)
         filled_node = ScalarNode(
-            bound.text, bound.data, node.start, node.end, Style.DOUBLE_QUOTED if quoted else Style.PLAIN
+            bound.text, bound.data, node.start, node.end, Style.DOUBLE_QUOTED if is_quoted else Style.PLAIN
         )
-        filled_node.reported = node.reported or (not bound.known and bound.kind is not ParameterKind.IDENTIFIER)
+        filled_node.reported = node.reported or (not bound.is_known and bound.kind is not ParameterKind.IDENTIFIER)
         filled_node.filled_text = FilledText(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
         return filled_node
 

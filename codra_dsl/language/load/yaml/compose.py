@@ -219,8 +219,8 @@ class _Composer:
     def _suspect_value(self, node: ScalarNode) -> None:
         """Handle a missing value: the text of the key may contain the value."""
         key, mapping = self._key, self._current
-        plain = key is not None and key.style is Style.PLAIN and not key.reported
-        if key is None or not plain or type(mapping) is not MappingNode or node.end > node.start:
+        is_plain = key is not None and key.style is Style.PLAIN and not key.reported
+        if key is None or not is_plain or type(mapping) is not MappingNode or node.end > node.start:
             return
         colon_offset = colon_without_blank(key.text) if mapping.flow and ":" in key.text else None
         if colon_offset is not None:
@@ -338,8 +338,8 @@ class _Composer:
     def _close(self, event: Any) -> None:
         collection = self._current
         assert collection is not None
-        bracketed = collection.flow and self._text.startswith(("[", "{"), collection.start)
-        collection.end = event.end_mark.index if bracketed else max(collection.start, self._last_end)
+        is_bracketed = collection.flow and self._text.startswith(("[", "{"), collection.start)
+        collection.end = event.end_mark.index if is_bracketed else max(collection.start, self._last_end)
         self._last_end = collection.end
         if type(collection) is SequenceNode and not collection.flow:
             self._report_folded(collection.items)

@@ -63,5 +63,5 @@ class Findings:
 def list_names(names: Iterable[str]) -> str:
     """Return the first MAX_LISTED names for a message, and how many more there are."""
     all_names = list(names)
-    more = f", and {len(all_names) - MAX_LISTED} more" if len(all_names) > MAX_LISTED else ""
-    return ", ".join(map(shown, all_names[:MAX_LISTED])) + more
+    more_text = f", and {len(all_names) - MAX_LISTED} more" if len(all_names) > MAX_LISTED else ""
+    return ", ".join(map(shown, all_names[:MAX_LISTED])) + more_text

@@ -71,8 +71,8 @@ def item_removal_fix(sequence: SequenceNode, index: int, origin: Origin) -> Fix 
 def trap_fix(trap: Trap, place: Place) -> Fix | None:
     """Return the fix of a trap for conditions; None in a template, or if the new text would not be a condition."""
     span = place.span
-    fits = place.use is None and span.line == span.end_line and trap.replacement != ""
-    if not fits or not isinstance(parse(trap.condition), Node):
+    is_applicable = place.use is None and span.line == span.end_line and trap.replacement != ""
+    if not is_applicable or not isinstance(parse(trap.condition), Node):
         return None
     return Fix(
         message=f"Write {trap.replacement}", edits=(Edit(span, trap.replacement),), applicability=Applicability.SAFE
@@ -82,17 +82,17 @@ def trap_fix(trap: Trap, place: Place) -> Fix | None:
 def version_fix(root: MappingNode, source: Source) -> Fix | None:
     """Return the fix that puts `codra: 1` before all other keys, or None if it would change more than its own line."""
     first = next(iter(root.entries.values()))[0]
-    top = source.span(first.start, first.start)
-    if root.flow or top.column != 1:
+    first_key_span = source.span(first.start, first.start)
+    if root.flow or first_key_span.column != 1:
         return None
-    insertion = Edit(top, "codra: 1\n")
+    insertion = Edit(first_key_span, "codra: 1\n")
     if "codra" not in root.entries:
         return Fix(message="Insert 'codra: 1'", edits=(insertion,), applicability=Applicability.SAFE)
     key = root.entries["codra"][0]
     line = source.span(key.start, key.start).line
     start, end = source.line_starts[line - 1], source.line_end(key.start)
-    after = source.line_starts[line] if line < len(source.line_starts) else end
+    next_line_start = source.line_starts[line] if line < len(source.line_starts) else end
     if source.text[start:end].strip() != "codra: 1":
         return None
-    removal = Edit(source.span(start, after), "")
+    removal = Edit(source.span(start, next_line_start), "")
     return Fix(message="Move 'codra: 1' to the top", edits=(insertion, removal), applicability=Applicability.SAFE)

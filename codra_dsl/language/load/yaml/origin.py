@@ -111,7 +111,7 @@ class Subject:
         return ".".join([*filter(None, [self.path]), *map(str, steps)])
 
     def __str__(self) -> str:
-        """Return noun and name for messages, e.g. `skill 'open_door'`; in a template, the name contains its parameters."""
+        """Return noun and name for messages, e.g. `skill 'open_door'`; a name in a template has its parameters."""
         if self.section == "part":
             return "this part"
         return f"{NOUNS.get(self.section, self.section)} {shown(self.key.written)}"

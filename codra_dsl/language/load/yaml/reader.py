@@ -118,8 +118,8 @@ class Reader:
     def choice(self, key: str, default: Choice) -> Choice:
         """Return the member of an enumeration that is the value of a key."""
         node = self.scalar(key)
-        known = node is not None and node.text in type(default).__members__.values()
-        return type(default)(node.text) if node is not None and known else default
+        is_known_member = node is not None and node.text in type(default).__members__.values()
+        return type(default)(node.text) if node is not None and is_known_member else default
 
     def duration_s(self, key: str, default: float, *, least: str = "positive", most: str = "finite") -> float:
         """Return the duration of a key, in seconds.
@@ -146,20 +146,20 @@ class Reader:
         node = self.node.value(key)
         names = node.items if isinstance(node, SequenceNode) else [] if node is None else [node]
         scalars = (name for name in names if isinstance(name, ScalarNode) and not name.reported)
-        readable = [name for name in scalars if isinstance(name.data, str)]
-        if len(readable) < len(names):
+        readable_names = [name for name in scalars if isinstance(name.data, str)]
+        if len(readable_names) < len(names):
             self.damage(key)
-        return tuple(self.reference(name) for name in readable)
+        return tuple(self.reference(name) for name in readable_names)
 
     def reference(self, node: ScalarNode) -> Reference:
         """Return a reference to another element by its name."""
         return Reference(name=node.text, place=self.origin.of(node))
 
-    def places(self, more: Iterable[tuple[str, tuple[int, int]]] = ()) -> Places:
+    def places(self, more_ranges: Iterable[tuple[str, tuple[int, int]]] = ()) -> Places:
         """Return the places of the element's name and entries, and of additional ranges."""
         ranges = {key: visible_range(key_node, value) for key, (key_node, value) in self.node.entries.items()}
         ranges["name"] = (self.subject.key.start, self.subject.key.end)
-        ranges.update(more)
+        ranges.update(more_ranges)
         return Places(self.place_of, ranges)
 
 
