@@ -1,8 +1,7 @@
 """Typed access to knowledge, as signatures: the elements that each agent may write, and those that all agents may read.
 
 The signatures are for editors and type checkers, which find wrong names and writes to elements of other agents before
-the robot moves. At run time, a class of the runtime replaces each generated class, and refuses the same names and
-writes.
+the robot moves. At run time, classes of the runtime are used instead. They refuse the same names and writes.
 
 A method of an agent's handle accepts fewer names than the method that it overrides, so mypy refuses the override. The
 first line of each handle therefore tells mypy to accept it.

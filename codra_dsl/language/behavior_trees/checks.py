@@ -246,7 +246,7 @@ class _Checker:
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
             elif attribute.name not in EDITOR_ATTRIBUTES:
                 message = f"'{attribute.name}' has no effect"
-                help_text = "remove it; codra keeps it when it writes the file"
+                help_text = "remove it; codra does not remove it when it writes the file"
                 self._findings.add("attribute-without-effect", message, attribute.place, help=help_text, path=path)
 
     # Values

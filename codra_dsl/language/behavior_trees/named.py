@@ -48,7 +48,7 @@ def read_trees(spec: Spec, root: Path) -> Mapping[str, ReadResult]:
                 if is_inside_project
                 else f"'{tree.file.name}' is outside of the project"
             )
-            help_text = "name a file of the project, by a path relative to this one"
+            help_text = "name a file of the project, by a path relative to this file"
             findings.add("tree-include", message, tree.file.place, help=help_text, path=f"trees.{tree.name}.file")
             results_by_tree[tree.name] = None, findings.all() if tree.file.name else ()
         elif path in results_by_file:

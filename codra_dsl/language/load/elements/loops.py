@@ -169,7 +169,7 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
         return None
     numbers = [_parse_number(text) for text in texts]
     if None in numbers:
-        _report(reader, name, node, f"{shown(node.text)} is not a shape with its numbers", _shape_help(word, shape))
+        _report(reader, name, node, f"{shown(node.text)} is not a shape followed by numbers", _shape_help(word, shape))
         return None
     values = tuple(number for number in numbers if number is not None)
     parameter_count = len(shape.value.names)
@@ -182,7 +182,11 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
         values = values[:parameter_count]
     if not is_valid or not all(map(math.isfinite, (*values, height))):
         _report(
-            reader, name, node, f"{shown(node.text)} does not have the numbers of its shape", _shape_help(word, shape)
+            reader,
+            name,
+            node,
+            f"{shown(node.text)} does not have the numbers that its shape needs",
+            _shape_help(word, shape),
         )
         return None
     fault, hint = _fault(shape, values)
