@@ -1,8 +1,8 @@
 """The stages of compiling: find, load, check, plan, triage, emit.
 
-Each stage is one function. It takes the frozen values of the stage before and adds its own results and findings. Load,
-check and plan are generators: one spec passes all three before the next spec is read, so the YAML nodes of only one
-spec are in memory at a time.
+Each stage is one function. It takes the frozen values of the previous stage and adds its own results and findings.
+Load, check and plan are generators: one spec passes all three before the next spec is read, so the YAML nodes of only
+one spec are in memory at a time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from codra_dsl.language.diagnostics import Diagnostic, Related, has_errors
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
 from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec
-from codra_dsl.language.project import relative
+from codra_dsl.language.project import relative_path
 from codra_dsl.workspace.cache import Run
 from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triage
 from codra_dsl.workspace.timings import UNTIMED, Timings
@@ -41,8 +41,8 @@ class Planned:
     """Specs that were loaded, checked and planned.
 
     Attributes:
-        root: the folder that all paths in findings are relative to.
-        plans: one for each spec without an error that prevents planning, sorted by name.
+        root: the folder to which all paths in findings are relative.
+        plans: a plan for each spec without an error that prevents planning, sorted by name.
         diagnostics: the findings after triage, in file order, without duplicates.
         files: the files of the specs and their parts, relative to the root; `specs` has the files of the specs alone.
         modules: files of Python modules and of trees that were read or were missing, relative to the root.
@@ -57,7 +57,7 @@ class Planned:
     modules: tuple[str, ...] = ()
 
     def as_run(self) -> Run:
-        """Return the part that a command shows and the cache keeps."""
+        """Return the data that a command shows and the cache keeps."""
         files = (*self.files, *self.modules)
         return Run(diagnostics=self.diagnostics, specs=self.specs, files=files, fail_on=self.settings.fail_on)
 
@@ -76,7 +76,7 @@ class Compilation:
     covered: tuple[str, ...] = ()
 
     def as_run(self) -> Run:
-        """Return the part that a command shows and the cache keeps."""
+        """Return the data that a command shows and the cache keeps."""
         return replace(self.planned.as_run(), output_digests=digests(self.files), covered_paths=self.covered)
 
 
@@ -147,8 +147,8 @@ def plan_paths(
     request = _Request(
         root=root,
         files=files,
-        specs=[relative(file, root) for file in files.specs],
-        paths=[relative(path, root) for path in paths],
+        specs=[relative_path(file, root) for file in files.specs],
+        paths=[relative_path(path, root) for path in paths],
         texts=texts,
     )
     return _plan_request(request, _load(files.specs, root, texts, timings), timings)
@@ -159,9 +159,9 @@ def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIM
     """Load, check and plan one spec that is given as text; `file` is its name in findings."""
     data = text.encode(errors="surrogatepass") if isinstance(text, str) else text
     with timings.stage("load"):
-        loaded = load_text(text, file, root)
+        loaded_spec = load_text(text, file, root)
     request = _Request(root=root, files=Files(), specs=[file], paths=[file], texts={file: data})
-    return _plan_request(request, [loaded], timings)
+    return _plan_request(request, [loaded_spec], timings)
 
 
 def _plan_request(request: _Request, loaded_specs: Iterable[Loaded], timings: Timings) -> Planned:
@@ -204,7 +204,7 @@ def _load(files: Iterable[Path], root: Path, texts: Mapping[str, bytes], timings
 
 
 def _check(loaded_specs: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_SpecAfterCheck]:
-    """Yield each spec with the results of its checks, and of the checks of the behaviour trees that it names."""
+    """Yield each spec with the results of its checks, and of the checks of the behaviour trees that the spec names."""
     for spec, load_findings in loaded_specs:
         with timings.stage("check"):
             checked_spec = _check_spec(spec, load_findings, root)
@@ -266,9 +266,9 @@ def _module_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
 
 def _same_names(specs: Iterable[Spec]) -> Iterator[Diagnostic]:
     """Yield a finding for each spec that has the name of another spec: their packages would overwrite each other."""
-    first: dict[str, Spec] = {}
+    first_specs: dict[str, Spec] = {}
     for spec in sorted(specs, key=lambda spec: spec.file):
-        other = first.setdefault(spec.name.casefold(), spec)
+        other = first_specs.setdefault(spec.name.casefold(), spec)
         if other is not spec:
             yield Diagnostic(
                 rule=RULES["same-spec-name"],

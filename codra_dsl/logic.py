@@ -1,12 +1,13 @@
-"""Three-valued logic and arithmetic over context: the one meaning of conditions, for the checker and at run time.
+"""Three-valued logic and arithmetic over context: the meaning of conditions, for the checker and at run time alike.
 
-Unknown is None and stays apart from False (P1, section 3.3: a flag tells whether a value is known). `and`, `or` and
-`not` are Kleene's: if the result is the same for every possible value of the unknown input, the result is known. NaN,
-division by zero, overflow and absent optional values are unknown. An infinite value may be compared, but arithmetic
-whose result is not finite is unknown.
+The unknown value is None, which is not the same as False (P1, section 3.3: a flag tells whether a value is known).
+`and`, `or` and `not` are Kleene's: if the result is the same for every possible value of the unknown input, the result
+is known. NaN, division by zero, overflow and absent optional values are unknown. An infinite value may be compared, but
+the result of arithmetic is unknown if it is not finite.
 
-A condition is a tree of frozen `Term` objects, written with Python's operators: `value("markers") >= 3`,
-`~known("a") | (age("a") > 10.0)`. Comparing terms therefore builds a term; compare their `repr` for equality.
+A condition is a tree of frozen `Term` objects, written with Python's operators: `value("markers") >= 3`, `~known("a") |
+(age("a") > 10.0)`. So a comparison of two terms is a new term; to test whether two terms are equal, compare their
+`repr`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 FLIP_STEP_S = 1e-6
-"""A comparison such as `age(x) > 10 s` changes just after the age is 10 s: it is evaluated again this much later."""
+"""A comparison such as `age(x) > 10 s` changes just after the age is 10 s, so it is evaluated again this much later."""
 
 Value = bool | int | float | str
 """The values of a context-variable or a returned value."""
@@ -47,7 +48,7 @@ class Term:
         raise NotImplementedError
 
     def parts(self) -> tuple[Term, ...]:
-        """Return the terms that this one is made of."""
+        """Return the terms of which this term is made."""
         return ()
 
     def walk(self) -> Iterator[Term]:
@@ -64,11 +65,11 @@ class Term:
 
     @property
     def reads(self) -> tuple[frozenset[str], bool]:
-        """Return the names that the term reads, and whether it reads an age; computed once."""
+        """Return the names that the term reads, and whether the term reads an age; they are computed once."""
         if not hasattr(self, "_reads"):
             leaves = [term for term in self.walk() if isinstance(term, (_Variable, _Known, _Age))]
-            ages = any(isinstance(term, _Age) for term in leaves)
-            object.__setattr__(self, "_reads", (frozenset(term.name for term in leaves), ages))
+            reads_age = any(isinstance(term, _Age) for term in leaves)
+            object.__setattr__(self, "_reads", (frozenset(term.name for term in leaves), reads_age))
         return self._reads
 
     def holds(self, scope: Scope) -> bool:
@@ -76,9 +77,9 @@ class Term:
         return self.evaluate(scope) is True
 
     def flips_s(self, scope: Scope) -> float | None:
-        """Return in how many seconds a comparison with an age next changes, when nothing else does."""
-        waits = (term.flip_s(scope) for term in self.walk() if isinstance(term, _Comparison))
-        return min((wait for wait in waits if wait is not None), default=None)
+        """Return in how many seconds a comparison with an age next changes if no variable changes, or None if never."""
+        waits_s = (term.flip_s(scope) for term in self.walk() if isinstance(term, _Comparison))
+        return min((wait_s for wait_s in waits_s if wait_s is not None), default=None)
 
     def is_in(self, *options: Value) -> Term:
         """Return a term that is true when the value is one of `options`."""
@@ -166,32 +167,38 @@ def known(name: str) -> Term:
 
 
 def age(name: str) -> Term:
-    """Return the time since a variable's evidence was taken, in seconds; unknown while the variable is."""
+    """Return the time since a variable's evidence was taken, in seconds; unknown while the variable is unknown."""
     return _Age(name)
 
 
 def minimum(first: Operand, *others: Operand) -> Term:
-    """Return the smallest of the terms; unknown when one of them is."""
+    """Return the smallest of the terms; the result is unknown when one of them is unknown."""
     return _Function("minimum", tuple(_term(term) for term in (first, *others)))
 
 
 def maximum(first: Operand, *others: Operand) -> Term:
-    """Return the largest of the terms; unknown when one of them is."""
+    """Return the largest of the terms; the result is unknown when one of them is unknown."""
     return _Function("maximum", tuple(_term(term) for term in (first, *others)))
 
 
 def choose(then: Operand, condition: Operand, otherwise: Operand) -> Term:
-    """Return `then` where the condition is true, `otherwise` where it is false, and if unknown what both agree on."""
+    """Return `then` where the condition is true, and `otherwise` where it is false.
+
+    Where the condition is unknown, the result is known only if `then` and `otherwise` are equal.
+    """
     return _Choice(_term(then), _term(condition), _term(otherwise))
 
 
 def first_of(*cases: tuple[Value, Operand]) -> Term:
-    """Return the value of the first case whose condition holds; unknown once a condition before it is unknown."""
+    """Return the value of the first case with a true condition.
+
+    The result is unknown if the condition of an earlier case is unknown, or if no condition is true.
+    """
     return _FirstOf(tuple((result, _term(condition)) for result, condition in cases))
 
 
 def reads_ages(term: Term) -> bool:
-    """Return whether the value of a term may change although no variable does."""
+    """Return whether the value of a term may change although no variable changes."""
     return term.reads[1]
 
 
@@ -204,7 +211,7 @@ def _operands(kind: type[_Conjunction] | type[_Disjunction], term: Term) -> tupl
 
 
 def _grouped_text(term: Term) -> str:
-    """Return the text of an operand, in brackets where an operator beside it could tear it apart."""
+    """Return the text of an operand, in parentheses where an operator beside the operand could change its meaning."""
     return f"({term!r})" if isinstance(term, (_Conjunction, _Disjunction, _Comparison, _Arithmetic)) else repr(term)
 
 
@@ -277,10 +284,10 @@ class _Conjunction(Term):
     def evaluate(self, scope: Scope) -> Value | None:
         result: bool | None = True
         for term in self.terms:
-            held = term.evaluate(scope)
-            if held is False:
+            truth = term.evaluate(scope)
+            if truth is False:
                 return False
-            if held is None:
+            if truth is None:
                 result = None
         return result
 
@@ -298,10 +305,10 @@ class _Disjunction(Term):
     def evaluate(self, scope: Scope) -> Value | None:
         result: bool | None = False
         for term in self.terms:
-            held = term.evaluate(scope)
-            if held is True:
+            truth = term.evaluate(scope)
+            if truth is True:
                 return True
-            if held is None:
+            if truth is None:
                 result = None
         return result
 
@@ -317,8 +324,8 @@ class _Negation(Term):
         return (self.term,)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        held = self.term.evaluate(scope)
-        return None if held is None else not held
+        truth = self.term.evaluate(scope)
+        return None if truth is None else not truth
 
     def __repr__(self) -> str:
         return f"~{_grouped_text(self.term)}"
@@ -350,12 +357,12 @@ class _Comparison(Term):
         return _COMPARISONS[self.symbol](left, right)
 
     def flip_s(self, scope: Scope) -> float | None:
-        """Return in how many seconds an age on one side reaches the other side, if it has not yet passed it."""
-        for aging, fixed in ((self.left, self.right), (self.right, self.left)):
-            if isinstance(aging, _Age) and not isinstance(fixed, _Age):
-                reached, limit = aging.evaluate(scope), fixed.evaluate(scope)
-                if isinstance(reached, (int, float)) and isinstance(limit, (int, float)):
-                    return max(limit - reached, FLIP_STEP_S) if limit >= reached else None
+        """Return in how many seconds an age on one side reaches the other side, or None if the age has passed it."""
+        for aging_term, other_term in ((self.left, self.right), (self.right, self.left)):
+            if isinstance(aging_term, _Age) and not isinstance(other_term, _Age):
+                age_s, limit_s = aging_term.evaluate(scope), other_term.evaluate(scope)
+                if isinstance(age_s, (int, float)) and isinstance(limit_s, (int, float)):
+                    return max(limit_s - age_s, FLIP_STEP_S) if limit_s >= age_s else None
         return None
 
     def __repr__(self) -> str:
@@ -451,9 +458,9 @@ class _Choice(Term):
         return (self.then, self.condition, self.otherwise)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        held = self.condition.evaluate(scope)
-        if held is not None:
-            return (self.then if held else self.otherwise).evaluate(scope)
+        truth = self.condition.evaluate(scope)
+        if truth is not None:
+            return (self.then if truth else self.otherwise).evaluate(scope)
         then, otherwise = self.then.evaluate(scope), self.otherwise.evaluate(scope)
         return then if then == otherwise else None
 
@@ -470,9 +477,9 @@ class _FirstOf(Term):
 
     def evaluate(self, scope: Scope) -> Value | None:
         for result, condition in self.cases:
-            held = condition.evaluate(scope)
-            if held is not False:
-                return result if held else None
+            truth = condition.evaluate(scope)
+            if truth is not False:
+                return result if truth else None
         return None
 
     def __repr__(self) -> str:

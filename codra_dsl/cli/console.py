@@ -283,13 +283,13 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
 
 def existing(paths: Iterable[Path]) -> list[Path]:
     """Return paths without `..`. A path that does not exist or cannot be reached is a usage error."""
-    from codra_dsl.language.project import straight
+    from codra_dsl.language.project import without_parent_steps
 
     checked_paths: list[Path] = []
     for path in paths:
         try:
             path.stat()
-            checked_paths.append(straight(path))
+            checked_paths.append(without_parent_steps(path))
         except FileNotFoundError as error:
             hint = ": standard input cannot be combined with other paths" if path == Path(STANDARD_INPUT) else ""
             raise typer.BadParameter(f"'{path}' does not exist{hint}", param_hint="PATH") from error

@@ -201,12 +201,12 @@ def _default_project_and_paths(names: tuple[str, str]) -> tuple[Path, Sequence[P
 
 
 def _side_on_disk(name: str, path: Path, relative_paths: Sequence[PurePosixPath]) -> _Side:
-    from codra_dsl.language.project import straight
+    from codra_dsl.language.project import without_parent_steps
 
     if relative_paths and not path.is_dir():
         raise typer.BadParameter(f"'{name}' is not a folder: remove the paths below it", param_hint="PATH")
     paths = [path / relative_path for relative_path in relative_paths] or [path]
-    existing_paths = tuple(straight(candidate) for candidate in paths if candidate.exists())
+    existing_paths = tuple(without_parent_steps(candidate) for candidate in paths if candidate.exists())
     root = _root_of(existing_paths or (path,), Path("/"))
     return _Side(name=name, paths=existing_paths, root=root, file_prefix="", folder=folder_in_repository(root))
 

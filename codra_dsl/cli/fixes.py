@@ -70,7 +70,7 @@ class LintInput:
 
 def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
     """Return the specs at or below some paths as the input of linting."""
-    from codra_dsl.language.project import relative
+    from codra_dsl.language.project import relative_path
 
     paths = existing(paths)
     root = common_root(paths)
@@ -80,7 +80,7 @@ def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
 
         return plan_paths(paths, root, texts, timings)
 
-    return LintInput(root=root, requested_paths=tuple(relative(path, root) for path in paths), plan=plan)
+    return LintInput(root=root, requested_paths=tuple(relative_path(path, root) for path in paths), plan=plan)
 
 
 def input_from_standard_input(timings: Timings) -> LintInput:

@@ -21,12 +21,13 @@
     23      F <- F + {O_i}
 
 `plan` decides only which trees exist, what each tree contains, and what everything is called in Python. The paper
-describes one variable and one algorithm per tree, but its text allows more (section 3.2, Figure 4C), and so do we:
-variables of one algorithm share a tree; algorithms that share a variable are alternatives in one tree, tried by rank;
-and trees with the same conditions are joined where `observers` names their variables together.
+describes one variable and one algorithm per tree, but its text allows more (section 3.2, Figure 4C), and so does
+`plan`. Variables of one algorithm share a tree. Algorithms that share a variable are alternatives in one tree, tried by
+rank. Trees with the same conditions are joined if `observers` names their variables together.
 
-The generated model has every declared variable. Only variables that decisions reach, C_M, have trees and nodes in the
-dependency graph.
+The generated model has every declared variable. C_M has the variables that decisions need, directly or indirectly, and
+the variables that are identified together with these. Only variables in C_M have trees. The dependency graph has the
+variables in C_M, and further variables that agents or loops read or write.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from itertools import chain, pairwise
 
 from codra_dsl.generation.build_plan.dependencies import dependencies
 from codra_dsl.generation.build_plan.gate import verify
-from codra_dsl.generation.build_plan.modules import modules
+from codra_dsl.generation.build_plan.module_assignment import assign_modules
 from codra_dsl.generation.build_plan.names import MODULE_NAMES, class_name, python_name
 from codra_dsl.generation.build_plan.values import Branch, BuildPlan, Tree
 from codra_dsl.language import graph
@@ -46,14 +47,14 @@ from codra_dsl.language.model import ObserverSetting
 
 
 def plan(checked: CheckedSpec) -> BuildPlan:
-    """Return what to build for a checked spec, by Algorithm 2 (line 1)."""
+    """Return the build plan of a checked spec, made by Algorithm 2 (line 1)."""
     in_force, forest = _build_observer_system(checked)
     build_plan = BuildPlan(
         checked=checked,
         class_name=class_name(checked.spec.name),
         in_force=in_force,
         forest=forest,
-        modules=modules(checked, forest),
+        modules=assign_modules(checked, forest),
         edges=dependencies(checked, forest),
     )
     verify(build_plan, checked)
@@ -63,8 +64,8 @@ def plan(checked: CheckedSpec) -> BuildPlan:
 def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple[Tree, ...]]:
     """Return C_M and F. A stack replaces the recursion of line 21, so that no chain of variables is too long.
 
-    Each frame of the stack is a tree whose additional variables are being processed. The first frame has no tree: its
-    variables are the decisions of line 3.
+    Each frame of the stack is a tree, with its additional variables that are not processed yet. The first frame has no
+    tree: its variables are the decisions of line 3.
     """
     outlines = _outlines(checked)
     in_force: dict[str, None] = {}  # line 2
@@ -130,13 +131,13 @@ def _alternatives(checked: CheckedSpec) -> list[tuple[str, ...]]:
 
 
 def _identified_variables(checked: CheckedSpec, names: Iterable[str]) -> tuple[str, ...]:
-    """Return the variables that some algorithms identify, in the order of the algorithms."""
+    """Return the variables that the given algorithms identify, in the order of the algorithms."""
     pairs = chain.from_iterable(checked.algorithms[name].identifies for name in names)
     return tuple(dict.fromkeys(variable for variable, _ in pairs))
 
 
 def _create_tree(checked: CheckedSpec, outline: _Outline) -> Tree:
-    """Return a tree with its perception behaviours (lines 16, 17) and variables of its preconditions (lines 18, 20)."""
+    """Return a tree with perception behaviours (lines 16, 17) and the variables of its preconditions (lines 18, 20)."""
     first, setting = outline.groups[0][0], outline.setting
     algorithms = [checked.algorithms[name] for group in outline.groups for name in group]
     name = setting.name if setting is not None else first

@@ -1,9 +1,9 @@
 """The output folder: which files are ours, whether they are up to date, and how they are renewed.
 
 The folder contains an `__init__.py` and one package per spec. A package is ours if it contains a manifest that codra
-wrote. In the folder itself and in the packages that a run generates, every other file is an orphan, except
-`__pycache__` and names that begin with a dot, which are left alone. All files of another package of ours are orphans if
-the run covers the spec file from which that package was made.
+wrote. In the folder itself and in the packages that a run generates, each file that the run does not generate is an
+orphan. Files in `__pycache__` and names that begin with a dot are left alone. If a run does not generate a package of
+ours, but covers the spec file from which the package was made, all files of this package are orphans.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from codra_dsl.language.project import MANIFEST, MANIFEST_FORMAT, covers
 
 _CACHE = "__pycache__"
 _ENTRY = "__init__.py"
-_STAGING = ".codra-"
+_STAGING_PREFIX = ".codra-"
 
 
 RULES = rules(
@@ -71,8 +71,8 @@ class Freshness:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
-    """The changes made to an output folder, as paths relative to it. After a finding, nothing more was done."""
+class WriteResult:
+    """The changes made to an output folder, as paths relative to the folder. No further change followed a finding."""
 
     changed: tuple[str, ...] = ()
     removed: tuple[str, ...] = ()
@@ -92,10 +92,10 @@ def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) 
     Args:
         files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that this run covers, relative to the project root.
+        covered: the files and folders of specs that this run covers, relative to the project root.
     """
     if not _is_ours_or_new(out):
-        return Freshness(diagnostics=(_refusal(out, out),))
+        return Freshness(diagnostics=(_foreign_folder_finding(out, out),))
     file_drifts = (_drift_of_file(path, text, out) for path, text in files.items())
     orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans(files, out, covered))
     drifts = [*(drift for drift in file_drifts if drift is not None), *orphans]
@@ -106,17 +106,17 @@ def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = (
     """Return whether an output folder holds exactly the files that an earlier run generated.
 
     Args:
-        outputs: the digest of each file, as `digests` gives it, by path relative to the folder.
+        outputs: the digest of each file, as `digests` returns it, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that the run covers, relative to the project root.
+        covered: the files and folders of specs that the run covers, relative to the project root.
     """
-    if any(_foreign(outputs, out)) or _orphans(outputs, out, covered):
+    if any(_foreign_folder_findings(outputs, out)) or _orphans(outputs, out, covered):
         return False
-    return all(_digest(_bytes(out / path)) == digest for path, digest in outputs.items())
+    return all(_digest(_read_bytes(out / path)) == digest for path, digest in outputs.items())
 
 
 def digests(files: Mapping[str, str]) -> Mapping[str, str]:
-    """Return the digest of each output; the key is its path."""
+    """Return a mapping from the path of each output to its digest."""
     return {path: _digest(text.encode()) for path, text in files.items()}
 
 
@@ -125,51 +125,51 @@ def _digest(data: bytes | None) -> str:
 
 
 @paused_collector()
-def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Written:
+def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> WriteResult:
     """Bring an output folder up to date: write changed files and remove orphans; nothing else is touched.
 
     New text is compiled before it replaces the old text, and each file is replaced atomically. A folder that is not
-    ours is left alone, with a finding.
+    ours is left unchanged, and a finding reports it.
 
     Args:
         files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
-        covered: the specs' files and folders that this run covers, relative to the project root.
+        covered: the files and folders of specs that this run covers, relative to the project root.
 
     Raises:
         BrokenOutputError: if a text does not compile. Then nothing is written.
     """
     from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  only a run that writes needs the emitter
 
-    refusals = tuple(_foreign(files, out))
+    refusals = tuple(_foreign_folder_findings(files, out))
     if refusals:
-        return Written(diagnostics=refusals)
+        return WriteResult(diagnostics=refusals)
     orphans = _orphans(files, out, covered)
-    changed_files = {path: text for path, text in sorted(files.items()) if _bytes(out / path) != text.encode()}
+    changed_files = {path: text for path, text in sorted(files.items()) if _read_bytes(out / path) != text.encode()}
     prove(changed_files)
     try:
         _replace(changed_files, out)
         _remove(orphans, out)
     except OSError as error:
-        return Written(diagnostics=(_unwritable(error, out),))
-    return Written(changed=tuple(changed_files), removed=tuple(orphans))
+        return WriteResult(diagnostics=(_unwritable_finding(error, out),))
+    return WriteResult(changed=tuple(changed_files), removed=tuple(orphans))
 
 
 # ---------------------------------------------------------------------------------------------------- ownership
 
 
-def _foreign(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
+def _foreign_folder_findings(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
     """Yield a finding for each folder that is not ours, but to which the run would write."""
     if not _is_ours_or_new(out):
-        yield _refusal(out, out)
+        yield _foreign_folder_finding(out, out)
         return
     for package in sorted({path.split("/")[0] for path in files if "/" in path}):
         folder = out / package
-        if folder.is_symlink() or (_entries(folder) != [] and not _is_our_package(folder)):
-            yield _refusal(folder, out)
+        if folder.is_symlink() or (_folder_entries(folder) != [] and not _is_our_package(folder)):
+            yield _foreign_folder_finding(folder, out)
 
 
-def _refusal(folder: Path, out: Path) -> Diagnostic:
+def _foreign_folder_finding(folder: Path, out: Path) -> Diagnostic:
     shown_path = folder.relative_to(out.parent).as_posix() if folder != out else out.name
     reason = "is not a folder" if folder.exists() and not folder.is_dir() else "holds files that codra did not make"
     reason = "is a link" if folder.is_symlink() else reason
@@ -185,20 +185,20 @@ def _is_ours_or_new(out: Path) -> bool:
         return True
     if not out.is_dir():
         return False
-    entries = _entries(out)
+    entries = _folder_entries(out)
     if not entries or any(map(_is_our_package, entries)):
         return True
     from codra_dsl.generation.emit import package_text  # noqa: PLC0415
 
-    return _text(out / _ENTRY) == package_text()
+    return _read_text(out / _ENTRY) == package_text()
 
 
 def _is_our_package(folder: Path) -> bool:
     """Return whether a folder contains a manifest of ours, even one that was edited or has merge conflicts."""
-    return not folder.is_symlink() and f'"{MANIFEST_FORMAT}"' in _text(folder / MANIFEST)
+    return not folder.is_symlink() and f'"{MANIFEST_FORMAT}"' in _read_text(folder / MANIFEST)
 
 
-def _entries(folder: Path) -> list[Path]:
+def _folder_entries(folder: Path) -> list[Path]:
     """Return the entries of a folder that can be output, sorted; an empty list if the folder does not exist."""
     if not folder.is_dir():
         return []
@@ -209,7 +209,7 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _drift_of_file(path: str, text: str, out: Path) -> Drift | None:
-    current_data = _bytes(out / path)
+    current_data = _read_bytes(out / path)
     if current_data == text.encode():
         return None
     return _drift(path, Change.MISSING if current_data is None else Change.MODIFIED, out, text)
@@ -217,7 +217,10 @@ def _drift_of_file(path: str, text: str, out: Path) -> Drift | None:
 
 def _drift(path: str, change: Change, out: Path, expected_text: str) -> Drift:
     shown_path = f"{out.name}/{path}"
-    current_lines, expected_lines = _text(out / path).splitlines(keepends=True), expected_text.splitlines(keepends=True)
+    current_lines, expected_lines = (
+        _read_text(out / path).splitlines(keepends=True),
+        expected_text.splitlines(keepends=True),
+    )
     lines = difflib.unified_diff(
         current_lines, expected_lines, f"{shown_path} (as it is)", f"{shown_path} (as specified)"
     )
@@ -230,7 +233,7 @@ def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> lis
     packages = {path.split("/")[0] for path in files if "/" in path}
     prefixes = tuple(covered)
     existing_files: list[str] = []
-    for entry in _entries(out):
+    for entry in _folder_entries(out):
         if not entry.is_dir() or entry.is_symlink():
             existing_files += [entry.name]
         elif entry.name in packages or (_is_our_package(entry) and _is_covered(entry, prefixes)):
@@ -239,7 +242,7 @@ def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> lis
 
 
 def _files_below(folder: Path, out: Path) -> Iterator[str]:
-    for entry in _entries(folder):
+    for entry in _folder_entries(folder):
         if entry.is_dir() and not entry.is_symlink():
             yield from _files_below(entry, out)
         else:
@@ -249,21 +252,21 @@ def _files_below(folder: Path, out: Path) -> Iterator[str]:
 def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
     """Return whether this run covers the spec of a package."""
     try:
-        spec = str(json.loads(_text(package / MANIFEST))["spec"])
+        spec = str(json.loads(_read_text(package / MANIFEST))["spec"])
     except (ValueError, TypeError, LookupError):
         return False
     return covers(covered, spec)
 
 
-def _bytes(path: Path) -> bytes | None:
+def _read_bytes(path: Path) -> bytes | None:
     try:
         return path.read_bytes()
     except OSError:
         return None
 
 
-def _text(path: Path) -> str:
-    return (_bytes(path) or b"").decode(errors="replace")
+def _read_text(path: Path) -> str:
+    return (_read_bytes(path) or b"").decode(errors="replace")
 
 
 # ---------------------------------------------------------------------------------------------------- writing
@@ -277,7 +280,7 @@ def _replace(files: Mapping[str, str], out: Path) -> None:
     if not files:
         return
     out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=_STAGING, dir=out) as staging:
+    with tempfile.TemporaryDirectory(prefix=_STAGING_PREFIX, dir=out) as staging:
         staged_files = {path: Path(staging) / str(number) for number, path in enumerate(files)}
         for path, temporary_file in staged_files.items():
             temporary_file.write_bytes(files[path].encode())
@@ -291,7 +294,7 @@ def _remove(paths: Iterable[str], out: Path) -> None:
     for path in paths:
         (out / path).unlink()
         folder = (out / path).parent
-        while folder != out and not _entries(folder):
+        while folder != out and not _folder_entries(folder):
             shutil.rmtree(folder / _CACHE, ignore_errors=True)
             if any(folder.iterdir()):
                 break
@@ -299,7 +302,7 @@ def _remove(paths: Iterable[str], out: Path) -> None:
             folder = folder.parent
 
 
-def _unwritable(error: OSError, out: Path) -> Diagnostic:
+def _unwritable_finding(error: OSError, out: Path) -> Diagnostic:
     shown_path = Path(error.filename2 or error.filename or out)
     path = (
         shown_path.relative_to(out.parent).as_posix()

@@ -1,8 +1,8 @@
 """Findings: a message, the place of the mistake, and how to fix the mistake.
 
-Every layer of the compiler reports findings. A mistake of a user becomes a finding, which is a value with a place; a
-mistake of a programmer raises an exception. Each phase reports every mistake that it finds. Findings of later phases
-about the same element are then silenced.
+Every layer of the compiler reports findings. A user's mistake becomes a finding, which is a value with a place. A
+programmer's mistake raises an exception. Each phase reports every mistake that it finds. If a phase has a finding about
+an element, findings of later phases about this element are silenced.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True, order=True)
 class Span:
-    """A range of text. Lines and columns are 1-based, columns count code points, the end is exclusive.
+    """A range of text. Lines and columns begin at 1. Columns count code points. The end is exclusive.
 
     Attributes:
         file: the path relative to the project root, with `/`; `-` for standard input.
@@ -80,14 +80,14 @@ class _LazyPlace:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Place(_LazyPlace):
-    """The place of an element: its span and, if a template made the element, the span of the `use` that made it."""
+    """The place of an element: its span and, if a template made the element, the span of the template's `use`."""
 
     span: Span
     use: Span | None = None
 
 
 def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
-    """Return the place of a range of a text; its span is computed on first access."""
+    """Return the place of a range of a text; the span of the place is computed on first access."""
     place = object.__new__(Place)
     object.__setattr__(place, "_text_range", (text, start, end))
     object.__setattr__(place, "use", use)
@@ -96,14 +96,14 @@ def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
 
 @dataclass(frozen=True, slots=True)
 class Related:
-    """Another place that belongs to a finding, with a message about it."""
+    """Another place that belongs to a finding, with a message about this place."""
 
     message: str
     place: Place
 
 
 class Applicability(StrEnum):
-    """Who may apply a fix: a tool on its own, or a person who has read it."""
+    """Who may apply a fix: a tool on its own, or only a person who has read the fix."""
 
     SAFE = "safe"
     SUGGESTED = "suggested"
@@ -131,11 +131,11 @@ class Fix:
     applicability: Applicability
 
 
-_FIRST_OF_QUALITY = "CDR7"
+_FIRST_QUALITY_CODE = "CDR7"
 
 
-def replacing(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
-    """Return the fix that replaces a text by another; None for the text of a template, which other uses share."""
+def replacement_fix(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
+    """Return the fix that replaces one text by another, or None in a template, because several uses share its text."""
     if place.use is not None:
         return None
     applicability = Applicability.SAFE if safe else Applicability.SUGGESTED
@@ -152,11 +152,11 @@ class Rule:
 
     @property
     def is_binding(self) -> bool:
-        """Whether findings of this rule can be neither silenced nor lowered: errors of phases 0 to 6.
+        """Whether findings of this rule can be neither silenced nor reduced to warnings.
 
-        Such errors prevent compilation.
+        These are the errors of phases 0 to 6, which prevent compilation.
         """
-        return self.severity is Severity.ERROR and self.code < _FIRST_OF_QUALITY
+        return self.severity is Severity.ERROR and self.code < _FIRST_QUALITY_CODE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,10 +165,11 @@ class Diagnostic:
 
     Attributes:
         path: the path of the element within the spec, e.g. `skills.open_door.monitor`; it contains no line number.
-        help: how to fix the mistake, in one sentence; empty only if the message already says it.
+        help: how to fix the mistake, in one sentence; empty only if the message already says how.
         fix: the fix as edits, if a tool can apply them.
         level: the severity from the project's settings, which replaces the severity of the rule; None if not set.
-        use_findings: if several uses of a template lead to the same finding about its text, the finding of each use.
+        use_findings: the finding of each use, if several uses of a template lead to the same finding about the
+            template's text.
     """
 
     rule: Rule
@@ -188,14 +189,14 @@ class Diagnostic:
 
     @property
     def severity(self) -> Severity:
-        """Return the severity from the settings or, if they state none, from the rule."""
+        """Return the severity from the settings or, if the settings state none, from the rule."""
         return self.level or self.rule.severity
 
     @property
     def fingerprint(self) -> str:
         """Return an identifier of this finding that stays the same when lines move."""
         message = _LINE_NUMBER.sub("", self.message)
-        used_in = () if self.place.use is None else (self.place.use.file,)  # specs share parts
+        used_in = () if self.place.use is None else (self.place.use.file,)  # several specs may use the same part
         text = "\0".join((self.code, self.place.span.file, self.path, message, *used_in))
         return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:16]
 
@@ -217,26 +218,28 @@ def has_binding_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 def in_file_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return findings sorted by file, place and code, without duplicates."""
-    unique = dict.fromkeys(diagnostics)
-    return tuple(sorted(unique, key=lambda diagnostic: (diagnostic.place.span, diagnostic.code, diagnostic.message)))
+    unique_diagnostics = dict.fromkeys(diagnostics)
+    return tuple(
+        sorted(unique_diagnostics, key=lambda diagnostic: (diagnostic.place.span, diagnostic.code, diagnostic.message))
+    )
 
 
 MAX_LISTED_USES = 5
-"""The number of other uses of a template that a finding lists."""
+"""The maximum number of other uses of a template that a merged finding lists."""
 
 
 def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return the findings. Those of several uses about one text of a template are merged into one.
+    """Return the findings; findings of several uses about the same text of a template are merged into one.
 
     The merged finding lists the other uses.
     """
     groups: dict[object, list[Diagnostic]] = {}
-    counts_in_use: Counter[object] = Counter()
+    counts_by_code_and_place: Counter[object] = Counter()
     for diagnostic in diagnostics:
         key: object = diagnostic
         if diagnostic.place.use is not None:  # several findings of the same use at the same place stay separate
-            counts_in_use[diagnostic.code, diagnostic.place] += 1
-            key = diagnostic.code, diagnostic.place.span, counts_in_use[diagnostic.code, diagnostic.place]
+            counts_by_code_and_place[diagnostic.code, diagnostic.place] += 1
+            key = diagnostic.code, diagnostic.place.span, counts_by_code_and_place[diagnostic.code, diagnostic.place]
         groups.setdefault(key, []).append(diagnostic)
     return tuple(_merge_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in groups.values())
 
@@ -253,26 +256,26 @@ def _merge_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
 MAX_CANDIDATES = 2000
 MAX_SUGGESTED_LENGTH = 64
 
-_APART = re.compile(r"[_\s-]+")
+_WORD_SEPARATOR = re.compile(r"[_\s-]+")
 _DIGIT = re.compile(r"[0-9]")
-_SHORT_WORD = 4
-_LONG_WORD = 8
+_MIN_WORD_LENGTH = 4
+_LONG_WORD_LENGTH = 8
 
 
 def suggest(name: str, candidates: Iterable[str]) -> str | None:
     """Return the candidate that `name` most likely means, or None.
 
-    At most a third of the letters may differ (insertions, deletions, replacements, swapped neighbours). Between two
-    equally near candidates, the one with the same first letter wins. To bound the cost, at most MAX_CANDIDATES names
+    At most a third of the letters may differ (insertions, deletions, replacements, swapped neighbours). Of two equally
+    near candidates, the candidate with the first letter of `name` wins. To bound the cost, at most MAX_CANDIDATES names
     of similar length are compared.
     """
     if len(name) > MAX_SUGGESTED_LENGTH:
         return None
     limit = max(1, len(name) // 3)
-    similar = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
-    similar.sort(key=lambda other: (other[:1] != name[:1], other))
+    similar_names = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
+    similar_names.sort(key=lambda other: (other[:1] != name[:1], other))
     folded_name, best_candidate = name.casefold(), None
-    for other in similar[:MAX_CANDIDATES]:
+    for other in similar_names[:MAX_CANDIDATES]:
         distance = _distance(folded_name, other.casefold(), limit)
         if distance <= limit:
             best_candidate, limit = other, distance - 1  # only a nearer candidate can still replace this one
@@ -286,16 +289,16 @@ def surely_means(name: str, suggestion: str, candidates: Iterable[str]) -> bool:
 
     Either the two names differ only in case or underscores. Or they differ in one word of at least four letters, by one
     typing error (by up to two if the word has at least eight letters), and not in a digit. In both cases, no other
-    candidate may be about as similar.
+    candidate may be about as similar to `name`.
     """
     if not is_slip(name, suggestion):
         return False
     folded_name, limit = name.casefold(), _distance(name.casefold(), suggestion.casefold(), len(suggestion)) + 1
-    others = [
+    other_names = [
         other for other in set(candidates) if other not in (name, suggestion) and abs(len(other) - len(name)) <= limit
     ]
-    return len(others) <= MAX_CANDIDATES and all(
-        _distance(folded_name, other.casefold(), limit) > limit for other in others
+    return len(other_names) <= MAX_CANDIDATES and all(
+        _distance(folded_name, other.casefold(), limit) > limit for other in other_names
     )
 
 
@@ -303,39 +306,43 @@ def is_slip(name: str, suggestion: str) -> bool:
     """Return whether two names differ so little that one is probably a misspelling of the other."""
     if max(len(name), len(suggestion)) > MAX_SUGGESTED_LENGTH:
         return False
-    left, right = (_APART.split(text.casefold()) for text in (name, suggestion))
-    if "".join(left) == "".join(right):
+    name_words, suggestion_words = (_WORD_SEPARATOR.split(text.casefold()) for text in (name, suggestion))
+    if "".join(name_words) == "".join(suggestion_words):
         return True
-    different = [(one, other) for one, other in zip(left, right, strict=False) if one != other]
-    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(suggestion):
+    different_words = [(one, other) for one, other in zip(name_words, suggestion_words, strict=False) if one != other]
+    if (
+        len(name_words) != len(suggestion_words)
+        or len(different_words) != 1
+        or _DIGIT.findall(name) != _DIGIT.findall(suggestion)
+    ):
         return False
-    one, other = different[0]
-    slips = 1 if len(other) < _LONG_WORD else 2
-    long_enough = max(len(one), len(other)) >= _SHORT_WORD and min(len(one), len(other)) >= _SHORT_WORD - 1
-    return long_enough and _distance(one, other, slips) <= slips
+    one, other = different_words[0]
+    max_slips = 1 if len(other) < _LONG_WORD_LENGTH else 2
+    is_long_enough = max(len(one), len(other)) >= _MIN_WORD_LENGTH and min(len(one), len(other)) >= _MIN_WORD_LENGTH - 1
+    return is_long_enough and _distance(one, other, max_slips) <= max_slips
 
 
 def _distance(left: str, right: str, limit: int) -> int:
-    """Return the optimal string alignment distance; if the distance is above `limit`, return any number above it."""
+    """Return the optimal string alignment distance; if that is above `limit`, return any number above `limit`."""
     if abs(len(left) - len(right)) > limit:
         return limit + 1
     start = _common_prefix_length(left, right)
     left, right = left[start:], right[start:]
     end = _common_prefix_length(left[::-1], right[::-1])
     left, right = left[: len(left) - end], right[: len(right) - end]
-    before: list[int] = []
-    previous = list(range(len(right) + 1))
+    row_before_previous: list[int] = []
+    previous_row = list(range(len(right) + 1))
     for row, letter in enumerate(left, start=1):
-        current = [row]
+        current_row = [row]
         for column, other in enumerate(right, start=1):
-            cost = min(previous[column] + 1, current[-1] + 1, previous[column - 1] + (letter != other))
+            cost = min(previous_row[column] + 1, current_row[-1] + 1, previous_row[column - 1] + (letter != other))
             if row > 1 and column > 1 and letter == right[column - 2] and left[row - 2] == other:
-                cost = min(cost, before[column - 2] + 1)
-            current.append(cost)
-        if min(current) > limit:
+                cost = min(cost, row_before_previous[column - 2] + 1)
+            current_row.append(cost)
+        if min(current_row) > limit:
             return limit + 1
-        before, previous = previous, current
-    return previous[-1]
+        row_before_previous, previous_row = previous_row, current_row
+    return previous_row[-1]
 
 
 def _common_prefix_length(left: str, right: str) -> int:
@@ -345,5 +352,5 @@ def _common_prefix_length(left: str, right: str) -> int:
 
 
 def rules(*entries: tuple[str, str, Severity]) -> Mapping[str, Rule]:
-    """Return the rules by name, from rows (code, name, severity). Each package with rules has its own table."""
+    """Return a mapping from names to rules, made from rows (code, name, severity)."""
     return {name: Rule(code=code, name=name, severity=severity) for code, name, severity in entries}

@@ -17,7 +17,7 @@ Needs = Mapping[str, Sequence[str]]
 
 MAX_VISITS = 200_000
 """The number of visited edges after which `shortest_cycle` returns the shortest cycle that it has found so far."""
-SHORTEST = 2
+SHORTEST_LENGTH = 2
 """The smallest possible length of a cycle of several names."""
 
 
@@ -26,20 +26,20 @@ def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
 
     The names are listed depth first, in the order of `start` and `needs`.
     """
-    reached: dict[str, None] = {}
+    reached_names: dict[str, None] = {}
     open_names = list(start)[::-1]
     while open_names:
         name = open_names.pop()
-        if name not in reached:
-            reached[name] = None
+        if name not in reached_names:
+            reached_names[name] = None
             open_names.extend(reversed(needs.get(name, ())))
-    return tuple(reached)
+    return tuple(reached_names)
 
 
 def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
     """Return the groups of names that need each other. Each group is sorted; groups are ordered by their first name.
 
-    Names that are on no cycle are left out. A name that needs itself is a component even without other names.
+    Names that are on no cycle are left out. A name that needs itself is a group even if it is alone.
     """
     if not needs:
         return ()
@@ -51,32 +51,32 @@ def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
 
 
 def shortest_cycle(needs: Needs) -> tuple[str, ...]:
-    """Return a shortest cycle as a path, or () if there is no cycle. The last name of the path needs the first one.
+    """Return a shortest cycle as a path, or () if there is no cycle. The last name of the path needs the first name.
 
-    Among cycles of the same length, the one that is reached first from the least name is returned. The path begins with
-    its least name. On graphs with very many cycles, the search is bounded by MAX_VISITS.
+    Among cycles of the same length, the function returns the cycle that is reached first from the least name. The path
+    begins with its least name. On graphs with very many cycles, MAX_VISITS bounds the search.
     """
-    itself = min((name for name, needed_names in needs.items() if name in needed_names), default=None)
-    if itself is not None:
-        return (itself,)
+    self_needing_name = min((name for name, needed_names in needs.items() if name in needed_names), default=None)
+    if self_needing_name is not None:
+        return (self_needing_name,)
     graph = _directed(needs)
     budget = MAX_VISITS
-    best: tuple[str, ...] = ()
-    waiting = _cyclic_parts(graph)
-    while waiting and budget > 0 and len(best) != SHORTEST:
-        part = waiting.pop(0)
+    shortest: tuple[str, ...] = ()
+    pending_parts = _cyclic_parts(graph)
+    while pending_parts and budget > 0 and len(shortest) != SHORTEST_LENGTH:
+        part = pending_parts.pop(0)
         start = min(part)
-        path, visits = _cycle_through(start, part, shorter_than=len(best))
-        best = path or best
+        path, visits = _cycle_through(start, part, shorter_than=len(shortest))
+        shortest = path or shortest
         budget -= visits + part.number_of_edges()
-        part.remove_node(start)  # no other cycle through `start` is shorter than `best`
-        waiting.extend(_cyclic_parts(part))
-    least = best.index(min(best)) if best else 0
-    return best[least:] + best[:least]
+        part.remove_node(start)  # no other cycle through `start` is shorter than `shortest`
+        pending_parts.extend(_cyclic_parts(part))
+    least_index = shortest.index(min(shortest)) if shortest else 0
+    return shortest[least_index:] + shortest[:least_index]
 
 
 def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
-    """Return a shortest cycle through a name as a path that begins with this name, or () if it is on no cycle."""
+    """Return a shortest cycle through a name as a path that begins with this name, or () if the name is on no cycle."""
     if name not in closure(needs, needs.get(name, ())):
         return ()
     return _cycle_through(name, _directed(needs), shorter_than=0)[0]
@@ -96,19 +96,20 @@ def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
     """Return copies of the parts of `graph` that contain a cycle of several names, ordered by least name."""
     import networkx as nx  # noqa: PLC0415
 
-    cyclic = (names for names in nx.strongly_connected_components(graph) if len(names) > 1)
-    return [graph.subgraph(names).copy() for names in sorted(cyclic, key=min)]
+    name_groups = (names for names in nx.strongly_connected_components(graph) if len(names) > 1)
+    return [graph.subgraph(names).copy() for names in sorted(name_groups, key=min)]
 
 
 def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
     """Return a shortest cycle through `start`, and the number of visited edges.
 
-    The cycle must be shorter than `shorter_than`; 0 means that any length is allowed. Without such a cycle, return ().
+    The cycle must be shorter than `shorter_than`; 0 means that any length is allowed. If there is no such cycle, return
+    () as the cycle.
     """
     came_from: dict[str, str] = {}
     layer, length, visits = [start], 1, 0
     while layer and (shorter_than == 0 or length < shorter_than):
-        following: list[str] = []
+        next_layer: list[str] = []
         for name in layer:
             for need in sorted(graph.successors(name)):
                 visits += 1
@@ -116,8 +117,8 @@ def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> 
                     return tuple(_path_back(name, start, came_from))[::-1], visits
                 if need not in came_from:
                     came_from[need] = name
-                    following.append(need)
-        layer, length = following, length + 1
+                    next_layer.append(need)
+        layer, length = next_layer, length + 1
     return (), visits
 
 

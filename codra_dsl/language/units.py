@@ -30,7 +30,7 @@ MAX_MAGNITUDE = 1e100
 """Larger numbers are refused, so that no conversion between units can overflow."""
 
 MAX_UNIT_LENGTH = 40
-_BASES = ("m", "s", "kg", "A", "rad", "lux", "percent")
+_BASE_SYMBOLS = ("m", "s", "kg", "A", "rad", "lux", "percent")
 
 UNIT_TEXT = r"(?:1/)?[A-Za-z]+(?:[*/][A-Za-z]+)*"
 """The syntax of a unit: symbols joined by `*` and `/` without blanks, `1/s` for an inverse."""
@@ -40,7 +40,7 @@ NUMBER_TEXT = r"(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?"
 
 _QUANTITY = re.compile(rf"(-?)({NUMBER_TEXT})[ \t]*({UNIT_TEXT})")
 _UNIT = re.compile(UNIT_TEXT)
-_POWER = re.compile(r"(^|[*/])([A-Za-z]+)(?:\^|\*\*)?2$")
+_SQUARE = re.compile(r"(^|[*/])([A-Za-z]+)(?:\^|\*\*)?2$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +59,10 @@ class Dimension:
 
     def __str__(self) -> str:
         """Return the dimension in base units, e.g. `m/s`; `1` for the dimension of a bare number."""
-        powers = tuple(zip(_BASES, self.exponents, strict=True))
-        above = [base for base, power in powers for _ in range(power)]
-        below = [base for base, power in powers for _ in range(-power)]
-        return "/".join(["*".join(above) or "1", *below])
+        powers = tuple(zip(_BASE_SYMBOLS, self.exponents, strict=True))
+        numerator = [base for base, power in powers for _ in range(power)]
+        denominator = [base for base, power in powers for _ in range(-power)]
+        return "/".join(["*".join(numerator) or "1", *denominator])
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +110,19 @@ class Quantity:
         return convert(self.value, self.unit, Unit(self.unit.dimension))
 
 
-def _base(symbol: str) -> Dimension:
-    return Dimension(tuple(int(base == symbol) for base in _BASES))
+def _base_dimension(symbol: str) -> Dimension:
+    return Dimension(tuple(int(base == symbol) for base in _BASE_SYMBOLS))
 
 
-ONE = Unit(Dimension((0,) * len(_BASES)), text="1")
+ONE = Unit(Dimension((0,) * len(_BASE_SYMBOLS)), text="1")
 """The unit of a bare number."""
 
-_METRE, _SECOND, _KILOGRAM, _AMPERE = _base("m"), _base("s"), _base("kg"), _base("A")
+_METRE, _SECOND, _KILOGRAM, _AMPERE = (
+    _base_dimension("m"),
+    _base_dimension("s"),
+    _base_dimension("kg"),
+    _base_dimension("A"),
+)
 _NEWTON = _KILOGRAM * _METRE / _SECOND / _SECOND
 _WATT = _NEWTON * _METRE / _SECOND
 
@@ -132,21 +137,21 @@ UNITS: Mapping[str, Unit] = {
         Unit(_SECOND, Fraction(1, 1000), text="ms"),
         Unit(_SECOND, Fraction(60), text="min"),
         Unit(_SECOND, Fraction(3600), text="h"),
-        Unit(_base("rad"), text="rad"),
-        Unit(_base("rad"), degrees=1, text="deg"),
+        Unit(_base_dimension("rad"), text="rad"),
+        Unit(_base_dimension("rad"), degrees=1, text="deg"),
         Unit(_KILOGRAM, text="kg"),
         Unit(_KILOGRAM, Fraction(1, 1000), text="g"),
         Unit(_NEWTON, text="N"),
         Unit(_WATT / _AMPERE, text="V"),
         Unit(_AMPERE, text="A"),
         Unit(_WATT, text="W"),
-        Unit(_base("lux"), text="lux"),
-        Unit(_base("percent"), text="percent"),
+        Unit(_base_dimension("lux"), text="lux"),
+        Unit(_base_dimension("percent"), text="percent"),
     )
 }
 """All units by symbol; their products and quotients are units as well."""
 
-_OTHER_SPELLINGS: Mapping[str, str] = {
+_UNIT_SYNONYMS: Mapping[str, str] = {
     "%": "percent",
     "pct": "percent",
     "°": "deg",
@@ -185,8 +190,8 @@ _OTHER_SPELLINGS: Mapping[str, str] = {
 }
 
 
-_FOREVER = frozenset({"forever", "inf", ".inf", "infinity", "never", "always", "infinite"})
-_OTHER_UNIT = re.compile(
+_FOREVER_SYNONYMS = frozenset({"forever", "inf", ".inf", "infinity", "never", "always", "infinite"})
+_UNSUPPORTED_UNIT = re.compile(
     r"(?:[kMGTdcmunpµh]|da)(?:[mgsNVAWKJlL]|rad|deg|lux|Hz|Pa|bar)|[dkMG]?[Bb]|[rp]pm|(?:deg|°)?[CFK]|Nm|lm"
 )
 """Symbols of unsupported units: they are not misspellings of supported units."""
@@ -195,15 +200,15 @@ _OTHER_UNIT = re.compile(
 @lru_cache(maxsize=1024)
 def parse_unit(text: str) -> Unit | None:
     """Return the unit of a text such as `mm`, `m/s`, `N*m` or `1/min`, or None if the text is not a unit."""
-    known = UNITS.get(text)
-    if known is not None or len(text) > MAX_UNIT_LENGTH or not _UNIT.fullmatch(text):
-        return known
+    known_unit = UNITS.get(text)
+    if known_unit is not None or len(text) > MAX_UNIT_LENGTH or not _UNIT.fullmatch(text):
+        return known_unit
     unit = ONE
     for operator, symbol in re.findall(r"(^|[*/])([A-Za-z]+)", text.removeprefix("1") if text[0] == "1" else text):
-        part = UNITS.get(symbol)
-        if part is None:
+        symbol_unit = UNITS.get(symbol)
+        if symbol_unit is None:
             return None
-        unit = unit / part if operator == "/" else unit * part
+        unit = unit / symbol_unit if operator == "/" else unit * symbol_unit
     return Unit(unit.dimension, unit.factor, unit.degrees, text)
 
 
@@ -211,7 +216,7 @@ def suggest_unit(text: str) -> str | None:
     """Return the unit that an invalid text most likely means, e.g. `deg` for `degrees`, or None."""
     if len(text) > MAX_UNIT_LENGTH:
         return None
-    pieces = re.split(r"([*/])", _POWER.sub(r"\1\2\1\2", "".join(text.split())))
+    pieces = re.split(r"([*/])", _SQUARE.sub(r"\1\2\1\2", "".join(text.split())))
     nearest_pieces = [piece if piece in ("*", "/", "1") else _nearest_unit(piece) for piece in pieces]
     suggestion = "".join(piece for piece in nearest_pieces if piece is not None)
     return (
@@ -222,8 +227,8 @@ def suggest_unit(text: str) -> str | None:
 def units_help(text: str) -> str:
     """Return the help for a text that is not a unit."""
     suggestion = suggest_unit(text)
-    known = f"units are {', '.join(UNITS)}, and their products and quotients; for anything else omit the unit"
-    return f"did you mean '{suggestion}'?" if suggestion else known
+    units_text = f"units are {', '.join(UNITS)}, and their products and quotients; for anything else omit the unit"
+    return f"did you mean '{suggestion}'?" if suggestion else units_text
 
 
 @lru_cache(maxsize=1024)
@@ -239,7 +244,10 @@ def parse_quantity(text: str) -> Quantity | None:
 
 
 def parse_number(text: str) -> int | float | None:
-    """Return the number in a text: an int if the text has no point and no exponent. If it is too large, return None."""
+    """Return the number in a text, or None if the number is too large.
+
+    The number is an int if the text has no point and no exponent.
+    """
     if re.fullmatch(r"[0-9]{1,101}", text):
         number: int | float = int(text)
     else:
@@ -272,7 +280,7 @@ def duration_help(text: str, most: str = "finite") -> str:
         return f"a duration is a time: did you mean '{1 / (float(number[1]) * float(unit.factor)):g} s'?"
     if number and not number[2]:
         return f"a duration has a unit: '{number[1]} s', '{number[1]} ms', '{number[1]} min' or '{number[1]} h'"
-    if most == "forever" and text.strip().casefold() in _FOREVER:
+    if most == "forever" and text.strip().casefold() in _FOREVER_SYNONYMS:
         return "did you mean 'forever'?"
     return _durations_help(most)
 
@@ -288,13 +296,13 @@ def convert(value: int | float, source: Unit, target: Unit) -> float:
 
     A float is treated as the decimal number with which it is written, so that `0.3 cm` is exactly 3 mm.
     """
-    exact = Fraction(repr(value)) * source.factor / target.factor
-    turns = source.degrees - target.degrees
-    if turns == 0:
-        return float(exact)
-    if abs(turns) == 1:
-        return math.radians(float(exact)) if turns == 1 else math.degrees(float(exact))
-    return float(exact) * (math.pi / 180) ** turns
+    exact_value = Fraction(repr(value)) * source.factor / target.factor
+    degree_exponent = source.degrees - target.degrees
+    if degree_exponent == 0:
+        return float(exact_value)
+    if abs(degree_exponent) == 1:
+        return math.radians(float(exact_value)) if degree_exponent == 1 else math.degrees(float(exact_value))
+    return float(exact_value) * (math.pi / 180) ** degree_exponent
 
 
 def ratio(source: Unit, target: Unit) -> float:
@@ -305,16 +313,18 @@ def ratio(source: Unit, target: Unit) -> float:
 def _nearest_unit(piece: str) -> str | None:
     if piece in UNITS:
         return piece
-    small = piece.casefold()
-    for spelling in (small, small.removesuffix("s")):
-        if spelling in _OTHER_SPELLINGS:
-            return _OTHER_SPELLINGS[spelling]
-    if _OTHER_UNIT.fullmatch(piece):
+    folded_piece = piece.casefold()
+    for spelling in (folded_piece, folded_piece.removesuffix("s")):
+        if spelling in _UNIT_SYNONYMS:
+            return _UNIT_SYNONYMS[spelling]
+    if _UNSUPPORTED_UNIT.fullmatch(piece):
         return None
     if piece[1:] == piece[:-1] and piece[:1] in UNITS:  # a doubled letter
         return piece[:1]
-    same = [symbol for symbol in UNITS if symbol.casefold() == small]
-    return same[0] if len(same) == 1 else suggest(piece, (symbol for symbol in UNITS if len(symbol) > 1))
+    case_variants = [symbol for symbol in UNITS if symbol.casefold() == folded_piece]
+    return (
+        case_variants[0] if len(case_variants) == 1 else suggest(piece, (symbol for symbol in UNITS if len(symbol) > 1))
+    )
 
 
 def _unit_with_name(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:

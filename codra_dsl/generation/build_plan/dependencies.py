@@ -57,7 +57,7 @@ def _decision_edges(skill: Skill) -> list[Edge]:
 
 
 def _pose_edges(checked: CheckedSpec, variable: str) -> list[Edge]:
-    """Return the edges from a variable to the edges of the graph whose poses its value may depend on."""
+    """Return edges from a variable to the edges of the knowledge graph with poses on which its value may depend."""
     pose_condition, knowledge = checked.variables[variable].pose_condition, checked.knowledge
     pose_terms = () if pose_condition is None else names_in(pose_condition.tree)
     nodes = [node for pose_term in pose_terms for node in reads_of(pose_term.name)[1:]]
@@ -73,8 +73,8 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Collection[str
 def _knowledge_edges(knowledge: CheckedKnowledge) -> Iterator[Edge]:
     """Yield the edges of knowledge, sorted like all other edges.
 
-    They connect each agent with the elements that it owns or reads and with the tasks that it requests or executes, and
-    each type of edges with the types of nodes at its ends.
+    They connect each agent with the elements that the agent owns or reads, and with the tasks that the agent requests
+    or executes. They also connect each type of edges with the types of nodes at its ends.
     """
     world = knowledge.world
     types = frozenset(node_type_names(world))
@@ -104,7 +104,7 @@ def node_type_names(world: DeclaredGraph) -> tuple[str, ...]:
 
 
 def _tasks_of_agents(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
-    """Return the tasks that each agent executes, and the tasks that it may request. The keys are the agents' names."""
+    """Return two mappings from agents' names: to the tasks that an agent executes, and to those that it may request."""
     tasks_by_executor: dict[str, list[str]] = {}
     tasks_by_requester: dict[str, list[str]] = {}
     for task in world.tasks.values():
@@ -115,7 +115,7 @@ def _tasks_of_agents(world: DeclaredGraph) -> tuple[Mapping[str, list[str]], Map
 
 
 def _elements_read_by_agent(agent: CheckedAgent, tasks: Collection[str]) -> list[KnowledgeElement]:
-    """Return the elements that an agent reads, without those that it knows in any case: what it owns, and its tasks."""
+    """Return the elements that an agent reads, except those that it knows in any case: its own elements and tasks."""
     known_elements = {(element.section, element.name) for element in agent.owns} | {("tasks", name) for name in tasks}
     return [element for element in agent.reads if (element.section, element.name) not in known_elements]
 
@@ -126,7 +126,7 @@ _KINDS = {"context": NodeKind.CONTEXT, "types": NodeKind.TYPE, "edges": NodeKind
 def _element_edges(
     source: Node, kind: EdgeKind, elements: Iterable[KnowledgeElement], types: Collection[str]
 ) -> list[Edge]:
-    """Return the edges from an agent to some elements; for an attribute, the edge leads to the element that has it."""
+    """Return the edges from an agent to some elements; for an attribute, the edge leads to its element."""
     elements_with_node = (element for element in elements if element.section != "types" or element.name in types)
     targets = {Node(_KINDS[element.section], element.name) for element in elements_with_node}
     return [Edge(source, target, kind) for target in sorted(targets)]

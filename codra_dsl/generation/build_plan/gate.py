@@ -1,4 +1,4 @@
-"""The verification that every plan passes."""
+"""The verification that every plan must pass."""
 
 from __future__ import annotations
 
@@ -42,7 +42,10 @@ def _no_duplicates(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
 
 
 def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """For each variable in force, a tree with all its algorithms identifies it, or the variable has another source."""
+    """Each variable in force has a tree that identifies the variable, or another source.
+
+    If the spec has algorithms for the variable, the tree contains all of them.
+    """
     producers = {name: {branch.name for branch in tree.branches} for tree in plan.forest for name in tree.identifies}
     for name in plan.in_force:
         missing_algorithms = set(checked.producers.get(name, ())) - producers.get(name, set())
@@ -55,7 +58,10 @@ def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iter
 
 
 def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
-    """The variables in force are exactly those that the decisions reach through the needs and results of algorithms."""
+    """The variables in force are exactly those that can be reached from the decisions.
+
+    Each variable leads to all variables that its tree identifies, and to all variables that its tree needs.
+    """
     tree_by_variable = {name: tree for tree in plan.forest for name in tree.identifies}
     needs = {name: (*tree.identifies, *tree.needs) for name, tree in tree_by_variable.items()}
     reached_variables = set(graph.closure(needs, checked.decisions))
@@ -73,14 +79,18 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
     The first algorithm of each group identifies all variables of the group, and each group is in order of rank.
     """
     for tree in plan.forest:
-        identified = {name for branch in tree.branches for name, _ in branch.algorithm.identifies}
-        if identified != set(tree.identifies):
+        identified_names = {name for branch in tree.branches for name, _ in branch.algorithm.identifies}
+        if identified_names != set(tree.identifies):
             yield f"tree {tree.name} identifies other variables than its algorithms"
         if set(tree.needs) != {name for branch in tree.branches for name in branch.algorithm.needs}:
             yield f"tree {tree.name} has other preconditions than its algorithms"
         for group in tree.groups:
-            sets = [{name for name, _ in branch.algorithm.identifies} for branch in group]
-            yield from (f"{tree.name}: an alternative identifies more than the first" for s in sets if not s <= sets[0])
+            variable_sets = [{name for name, _ in branch.algorithm.identifies} for branch in group]
+            yield from (
+                f"{tree.name}: an alternative identifies more than the first"
+                for names in variable_sets
+                if not names <= variable_sets[0]
+            )
             ranks = [(branch.algorithm.algorithm.rank, branch.name) for branch in group]
             yield from (f"tree {tree.name} is not in order of rank" for _ in [0] if ranks != sorted(ranks))
 
@@ -88,7 +98,7 @@ def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str
 def _trees_joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """Trees are joined only if `observers` names their variables together and their conditions are equal.
 
-    A tree with a setting in `observers` has its name; any other tree has the name of its first algorithm.
+    A tree has the name of its setting in `observers`; a tree without a setting has the name of its first algorithm.
     """
     settings = {setting.name: setting for setting in checked.spec.observers}
     for tree in plan.forest:
@@ -98,11 +108,11 @@ def _trees_joined_only_on_request(plan: BuildPlan, checked: CheckedSpec) -> Iter
             yield f"tree {tree.name} identifies other variables than its entry in `observers`"
         if setting is None and tree.name != tree.branches[0].name:
             yield f"tree {tree.name} has neither a name from `observers` nor that of its first algorithm"
-        if len(tree.groups) > 1 and (setting is None or len(set(map(_guards, tree.branches))) > 1):
+        if len(tree.groups) > 1 and (setting is None or len(set(map(_guard_conditions, tree.branches))) > 1):
             yield f"tree {tree.name} joins algorithms that `observers` or their conditions keep apart"
 
 
-def _guards(branch: Branch) -> frozenset[str]:
+def _guard_conditions(branch: Branch) -> frozenset[str]:
     """Return the conditions under which an algorithm runs, as a set."""
     known_conditions = (f"known({reference.name})" for reference in branch.algorithm.algorithm.given)
     return frozenset(chain((condition.python for condition in branch.algorithm.observable_when), known_conditions))

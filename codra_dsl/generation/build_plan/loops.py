@@ -1,4 +1,4 @@
-"""The edges that loops add to the dependency graph, such as the edge from an adaptation to a variable that it sets."""
+"""The edges that loops add to the dependency graph, such as the edge from an adaptation to the variable that is set."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from codra_dsl.language.model import Course, Parameter
 
 def loop_edges(mape: CheckedMape) -> Iterator[Edge]:
     """Yield the edges of metrics, actions, rates, adaptations, trees and loops."""
-    metrics = (
+    metric_names = (
         frozenset(output.output.name for output in mape.metrics.outputs) if mape.metrics is not None else frozenset()
     )
     for kind, stage in ((NodeKind.METRIC, mape.metrics), (NodeKind.ACTION, mape.actions)):
         if stage is not None:
-            yield from _stage_edges(kind, stage, metrics)
+            yield from _stage_edges(kind, stage, metric_names)
     for adaptation in mape.adaptation:
-        yield from _adaptation_edges(adaptation, metrics)
+        yield from _adaptation_edges(adaptation, metric_names)
     for tree in mape.trees:
         yield from _edges(Node(NodeKind.TREE, tree.name), EdgeKind.REQUESTS, NodeKind.TASK, tree.tasks)
     for checked in mape.loops:
@@ -34,15 +34,15 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Iterable[str])
     return (Edge(source, Node(target, name), kind) for name in names)
 
 
-def _stage_edges(kind: NodeKind, stage: CheckedStage, metrics: frozenset[str]) -> Iterator[Edge]:
+def _stage_edges(kind: NodeKind, stage: CheckedStage, metric_names: frozenset[str]) -> Iterator[Edge]:
     for output, block in zip(stage.outputs, stage.engine.blocks, strict=True):
         input_names = {proposition.variable for rule in block.rules for proposition in propositions(rule.antecedent)}
-        yield from _input_edges(Node(kind, output.output.name), input_names, metrics)
+        yield from _input_edges(Node(kind, output.output.name), input_names, metric_names)
 
 
-def _adaptation_edges(checked: CheckedAdaptation, metrics: frozenset[str]) -> Iterator[Edge]:
+def _adaptation_edges(checked: CheckedAdaptation, metric_names: frozenset[str]) -> Iterator[Edge]:
     source, does = Node(NodeKind.ADAPTATION, checked.name), checked.adaptation.does
-    yield from _input_edges(source, checked.reads, metrics)
+    yield from _input_edges(source, checked.reads, metric_names)
     if isinstance(does, Parameter):
         yield from _edges(source, EdgeKind.SETS, NodeKind.CONTEXT, (does.variable.name,))
     elif isinstance(does, Course):
@@ -50,7 +50,7 @@ def _adaptation_edges(checked: CheckedAdaptation, metrics: frozenset[str]) -> It
         yield from _edges(source, EdgeKind.SWITCHES, NodeKind.TREE, (does.within.name,))
 
 
-def _input_edges(source: Node, names: Iterable[str], metrics: frozenset[str]) -> Iterator[Edge]:
+def _input_edges(source: Node, names: Iterable[str], metric_names: frozenset[str]) -> Iterator[Edge]:
     for name in names:
-        target = Node(NodeKind.METRIC if name in metrics else NodeKind.CONTEXT, name)
+        target = Node(NodeKind.METRIC if name in metric_names else NodeKind.CONTEXT, name)
         yield Edge(source, target, EdgeKind.READS)

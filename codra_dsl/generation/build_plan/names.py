@@ -1,7 +1,8 @@
 """Names in Python for the elements of a spec. They are the same on every version of Python, and no name hides another.
 
 An identifier of the language starts with a letter, and differs by more than case from all other identifiers of its
-kind. Functions and branches are lower case and constants upper case, so that the two never collide.
+kind. The names of functions and branches are in lower case, and the names of constants in upper case, so that these
+names never collide.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ METRIC_ENGINE, ACTION_ENGINE = "metric_engine", "action_engine"
 """The modules of the two fuzzy engines of loops."""
 
 
-# Written out, since Python's own lists grow from version to version, and by the names that `site` adds.
-_PYTHONS_WORDS = """
+# The words are written out, because Python's own lists grow from version to version, and `site` adds names to them.
+_PYTHON_NAMES_TEXT = """
     False None True and as assert async await break class continue def del elif else except finally for from global if
     import in is lambda nonlocal not or pass raise return try while with yield case match type
     abs aiter all anext any ascii bin bool breakpoint bytearray bytes callable chr classmethod compile complex copyright
@@ -46,17 +47,17 @@ _PYTHONS_WORDS = """
     ord pow print property quit range repr reversed round set setattr slice sorted staticmethod str sum super tuple vars
     zip
 """
-_PYTHONS_NAMES = frozenset(_PYTHONS_WORDS.split())
+_PYTHON_NAMES = frozenset(_PYTHON_NAMES_TEXT.split())
 
 
 def python_name(text: str, taken_names: frozenset[str]) -> str:
     """Return an identifier of the language as a name in Python that is not a keyword, a builtin, or in `taken_names`.
 
-    A keyword, builtin or taken name gets an underscore at its end. So does each such name that already ends in
-    underscores, so that different names stay different.
+    A keyword, builtin or taken name gets an underscore at its end. A name that consists of such a name and underscores
+    after it gets one more underscore, so that different names stay different.
     """
-    plain = text.rstrip("_")
-    return f"{text}_" if plain in taken_names or plain in _PYTHONS_NAMES else text
+    stem = text.rstrip("_")
+    return f"{text}_" if stem in taken_names or stem in _PYTHON_NAMES else text
 
 
 def module_name(origin: str, taken_names: frozenset[str] = ENTRY_NAMES) -> str:
@@ -75,7 +76,7 @@ def knowledge_class(name: str) -> str:
 
 
 def entry_names(spec: Spec) -> frozenset[str]:
-    """Return the names that the entry of a spec's package uses itself; with knowledge or loops there are more."""
+    """Return the names that the entry of a spec's package uses itself; knowledge and loops add names to these."""
     taken_names = ENTRY_NAMES
     if spec.knows:
         taken_names |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}

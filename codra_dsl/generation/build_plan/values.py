@@ -90,9 +90,10 @@ class Tree:
 
     Attributes:
         name: the name in `observers`, otherwise the name of its first algorithm.
-        function: the Python name of the function that builds it.
-        groups: the branches of a group are alternatives, by rank; several groups are joined under shared preconditions.
-        identifies: V_i, in the order of the algorithms that identify them.
+        function: the Python name of the function that builds the tree.
+        groups: the branches in groups. The branches of one group are alternatives, in order of rank; several groups are
+            joined under shared preconditions.
+        identifies: V_i, in the order of the algorithms that identify these variables.
         needs: C_Oi (P1, Equation 7), in the order of the conditions.
     """
 
@@ -116,8 +117,8 @@ class Module:
 
     Attributes:
         name: the Python name of the module.
-        files: the spec files whose own elements it contains, sorted.
-        use: the use of a template whose elements it contains; None if there is none.
+        files: the spec files that declare elements of this module outside of templates, sorted.
+        use: the use of a template that created elements of this module, or None.
         variables: the names of its variables, in file order.
         trees: the names of its trees, in the order of the forest.
         skills: the names of its skills, in file order.
@@ -139,7 +140,8 @@ class BuildPlan:
         class_name: the Python name of the class of the spec's context.
         in_force: C_M, in the order in which Algorithm 2 adds the variables.
         forest: F, in Algorithm 2's order: a tree comes after the trees that it needs, except for feedback.
-        modules: sorted by name; together they hold every declared variable and skill, and every tree.
+        modules: the generated modules, sorted by name; together they contain every declared variable and skill, and
+            every tree.
         edges: the dependency graph, sorted.
     """
 

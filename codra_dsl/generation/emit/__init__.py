@@ -17,7 +17,7 @@ __all__ = ["emit", "package_text"]
 
 
 def emit(plan: BuildPlan) -> Mapping[str, str]:
-    """Return the files of a plan's package by path, relative to the output folder, sorted.
+    """Return a mapping from paths, sorted and relative to the output folder, to the texts of a plan's package.
 
     The same plan gives the same bytes on every machine, with any settings and any hash seed. Only `sources.json` has
     the places of elements in the spec, so that a comment added to the spec changes no other file.

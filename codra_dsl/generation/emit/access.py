@@ -1,9 +1,9 @@
-"""Typed access to the variables of a spec: methods whose signatures tie the names of variables to their values.
+"""Typed access to the variables of a spec: signatures that connect the names of variables with the types of values.
 
 There is one signature for each type of value, not for each variable, so that a spec may have any number of variables.
-One further signature accepts any name, but no value: with a name that may be that of variables of several types, a
-program can read and declare, but not write. The signatures are for editors and type checkers: at run time the calls
-reach the context manager directly.
+One further signature accepts any name, but no value. So if a name may belong to variables of several types, a program
+can read and declare the variable, but cannot write it. The signatures are for editors and type checkers: at run time,
+the calls go directly to the context manager.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from codra_dsl.generation.emit.layout import WIDTH, lay_out, make_brackets
 from codra_dsl.generation.emit.literals import text_literal
 
 _METHOD_INDENT, _ARGUMENT_INDENT = 8 * " ", 12 * " "
-_NAMES = "VariableName"
+_ANY_NAME_ALIAS = "VariableName"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Values:
+class VariableGroup:
     """The variables whose values have one type in Python.
 
     Attributes:
         variables: the names of the variables.
-        alias: the name that signatures use for the type of these names.
+        alias: the name of the literal type of these names, for signatures.
         type: the type of the values.
         answer: the type variable for the result of sequential perception of one of the variables.
-        members: the members of an enum, for which `type` is an alias too; empty for other types.
+        members: the members of an enum, in which case `type` is an alias for them; empty for other types.
     """
 
     variables: tuple[str, ...]
@@ -51,9 +51,10 @@ class _Shape:
     """A method whose types have not been filled in.
 
     Attributes:
-        typed_argument: the argument after `name`, whose type depends on the variable's type, for variables of one type.
-        fallback_argument: this argument for variables of any type: it accepts only what fits all types.
-        implementation_argument: this argument in the definition that follows several signatures.
+        typed_argument: for variables of one type, the argument after `name`; its type depends on the type of the
+            variables.
+        fallback_argument: the same argument for variables of any type: it accepts only what fits all types.
+        implementation_argument: the same argument in the definition that follows several signatures.
         other_arguments: further arguments, with their defaults.
         return_type: the return type for variables of one type.
         fallback_return_type: the return type for variables of several types.
@@ -118,40 +119,46 @@ _SHAPES = (
 )
 
 
-def methods(kinds: Sequence[Values]) -> Iterator[Method]:
-    """Yield the methods for variables of some types; a spec without variables has no methods."""
-    for shape in _SHAPES if kinds else ():
-        yield _overloaded_method(shape, kinds) if len(kinds) > 1 else _single_signature_method(shape, kinds[0])
+def methods(groups: Sequence[VariableGroup]) -> Iterator[Method]:
+    """Yield the methods for groups of variables; a spec without variables has no methods."""
+    for shape in _SHAPES if groups else ():
+        yield _overloaded_method(shape, groups) if len(groups) > 1 else _single_signature_method(shape, groups[0])
 
 
-def _overloaded_method(shape: _Shape, kinds: Sequence[Values]) -> Method:
+def _overloaded_method(shape: _Shape, groups: Sequence[VariableGroup]) -> Method:
     """Return a method with one signature for each type, and a last signature that accepts any name, but no value."""
     other_arguments = [f"{argument} = ..." for argument in shape.other_arguments]
     overloads = [
         _signature(
             shape,
-            kind.alias,
-            _fill_in_types(shape.typed_argument, kind),
+            group.alias,
+            _fill_in_types(shape.typed_argument, group),
             other_arguments,
-            _fill_in_types(shape.return_type, kind),
+            _fill_in_types(shape.return_type, group),
         )
-        for kind in kinds
+        for group in groups
     ]
-    overloads.append(_signature(shape, _NAMES, shape.fallback_argument, other_arguments, shape.fallback_return_type))
+    overloads.append(
+        _signature(shape, _ANY_NAME_ALIAS, shape.fallback_argument, other_arguments, shape.fallback_return_type)
+    )
     definition = _signature(
-        shape, _NAMES, shape.implementation_argument, _arguments_with_defaults(shape), shape.fallback_return_type
+        shape,
+        _ANY_NAME_ALIAS,
+        shape.implementation_argument,
+        _arguments_with_defaults(shape),
+        shape.fallback_return_type,
     )
     return Method(tuple(overloads), definition, shape.docstring)
 
 
-def _single_signature_method(shape: _Shape, kind: Values) -> Method:
+def _single_signature_method(shape: _Shape, group: VariableGroup) -> Method:
     """Return a method for values of one type."""
     definition = _signature(
         shape,
-        _NAMES,
-        _fill_in_types(shape.typed_argument, kind),
+        _ANY_NAME_ALIAS,
+        _fill_in_types(shape.typed_argument, group),
         _arguments_with_defaults(shape),
-        _fill_in_types(shape.return_type, kind),
+        _fill_in_types(shape.return_type, group),
     )
     return Method((), definition, shape.docstring)
 
@@ -160,12 +167,12 @@ def _arguments_with_defaults(shape: _Shape) -> list[str]:
     return [f"{argument} = {default}" for argument, default in shape.other_arguments.items()]
 
 
-def _fill_in_types(text: str, kind: Values) -> str:
-    return text.format(type=kind.type, answer=kind.answer)
+def _fill_in_types(text: str, group: VariableGroup) -> str:
+    return text.format(type=group.type, answer=group.answer)
 
 
 def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: Sequence[str], return_type: str) -> str:
-    """Return a signature as `ruff format` writes it: on one line, or all arguments on one, or one argument a line."""
+    """Return a signature as `ruff format` writes it: on one line, with all arguments on one line, or one per line."""
     before, after = f"def {shape.name}(", f") -> {return_type}:"
     arguments = (
         "self",
@@ -185,8 +192,8 @@ def _signature(shape: _Shape, names: str, typed_argument: str, other_arguments: 
     return f"{before}\n{_ARGUMENT_INDENT}{lines},\n{_METHOD_INDENT}{after}"
 
 
-def alias(name: str, members: Iterable[str]) -> str:
+def alias_statement(name: str, members: Iterable[str]) -> str:
     """Return the statement that makes `name` an alias for the literal type of some strings."""
     items = tuple(map(text_literal, dict.fromkeys(members)))
-    literals = lay_out(make_brackets("Literal[", items, "]"), before=len(name) + 3)
-    return f"{name} = {literals if items else 'Never'}"
+    literals_text = lay_out(make_brackets("Literal[", items, "]"), before=len(name) + 3)
+    return f"{name} = {literals_text if items else 'Never'}"

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from codra_dsl.generation.emit.imports import import_statement
 from codra_dsl.generation.emit.layout import (
-    SHORT,
+    SHORT_TEXT_LENGTH,
     WIDTH,
     Chain,
     Expression,
@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 _EXPORTED_NAMES: Mapping[str, str] = {"Node": "TreeNode", "Precondition": "TreePrecondition"}
-"""The names in `generated_api` of words that have another meaning in other generated modules; the key is the word."""
+"""A mapping from words that mean something else in other generated modules to their names in `generated_api`."""
 
 _PYTHON_NAMES = {"else": "otherwise"}
 _RETURN = "    return "
@@ -116,17 +116,17 @@ class _Writer:
 
     def _conditions(self, node: TreeNode) -> dict[str, Expression]:
         condition_texts = {attribute.name: attribute.value for attribute in node.conditions}
-        before = {
+        preconditions = {
             name: self._condition_function(condition_texts[key])
             for key, name in PRECONDITIONS.items()
             if key in condition_texts
         }
-        after = {
+        post_scripts = {
             name: tuple_of(self._statements(condition_texts[key]))
             for key, name in POST_SCRIPTS.items()
             if key in condition_texts
         }
-        return {"conditions": self._call("Conditions", **before, **after)} if condition_texts else {}
+        return {"conditions": self._call("Conditions", **preconditions, **post_scripts)} if condition_texts else {}
 
     # Kinds
 
@@ -194,13 +194,13 @@ class _Writer:
         values = _port_values(node, self._models.get((True, str(node.subtree))))
         remaps_all = values.pop(AUTOREMAP, "false") in ("true", "1")
         settings = {name: parse_port_value(name, value) for name, value in values.items()}
-        remapped = {
+        remapped_keys = {
             literal(name): literal(setting.key) for name, setting in settings.items() if isinstance(setting, EntryKey)
         }
         constants = {literal(name): literal(text) for name, text in settings.items() if isinstance(text, str)}
         keywords: dict[str, Expression] = {}
-        if remapped:
-            keywords["remapped"] = dictionary(remapped)
+        if remapped_keys:
+            keywords["remapped"] = dictionary(remapped_keys)
         if constants:
             keywords["constants"] = dictionary(constants)
         if remaps_all:
@@ -225,7 +225,7 @@ class _Writer:
 
     def _script(self, node: Script, text: str) -> Expression:
         """Return a script as a function: a lambda, or, if the script is long, the name of a helper function."""
-        if len(text) <= SHORT:
+        if len(text) <= SHORT_TEXT_LENGTH:
             return f"lambda it: {text}"
         self._used_words.add("Scope")
         body: Expression = text
@@ -245,7 +245,7 @@ class _Writer:
 
 
 def _port_values(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
-    """Return the values of a node's ports. A port that the node does not set has the default value of its model."""
+    """Return the values of a node's ports. A port that the node does not set has the default of the node's model."""
     ports = model.ports if model is not None else ()
     port_values = {attribute.name: attribute.value for attribute in node.ports}
     defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in port_values}
@@ -253,7 +253,7 @@ def _port_values(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
 
 
 def _has_direction(model: NodeModel | None, name: str, direction: Direction) -> bool:
-    """Return whether a port has a direction; without a model, it has both."""
+    """Return whether a port has a direction; a port without a model has both directions."""
     port = model.port(name) if model is not None else None
     return port is None or port.direction in (direction, Direction.BOTH)
 

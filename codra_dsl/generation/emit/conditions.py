@@ -1,4 +1,8 @@
-"""Lowered conditions as expressions, only of literals and the words of `codra_dsl.runtime.values.conditions`."""
+"""Conditions in Python, as expressions for generated code.
+
+They contain only literals, operators, and the words of `codra_dsl.runtime.values.conditions` and of
+`codra_dsl.runtime.knowledge.declarations`.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from codra_dsl.generation.emit.layout import WIDEST, Brackets, Chain, Expression, Grouped, lay_out, make_brackets
+from codra_dsl.generation.emit.layout import (
+    UNLIMITED_WIDTH,
+    Brackets,
+    Chain,
+    Expression,
+    Grouped,
+    lay_out,
+    make_brackets,
+)
 from codra_dsl.generation.emit.literals import literal
 
 WORDS = frozenset(
@@ -15,14 +27,14 @@ WORDS = frozenset(
 )
 """The functions of `codra_dsl.runtime.values.conditions` that conditions call."""
 
-POSES = frozenset({"distance", "in_view"})
-"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge can call too."""
+POSE_FUNCTIONS = frozenset({"distance", "in_view"})
+"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge can call as well."""
 
-_CALLABLE = WORDS | POSES | {"abs"}
+_CALLABLE_NAMES = WORDS | POSE_FUNCTIONS | {"abs"}
 _SINGLETON_SETS = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
-# The form of most conditions. All others go through Python's own parser, with the same result.
-_SIMPLE = re.compile(
+# Most conditions have this form. Python's parser reads the others; it would give the same result for all.
+_SIMPLE_CONDITION = re.compile(
     r"""(value|known)\((["'])([A-Za-z][A-Za-z0-9_]*)\2\)"""
     r"""( (?:[<>]=?|[=!]=) (?:0|[1-9][0-9]{0,8})(?:\.(?:0|[0-9]{0,3}[1-9]))?)?"""
 )
@@ -44,36 +56,36 @@ _OPERATORS: Mapping[type[ast.operator], tuple[str, int]] = {
     ast.Mult: ("*", 3),
     ast.Div: ("/", 3),
 }
-_LOGICAL = 1
+_LOGICAL_PRECEDENCE = 1
 
 
 class ConditionError(Exception):
-    """A lowered condition uses something else than the words of the runtime: a bug in the code that lowered it."""
+    """A condition in Python uses something other than the words of the runtime: a bug in the code that wrote it."""
 
 
-def condition(python: str) -> tuple[Expression, frozenset[str]]:
-    """Return a lowered condition as an expression, and the words that it uses.
+def condition_with_words(python: str) -> tuple[Expression, frozenset[str]]:
+    """Return a condition in Python as an expression, and the words that the condition uses.
 
     Raises:
         ConditionError: if the condition contains anything except words of conditions, operators and literals.
     """
-    simple = _SIMPLE.fullmatch(python)
-    if simple is not None:
-        word, _, name, comparison = simple.groups()
+    simple_match = _SIMPLE_CONDITION.fullmatch(python)
+    if simple_match is not None:
+        word, _, name, comparison = simple_match.groups()
         return f'{word}("{name}"){comparison or ""}', _SINGLETON_SETS[word]
     try:
         tree = ast.parse(python, mode="eval").body
     except SyntaxError as error:
         raise ConditionError(f"{python!r}: {error.msg}") from error
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    return _expression(tree), frozenset(names & (WORDS | POSES))
+    return _expression(tree), frozenset(names & (WORDS | POSE_FUNCTIONS))
 
 
 def _expression(node: ast.expr) -> Expression:
     match node:
         case ast.Constant(value=bool() | int() | float() | str() as value):
             return literal(value)
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _CALLABLE:
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _CALLABLE_NAMES:
             return _call(name, arguments)
         case ast.Call(func=ast.Attribute(value=item, attr=name), args=options, keywords=[]) if name in _METHODS:
             return _call(f"{_text_on_one_line(_operand(item))}.{name}", options)
@@ -102,8 +114,12 @@ def _operand(node: ast.expr) -> Expression:
 
 
 def _comparison_side(node: ast.expr) -> Expression:
-    """Return a side of a comparison. Arithmetic needs no parentheses there; others are easier to read with them."""
-    is_bare = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _strength(node) > _LOGICAL)
+    """Return one side of a comparison.
+
+    Arithmetic and unary operations are written without parentheses. Other operations have parentheses, because they are
+    then easier to read.
+    """
+    is_bare = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _precedence(node) > _LOGICAL_PRECEDENCE)
     return _expression(node) if is_bare else _operand(node)
 
 
@@ -116,35 +132,35 @@ def _add_prefix(sign: str, operand: Expression) -> Expression:
 
 
 def _chain(node: ast.BinOp) -> Chain:
-    """Return operators of equal precedence as one chain. Python nests their left operands, so a loop collects them."""
-    operator, strength = _OPERATORS[type(node.op)]
-    rest = [(operator, _right(node))]
+    """Return operators of equal precedence as one chain. Python nests the left operands, so a loop collects them."""
+    operator, precedence = _OPERATORS[type(node.op)]
+    rest = [(operator, _right_operand(node))]
     first = node.left
-    while isinstance(first, ast.BinOp) and _continues(first, operator, strength):
-        rest.append((_OPERATORS[type(first.op)][0], _right(first)))
+    while isinstance(first, ast.BinOp) and _continues(first, operator, precedence):
+        rest.append((_OPERATORS[type(first.op)][0], _right_operand(first)))
         first = first.left
-    return Chain(_chain_operand(first, strength), tuple(reversed(rest)))
+    return Chain(_chain_operand(first, precedence), tuple(reversed(rest)))
 
 
-def _continues(node: ast.BinOp, operator: str, strength: int) -> bool:
+def _continues(node: ast.BinOp, operator: str, precedence: int) -> bool:
     """Return whether a left operand belongs to the chain; `&` and `|` are never mixed without parentheses."""
-    symbol, other = _OPERATORS.get(type(node.op), ("", 0))
-    return other == strength and (strength > _LOGICAL or symbol == operator)
+    symbol, node_precedence = _OPERATORS.get(type(node.op), ("", 0))
+    return node_precedence == precedence and (precedence > _LOGICAL_PRECEDENCE or symbol == operator)
 
 
-def _right(node: ast.BinOp) -> Expression:
-    """Return a right operand. An operator of equal precedence keeps its parentheses, since it is evaluated first."""
-    return _chain_operand(node.right, _strength(node))
+def _right_operand(node: ast.BinOp) -> Expression:
+    """Return a right operand. An operation of equal precedence keeps its parentheses, because it is evaluated first."""
+    return _chain_operand(node.right, _precedence(node))
 
 
-def _chain_operand(node: ast.expr, strength: int) -> Expression:
-    binds_tighter = isinstance(node, ast.BinOp) and _strength(node) > strength > _LOGICAL
+def _chain_operand(node: ast.expr, precedence: int) -> Expression:
+    binds_tighter = isinstance(node, ast.BinOp) and _precedence(node) > precedence > _LOGICAL_PRECEDENCE
     return _expression(node) if binds_tighter or isinstance(node, ast.UnaryOp) else _operand(node)
 
 
-def _strength(node: ast.BinOp) -> int:
+def _precedence(node: ast.BinOp) -> int:
     return _OPERATORS.get(type(node.op), ("", 0))[1]
 
 
 def _text_on_one_line(expression: Expression) -> str:
-    return lay_out(expression, before=-WIDEST)
+    return lay_out(expression, before=-UNLIMITED_WIDTH)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.generation.build_plan import Branch, Tree
-from codra_dsl.generation.emit.conditions import condition
+from codra_dsl.generation.emit.conditions import condition_with_words
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import Expression, call, dictionary, spread_call, tuple_of
 from codra_dsl.generation.emit.literals import literal, text_literal
@@ -47,7 +47,7 @@ _TYPES: Mapping[Kind, str] = {
 }
 
 
-def algorithm(branch: Branch, imports: Imports) -> Expression:
+def algorithm_declaration(branch: Branch, imports: Imports) -> Expression:
     """Return the declaration of a perception algorithm."""
     declared_algorithm = branch.algorithm.algorithm
     fields = _fields(
@@ -70,10 +70,10 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
     return spread_call("Algorithm", **fields)
 
 
-def variable(declared_variable: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
-    """Return the declaration of a context-variable; `poses` has the comparison of each variable derived from poses."""
+def variable_declaration(declared_variable: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
+    """Return the declaration of a context-variable; `poses` maps the name of each pose condition to its comparison."""
     pose_condition, words = (
-        condition(poses[declared_variable.name])
+        condition_with_words(poses[declared_variable.name])
         if declared_variable.pose_condition is not None
         else ("None", frozenset[str]())
     )
@@ -94,7 +94,7 @@ def variable(declared_variable: Variable, poses: Mapping[str, str], imports: Imp
     return call("VariableModel", **fields)
 
 
-def observer(tree: Tree, imports: Imports) -> Expression:
+def observer_declaration(tree: Tree, imports: Imports) -> Expression:
     """Return the declaration of an observer."""
     fields = _fields(
         "ObserverModel",
@@ -108,7 +108,9 @@ def observer(tree: Tree, imports: Imports) -> Expression:
     return call("ObserverModel", **fields)
 
 
-def skill(declared_skill: Skill, expectations: Iterable[CheckedExpectation], imports: Imports) -> Expression:
+def skill_declaration(
+    declared_skill: Skill, expectations: Iterable[CheckedExpectation], imports: Imports
+) -> Expression:
     """Return the declaration of a skill."""
     fields = _fields(
         "SkillModel",
@@ -122,14 +124,14 @@ def skill(declared_skill: Skill, expectations: Iterable[CheckedExpectation], imp
     return call("SkillModel", **fields)
 
 
-def resource(declared_resource: Resource, imports: Imports) -> Expression:
+def resource_declaration(declared_resource: Resource, imports: Imports) -> Expression:
     """Return the declaration of a resource."""
     slots = "None" if declared_resource.slots is None else literal(declared_resource.slots)
     return call("ResourceModel", **_fields("ResourceModel", imports, name=literal(declared_resource.name), slots=slots))
 
 
 def _expectation(expectation: CheckedExpectation, imports: Imports) -> Expression:
-    expression, words = condition(expectation.python)
+    expression, words = condition_with_words(expectation.python)
     imports.use(*words)
     within_s = literal(math.inf if expectation.within_s is None else expectation.within_s)
     fields = _fields(
@@ -145,7 +147,7 @@ def _fields(model: str, imports: Imports, **fields: Expression) -> dict[str, Exp
 def non_default_fields(
     model: str, defaults: Mapping[str, Expression], imports: Imports, fields: Mapping[str, Expression]
 ) -> dict[str, Expression]:
-    """Return the fields that differ from the defaults of the runtime; their imports are recorded."""
+    """Return the fields that differ from the defaults of the runtime, and record the imports of these fields."""
     imports.use(model)
     kept_fields = {
         name: value
@@ -168,7 +170,7 @@ def _result_type(returned: Returned, imports: Imports) -> Expression:
 
 
 def value_type(declared_type: ValueType, imports: Imports, **optional: Expression) -> Expression:
-    """Return the declaration of a value's type; finite bounds of an integer are written as integers."""
+    """Return the declaration of a value's type; an integer's bounds are written as integers if both are finite."""
     function = _TYPES[declared_type.kind]
     imports.use(function)
     bounds = declared_type.range if declared_type.range is not None else ()

@@ -6,69 +6,75 @@ from collections.abc import Iterator, Mapping
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import camel_case, entry_names, knowledge_class
-from codra_dsl.generation.emit.access import Values, alias, methods
-from codra_dsl.generation.emit.declarations import resource
-from codra_dsl.generation.emit.handles import IGNORE_OVERRIDE, agents_with_handles, handle_signatures, literals
+from codra_dsl.generation.emit.access import VariableGroup, alias_statement, methods
+from codra_dsl.generation.emit.declarations import resource_declaration
+from codra_dsl.generation.emit.handles import IGNORE_OVERRIDE, agents_with_handles, handle_signatures, literal_type
 from codra_dsl.generation.emit.imports import Imports, import_statement
 from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.generation.emit.literals import text_literal
-from codra_dsl.generation.emit.rendering import made_by, render
+from codra_dsl.generation.emit.rendering import made_by_line, render
 from codra_dsl.language.check.checked.knowledge import CheckedKnowledge
 from codra_dsl.language.model import Kind
 
-_PLAIN: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "float", Kind.STR: "str"}
+_PLAIN_TYPES: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "float", Kind.STR: "str"}
 
 
-MOST_ENUMS = 50
-"""The maximum number of enums with their own type; variables of further enums are strings for editors and mypy."""
+MAX_ENUMS = 50
+"""The maximum number of enums with their own type; members of further enums are plain strings for editors and mypy."""
 
 
 def entry_text(plan: BuildPlan) -> str:
     """Return the text of the package's `__init__.py`."""
     imports = Imports()
     imports.use("Mapping", "Clock", "ContextManager", "ContextModel", "EventLog")
-    kinds, knowledge = _values(plan), plan.checked.knowledge
-    imports.use_math_for(["math.inf"] if kinds else [])
+    groups, knowledge = _variable_groups(plan), plan.checked.knowledge
+    imports.use_math_for(["math.inf"] if groups else [])
     imports.use(*(["TYPE_CHECKING"] if knowledge is not None else []))
     agents = [] if knowledge is None else list(_agent_signatures(knowledge, imports))
     adapts = plan.checked.mape is not None
     imports.use(*(["Leaves", "Mape"] if adapts else []))
-    imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
-    imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
-    aliases = [*_variable_aliases(kinds), alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
+    imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if groups else []))
+    imports.use(*(["overload", "Any", "Never"] if len(groups) > 1 else []))
+    aliases = [
+        *_variable_aliases(groups),
+        alias_statement("SkillName", [skill.name for skill in plan.checked.spec.skills]),
+    ]
     imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))
     return render(
         "entry.py.j2",
         title=f"The context of '{plan.name}': {_counts_text(plan)}.",
-        made_by=made_by(plan),
+        made_by=made_by_line(plan),
         model=lay_out(_model(plan, imports)),
         imports=imports.lines(),
         modules=_local_imports(plan),
         aliases=aliases,
         name=plan.name,
         class_name=plan.class_name,
-        methods=list(methods(kinds)),
+        methods=list(methods(groups)),
         knowledge=knowledge_class(plan.name) if knowledge is not None else "",
         agents=agents,
         adapts=adapts,
     )
 
 
-def _values(plan: BuildPlan) -> list[Values]:
-    """Return the variables in groups of one type, in the order in which the types first appear."""
+def _variable_groups(plan: BuildPlan) -> list[VariableGroup]:
+    """Return the variables in groups of one type, in the order in which the types first appear.
+
+    Pose conditions are left out.
+    """
     variables_by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
     enums: set[tuple[str, ...]] = set()
     for variable in plan.checked.variables.values():
         if variable.pose_condition is not None:
             continue
         kind, members = variable.type.kind, variable.type.values
-        if kind is Kind.ENUM and (members in enums or len(enums) < MOST_ENUMS):
+        if kind is Kind.ENUM and (members in enums or len(enums) < MAX_ENUMS):
             enums.add(members)
         elif kind is Kind.ENUM:
             kind, members = Kind.STR, ()
         variables_by_type.setdefault((kind, members), []).append(variable.name)
     taken_names = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handle_names(plan)}
-    return [_values_of_type(kind, members, names, taken_names) for (kind, members), names in variables_by_type.items()]
+    return [_variable_group(kind, members, names, taken_names) for (kind, members), names in variables_by_type.items()]
 
 
 def _handle_names(plan: BuildPlan) -> list[str]:
@@ -81,8 +87,8 @@ def _agent_signatures(knowledge: CheckedKnowledge, imports: Imports) -> Iterator
     """Yield the signatures of the method `agent`, which returns the handle of an agent."""
     agents_and_handles = agents_with_handles(knowledge)
     other_agents = knowledge.writers[len(agents_and_handles) :]
-    agent_types = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in agents_and_handles]
-    agent_types += [(literals(other_agents), "Agent[VariableName, AgentHandle]")] if other_agents else []
+    agent_types = [(literal_type([agent]), f"Agent[VariableName, {handle}]") for agent, handle in agents_and_handles]
+    agent_types += [(literal_type(other_agents), "Agent[VariableName, AgentHandle]")] if other_agents else []
     imports.use(*(["Agent", "Literal"] if agent_types else []), *(["AgentHandle"] if other_agents else []))
     imports.use(*(["overload", "Any"] if len(agent_types) > 1 else []))
     is_overloaded = len(agent_types) > 1
@@ -97,36 +103,38 @@ def _agent_signatures(knowledge: CheckedKnowledge, imports: Imports) -> Iterator
             )
 
 
-def _values_of_type(kind: Kind, members: tuple[str, ...], variables: list[str], taken_names: set[str]) -> Values:
-    """Return variables of one type, with names for that type. Those for an enum are derived from its first variable."""
-    if kind in _PLAIN:
-        python_type = _PLAIN[kind]
+def _variable_group(kind: Kind, members: tuple[str, ...], variables: list[str], taken_names: set[str]) -> VariableGroup:
+    """Return variables of one type, with names for that type. The names for an enum follow from its first variable."""
+    if kind in _PLAIN_TYPES:
+        python_type = _PLAIN_TYPES[kind]
         stem = python_type.capitalize()
-        return Values(
+        return VariableGroup(
             variables=tuple(variables), alias=f"{stem}Name", type=python_type, answer=f"{stem}Answer", members=()
         )
     stem = camel_case(variables[0])
     while {stem, f"{stem}Name", f"{stem}Answer"} & taken_names:
         stem += "_"
     taken_names |= {stem, f"{stem}Name", f"{stem}Answer"}
-    return Values(variables=tuple(variables), alias=f"{stem}Name", type=stem, answer=f"{stem}Answer", members=members)
+    return VariableGroup(
+        variables=tuple(variables), alias=f"{stem}Name", type=stem, answer=f"{stem}Answer", members=members
+    )
 
 
-def _variable_aliases(kinds: list[Values]) -> Iterator[str]:
-    for values in kinds:
-        if values.members:
-            yield alias(values.type, values.members)
-    if len(kinds) > 1:
-        yield from (alias(values.alias, values.variables) for values in kinds)
-        yield _union("VariableName", [values.alias for values in kinds])
+def _variable_aliases(groups: list[VariableGroup]) -> Iterator[str]:
+    for group in groups:
+        if group.members:
+            yield alias_statement(group.type, group.members)
+    if len(groups) > 1:
+        yield from (alias_statement(group.alias, group.variables) for group in groups)
+        yield _union_statement("VariableName", [group.alias for group in groups])
     else:
-        yield alias("VariableName", [name for values in kinds for name in values.variables])
-    for values in kinds:
-        variable = call("TypeVar", text_literal(values.answer), bound=f"{values.type} | None")
-        yield f"{values.answer} = {lay_out(variable, before=len(values.answer) + 3)}"
+        yield alias_statement("VariableName", [name for group in groups for name in group.variables])
+    for group in groups:
+        type_variable = call("TypeVar", text_literal(group.answer), bound=f"{group.type} | None")
+        yield f"{group.answer} = {lay_out(type_variable, before=len(group.answer) + 3)}"
 
 
-def _union(name: str, types: list[str]) -> str:
+def _union_statement(name: str, types: list[str]) -> str:
     """Return the statement that makes `name` an alias for the union of some types, as `ruff format` writes it."""
     flat = f"{name} = {' | '.join(types)}"
     spread = "\n    | ".join(types)
@@ -134,7 +142,7 @@ def _union(name: str, types: list[str]) -> str:
 
 
 def _counts_text(plan: BuildPlan) -> str:
-    """Return the number of elements of each kind, for the docstring."""
+    """Return how many elements of each kind there are, for the docstring."""
     counts_and_nouns = (
         (len(plan.forest), "observer"),
         (len(plan.checked.variables), "context-variable"),
@@ -157,7 +165,7 @@ def _local_imports(plan: BuildPlan) -> str:
 
 
 def _model(plan: BuildPlan, imports: Imports) -> Expression:
-    resources = [resource(declared_resource, imports) for declared_resource in plan.checked.spec.resources]
+    resources = [resource_declaration(declared_resource, imports) for declared_resource in plan.checked.spec.resources]
     return spread_call(
         "ContextModel",
         name=text_literal(plan.name),

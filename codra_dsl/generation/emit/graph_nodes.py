@@ -53,7 +53,7 @@ def _agent_entry(agent: CheckedAgent) -> dict[str, object]:
 
 
 def knowledge_places(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[str, Place]]:
-    """Yield the name in files and the place of each element of knowledge, and of each rule and pattern of agents."""
+    """Yield, for each element of knowledge and each rule and pattern of an agent, its name in files and its place."""
     world, name = knowledge.world, plan.name
     for kind in node_type_names(world):
         declared_type = world.types.get(kind)

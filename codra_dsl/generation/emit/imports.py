@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
-from codra_dsl.generation.emit.conditions import POSES, WORDS
+from codra_dsl.generation.emit.conditions import POSE_FUNCTIONS, WORDS
 from codra_dsl.generation.emit.layout import WIDTH, Expression, lay_out, spread_tuple
 from codra_dsl.language.project import GENERATED_API
 
@@ -38,7 +38,7 @@ _NAMES_BY_MODULE: Mapping[str, Iterable[str]] = {
         *["AgentModel", "AttributeModel", "EdgeModel", "EdgeTypeModel", "KnowledgeModel", "NodeModel", "NodeTypeModel"],
         *["Phase", "RuleModel", "TaskModel", "ViewModel", "Writer"],
         *["absent", "anything", "backward", "by", "path", "ranked", "some"],
-        *POSES,
+        *POSE_FUNCTIONS,
         *["CourseModel", "HardRuleModel", "InputModel", "LoopModel", "Mape", "MapeModel", "OutputModel"],
         *["ParameterModel", "RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"],
         *["Bounds", "End", "Leaves", "terms"],
@@ -55,19 +55,19 @@ class Imports:
 
     def __init__(self) -> None:
         self._names: set[str] = set()
-        self._math = False
+        self._needs_math = False
 
     def use(self, *names: str) -> None:
         """Record that the module uses names of the runtime, of py_trees or of Python's library."""
         self._names.update(names)
 
     def use_in(self, code: Iterable[str], names: Iterable[str]) -> None:
-        """Record that the module uses some names, but only those that occur in its code outside of literals."""
+        """Record which of the given names the module uses: those that occur in its code outside of literals."""
         self._names.update(set(names).intersection(_WORD.findall(_TEXT.sub("", "\n".join(code)))))
 
     def use_math_for(self, values: Iterable[Expression]) -> None:
         """Record that the module contains some values; if one of them is infinite, the module imports `math`."""
-        self._math = self._math or any(value in ("math.inf", "-math.inf") for value in values)
+        self._needs_math = self._needs_math or any(value in ("math.inf", "-math.inf") for value in values)
 
     def lines(self) -> str:
         """Return the import statements: of Python, then of py_trees, then of codra, separated by blank lines."""
@@ -75,7 +75,7 @@ class Imports:
         for name in self._names:
             names_by_module.setdefault(_MODULE_BY_NAME[name], []).append(name)
         statements = [(module, import_statement(module, names_by_module[module])) for module in sorted(names_by_module)]
-        math_import = ["import math"] if self._math else []
+        math_import = ["import math"] if self._needs_math else []
         sections = [
             [
                 *(math_import if number == 0 else []),

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.dependencies import node_type_names
-from codra_dsl.generation.emit.conditions import condition
+from codra_dsl.generation.emit.conditions import condition_with_words
 from codra_dsl.generation.emit.declarations import non_default_fields, tuple_of_names, value_type
-from codra_dsl.generation.emit.handles import aliases, handles
+from codra_dsl.generation.emit.handles import aliases, knowledge_classes
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import Expression, call, dictionary, lay_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.generation.emit.literals import literal, text_literal
-from codra_dsl.generation.emit.rendering import made_by, render
+from codra_dsl.generation.emit.rendering import made_by_line, render
 from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge, CheckedPattern, CheckedRule
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.expression import EdgeTerm, NodeTerm, Path
@@ -53,8 +53,8 @@ KNOWLEDGE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
 _DECIMAL_PLACES = 12
 """The decimal places of a quaternion's components.
 
-There are so few that the generated text is the same, whichever library computed the sines and cosines. The runtime
-normalises the quaternion.
+There are so few places that the generated text does not depend on the library that computes sines and cosines. The
+runtime normalises the quaternion.
 """
 
 
@@ -74,12 +74,12 @@ def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
         agents=spread_tuple(map(writer.agent, knowledge.agents)),
     )
     imports.use("KnowledgeModel")
-    classes, type_aliases = handles(plan, knowledge, imports), list(aliases(knowledge))
+    classes, type_aliases = knowledge_classes(plan, knowledge, imports), list(aliases(knowledge))
     imports.use_in(type_aliases, ("Literal", "Never"))
     return render(
         "knowledge.py.j2",
         title=f"The declared knowledge of '{plan.name}', and who may write it.",
-        made_by=made_by(plan),
+        made_by=made_by_line(plan),
         aliases=type_aliases,
         model=lay_out(model),
         handles=classes,
@@ -99,7 +99,7 @@ class _Writer:
         )
 
     def node_types(self) -> Iterable[Expression]:
-        """Yield the node types: first the declared types, then types that are not declared but that a node has."""
+        """Yield the node types: first the declared types, then the undeclared types of nodes."""
         for name in node_type_names(self._world):
             declared = self._world.types.get(name)
             if declared is None:
@@ -229,8 +229,8 @@ class _Writer:
     def _sources(self, writers: tuple[Writer, ...]) -> Expression:
         """Return the writers of an element.
 
-        If all priorities are equal, they are left out. If all of them differ, the writers are only listed, the one with
-        the highest priority first.
+        If all priorities are equal, they are left out. If all priorities differ, the writers are listed without
+        priorities, the writer with the highest priority first.
         """
         priorities = [writer.priority or 0 for writer in writers]
         if len(set(priorities)) <= 1:
@@ -274,7 +274,7 @@ class _Writer:
     def _pattern(self, pattern: CheckedPattern) -> Expression:
         if pattern.path is not None:
             return self._path(pattern.path)
-        expression, words = condition(pattern.python)
+        expression, words = condition_with_words(pattern.python)
         self._imports.use(*words)
         return expression
 

@@ -1,7 +1,8 @@
 """Lay out Python expressions in lines, exactly as `ruff format` writes them.
 
-An expression stays on one line if it fits. Otherwise its outermost part is broken first: brackets contain one item a
-line, with a comma after the last item, and a chain of operators breaks before each operator of the lowest precedence.
+An expression stays on one line if it fits. Otherwise its outermost part is broken first: brackets contain one item per
+line, with a comma after the last item, and a chain of operators is broken before each operator of the lowest
+precedence.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from typing import NamedTuple
 WIDTH = 120
 _STEP = 4
 
-WIDEST = 10_000
+UNLIMITED_WIDTH = 10_000
 """Wider than any line that must not be broken."""
 
-SHORT = 70
-"""A text of at most this length fits on every line: no declaration or behaviour is indented by half the width."""
+SHORT_TEXT_LENGTH = 70
+"""A text of at most this length fits on every line: no declaration or behaviour is indented too far for it."""
 
 
 class Brackets(NamedTuple):
@@ -86,7 +87,7 @@ def call(function: str, *arguments: Expression, **keywords: Expression) -> Expre
 
 
 def spread_call(function: str, *arguments: Expression, **keywords: Expression) -> Brackets:
-    """Return a call with one argument a line."""
+    """Return a call with one argument per line."""
     return Brackets(f"{function}(", (*arguments, *_named_items(keywords, "=")), ")", None)
 
 
@@ -97,7 +98,7 @@ def tuple_of(items: Iterable[Expression]) -> Expression:
 
 
 def spread_tuple(items: Iterable[Expression]) -> Brackets:
-    """Return a tuple with one item a line; a single item is on the same line as the brackets."""
+    """Return a tuple with one item per line; a single item is on the same line as the brackets."""
     elements = tuple(items)
     if len(elements) > 1:
         return Brackets("(", elements, ")", None)
@@ -105,12 +106,12 @@ def spread_tuple(items: Iterable[Expression]) -> Brackets:
 
 
 def spread_list(items: Iterable[Expression]) -> Brackets:
-    """Return a list with one item a line."""
+    """Return a list with one item per line."""
     return Brackets("[", tuple(items), "]", None)
 
 
 def spread_dictionary(items: Mapping[str, Expression]) -> Brackets:
-    """Return a dictionary with one item a line; keys are literals."""
+    """Return a dictionary with one item per line; keys are literals."""
     return Brackets("{", tuple(_named_items(items, ": ")), "}", None if items else "{}")
 
 
@@ -120,7 +121,7 @@ def dictionary(items: Mapping[str, Expression]) -> Expression:
 
 
 def _named_items(items: Mapping[str, Expression], separator: str) -> list[Expression]:
-    """Return items, each with its name and a sign in front."""
+    """Return items, each after its name and a separator."""
     return [
         f"{name}{separator}{item}" if isinstance(item, str) else _add_prefix(f"{name}{separator}", item)
         for name, item in items.items()
@@ -128,7 +129,7 @@ def _named_items(items: Mapping[str, Expression], separator: str) -> list[Expres
 
 
 def _add_prefix(prefix_text: str, item: Expression) -> Expression:
-    """Return an item whose first line has a text in front."""
+    """Return an item with a text before it on its first line."""
     match item:
         case str():
             return prefix_text + item
@@ -141,9 +142,9 @@ def _add_prefix(prefix_text: str, item: Expression) -> Expression:
 
 
 def _brackets_or_text(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
-    """Return items in brackets; as plain text, if this text is so short that it fits everywhere."""
+    """Return items in brackets, as plain text if this text is so short that it fits on every line."""
     flat = _flat_brackets_text(opening, items, closing)
-    return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT else flat
+    return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT_TEXT_LENGTH else flat
 
 
 def lay_out(expression: Expression, *, indent: int = 0, before: int = 0, after: int = 0) -> str:

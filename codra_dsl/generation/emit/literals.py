@@ -24,7 +24,7 @@ def text_literal(text: str) -> str:
     """Return the literal of a string, in double quotes unless single quotes need fewer escapes."""
     if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:  # most texts are like this
         return f'"{text}"'
-    # With both kinds of quotes before the text, `ascii` uses single quotes outside and escapes only those in the text.
+    # With both kinds of quotes before the text, `ascii` puts single quotes around it and escapes only single quotes.
     body = ascii("'\"" + text)[4:-1]
     if text.count('"') > text.count("'"):
         return f"'{body}'"

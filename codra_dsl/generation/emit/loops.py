@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import ACTION_ENGINE, MAPE_MODULE, METRIC_ENGINE, tree_module_name
 from codra_dsl.generation.emit.behaviour_trees import tree_module
-from codra_dsl.generation.emit.conditions import condition
+from codra_dsl.generation.emit.conditions import condition_with_words
 from codra_dsl.generation.emit.declarations import non_default_fields, tuple_of_names
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import (
@@ -21,7 +21,7 @@ from codra_dsl.generation.emit.layout import (
     tuple_of,
 )
 from codra_dsl.generation.emit.literals import literal, text_literal
-from codra_dsl.generation.emit.rendering import made_by, render
+from codra_dsl.generation.emit.rendering import made_by_line, render
 from codra_dsl.language.check.checked.loops import (
     CheckedAdaptation,
     CheckedInput,
@@ -77,7 +77,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
 
 
 def mape_texts(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, str]]:
-    """Yield the path and text of each module of the loops of a spec."""
+    """Yield the path and the text of each module of a spec's loops."""
     for module, stage in ((METRIC_ENGINE, mape.metrics), (ACTION_ENGINE, mape.actions)):
         if stage is not None:
             yield f"{module}.py", compile_engine(stage.engine)
@@ -105,7 +105,7 @@ def _mape_text(plan: BuildPlan, mape: CheckedMape) -> str:
     return render(
         "mape.py.j2",
         title=f"The loops of '{plan.name}': what they analyse, choose and execute.",
-        made_by=made_by(plan),
+        made_by=made_by_line(plan),
         imports=imports.lines(),
         modules=_local_imports(mape),
         model=lay_out(spread_call("MapeModel", **fields), before=len("MAPE = ")),
@@ -238,7 +238,7 @@ class _Writer:
         return call("CourseModel", **fields)
 
     def _hard_rule(self, rule: HardRule, python: str) -> Expression:
-        condition_expression, words = condition(python)
+        condition_expression, words = condition_with_words(python)
         self._imports.use(*words)
         fields = self.fields(
             "HardRuleModel",
@@ -252,7 +252,7 @@ class _Writer:
         """Return the declaration of a parameter, a variable that is set."""
         adaptation, parameter = checked.adaptation, checked.adaptation.does
         assert isinstance(parameter, Parameter)
-        value, words = condition(checked.python[0])
+        value, words = condition_with_words(checked.python[0])
         self._imports.use(*words)
         fields = self.fields(
             "ParameterModel",

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from codra_dsl.generation.build_plan import BuildPlan, Module, Tree
-from codra_dsl.generation.emit.declarations import algorithm, observer, skill, variable
+from codra_dsl.generation.emit.declarations import (
+    algorithm_declaration,
+    observer_declaration,
+    skill_declaration,
+    variable_declaration,
+)
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import Expression, lay_out, spread_tuple
 from codra_dsl.generation.emit.literals import prose
-from codra_dsl.generation.emit.rendering import made_by, render
+from codra_dsl.generation.emit.rendering import made_by_line, render
 from codra_dsl.generation.emit.trees import tree_text
 from codra_dsl.language.model import Skill
 
@@ -30,25 +35,30 @@ def _module_text(plan: BuildPlan, module: Module, trees: list[Tree], skills: lis
     branches = (branch for tree in trees for branch in tree.branches)
     expectations, poses = plan.checked.expectations, plan.checked.poses
     texts = {
-        "algorithms": [f"{branch.constant} = {lay_out(algorithm(branch, imports))}" for branch in branches],
+        "algorithms": [f"{branch.constant} = {lay_out(algorithm_declaration(branch, imports))}" for branch in branches],
         "trees": [tree_text(tree, imports) for tree in trees],
         "variables": _tuple_statement(
             "VARIABLES",
             "VariableModel",
-            (variable(declared_variable, poses, imports) for declared_variable in variables),
+            (variable_declaration(declared_variable, poses, imports) for declared_variable in variables),
         ),
-        "observers": _tuple_statement("OBSERVERS", "ObserverModel", (observer(tree, imports) for tree in trees)),
+        "observers": _tuple_statement(
+            "OBSERVERS", "ObserverModel", (observer_declaration(tree, imports) for tree in trees)
+        ),
         "skills": _tuple_statement(
             "SKILLS",
             "SkillModel",
-            (skill(declared_skill, expectations.get(declared_skill.name, ()), imports) for declared_skill in skills),
+            (
+                skill_declaration(declared_skill, expectations.get(declared_skill.name, ()), imports)
+                for declared_skill in skills
+            ),
         ),
     }
-    return render("module.py.j2", title=_title(module), made_by=made_by(plan), imports=imports.lines(), **texts)
+    return render("module.py.j2", title=_title(module), made_by=made_by_line(plan), imports=imports.lines(), **texts)
 
 
 def _tuple_statement(name: str, kind: str, declarations: Iterable[Expression]) -> str:
-    """Return the statement that assigns a tuple of declarations to a name, with one declaration a line."""
+    """Return the statement that assigns a tuple of declarations to a name, with one declaration per line."""
     before = f"{name}: tuple[{kind}, ...] = "
     return before + lay_out(spread_tuple(declarations), before=len(before))
 

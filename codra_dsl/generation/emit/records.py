@@ -1,6 +1,6 @@
 """Write the files beside the code: the dependency graph, the manifest, and the places of all elements in the spec.
 
-Lists and mappings are written with one entry a line, so that a diff shows only the entries that changed.
+Lists and mappings are written with one entry per line, so that a diff shows only the entries that changed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 from codra_dsl import __version__
 from codra_dsl.generation.build_plan import BuildPlan, Edge, Node, NodeKind
 from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_places, node_id, variable_entry
-from codra_dsl.generation.emit.loop_plans import loop_nodes, loop_places
+from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
 from codra_dsl.language.model import Agent, Algorithm, Variable
@@ -33,7 +33,7 @@ _FIELDS_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
 _SEPARATELY_DIGESTED_FIELDS = frozenset(
     {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition"))}
 )
-# A checked algorithm holds an algorithm's conditions a second time, lowered.
+# A checked algorithm holds an algorithm's conditions a second time, translated to Python.
 _REPEATED_FIELDS = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
 
 
@@ -79,8 +79,8 @@ def graph_text(plan: BuildPlan) -> str:
 def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     """Return the text of `manifest.json`.
 
-    It has digests of the checked model and of `outputs`, but no digest of `sources.json`, since places can change while
-    everything else stays the same.
+    The manifest has digests of the checked model and of `outputs`. It has no digest of `sources.json`, because places
+    can change while everything else stays the same.
     """
     variables = {name: _type_entries(variable) for name, variable in plan.checked.variables.items()}
     digests = {path: _digest(outputs[path]) for path in sorted(outputs)}
@@ -97,7 +97,7 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
 
 
 def _type_entries(variable: Variable) -> dict[str, object]:
-    """Return the type of a variable, for tools that read the manifest alone."""
+    """Return the type of a variable, for tools that read only the manifest."""
     declared_type = variable.type
     entry = {
         "type": declared_type.kind.value,
@@ -114,7 +114,7 @@ def sources_text(plan: BuildPlan) -> str:
 
 
 def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
-    """Yield the name in files and the place of each element of a spec and of each of its conditions."""
+    """Yield, for each element of a spec and each of its conditions, its name in files and its place."""
     spec = plan.checked.spec
     for variable in spec.context:
         yield node_id(plan, Node(NodeKind.CONTEXT, variable.name)), variable.place
@@ -147,18 +147,18 @@ def _span_entries(span: Span) -> str:
 
 
 def object_of(**parts: str) -> str:
-    """Return a JSON object, with one entry a line; the values are already JSON."""
+    """Return a JSON object, with one entry per line; the values are already JSON."""
     inner = ",\n".join(f"{json.dumps(key)}: {text}" for key, text in parts.items())
     return f"{{\n{inner}\n}}\n"
 
 
 def list_of(items: Iterable[object]) -> str:
-    """Return a JSON list, with one item a line."""
+    """Return a JSON list, with one item per line."""
     return _json_list(list(map(json.dumps, items)))
 
 
 def mapping_of(items: Mapping[str, object]) -> str:
-    """Return a JSON object, with one entry a line."""
+    """Return a JSON object, with one entry per line."""
     return _json_object([f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items()])
 
 
@@ -202,7 +202,7 @@ def model_digest(plan: BuildPlan) -> str:
 
 
 def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:
-    """Return the values that are the meaning of a spec's loops, including the contents of its trees' files."""
+    """Return the values that make up the meaning of a spec's loops, including the contents of its tree files."""
     spec = checked.spec
     terms_and_rates = tuple((variable.terms, variable.rate) for variable in spec.context)
     trees = tuple(tree.forest for tree in checked.mape.trees) if checked.mape is not None else ()

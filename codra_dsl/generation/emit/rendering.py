@@ -17,7 +17,7 @@ def render(template: str, **texts: object) -> str:
     return _environment().get_template(template).render(**texts)
 
 
-def made_by(plan: BuildPlan) -> str:
+def made_by_line(plan: BuildPlan) -> str:
     """Return the line that names the source of generated code and how to renew it."""
     file = prose(plan.checked.spec.file)
     return f"Made by codra from {file}; edits are lost. Renew: codra compile {file}"

@@ -17,7 +17,7 @@ _PLAIN_TEXT = r"[ !#-\[\]-~]*"  # printable ASCII without quotes and backslashes
 _PLAIN_DOCSTRING = re.compile(f'"""{_PLAIN_TEXT}"""')
 _PLAIN_STRING = re.compile(f'"{_PLAIN_TEXT}"')
 _MISLEADING_MARKS = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrRuU"))
-"""If one of these marks is left, a match that looked like a plain string may be something else."""
+"""If one of these marks is left after plain strings are removed, a removed match may not have been a plain string."""
 
 _WORDS_ACROSS_PIECES = ("__future__", "global")
 """Words of statements whose validity in one piece depends on other pieces."""
@@ -40,19 +40,19 @@ def prove(files: Mapping[str, str]) -> None:
     Raises:
         BrokenOutputError: if a text cannot be parsed, with the first such path and the error.
     """
-    proven: set[str] = set()
+    proven_pieces: set[str] = set()
     for path, text in files.items():
         try:
             if not path.endswith(".py"):
                 json.loads(text)
-            elif not _is_proven_in_pieces(text, proven):
+            elif not _is_proven_in_pieces(text, proven_pieces):
                 compile(text, path, "exec", dont_inherit=True)
         except (SyntaxError, ValueError, RecursionError) as error:
             raise BrokenOutputError(f"{path}: {error}") from error
 
 
-def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
-    """Compile the pieces of a module that are not in `proven`, and return whether this proves the whole module."""
+def _is_proven_in_pieces(text: str, proven_pieces: set[str]) -> bool:
+    """Compile the pieces of a module that are not in `proven_pieces`; return whether this proves the whole module."""
     code_before_docstring, _, rest = text.partition('"""')
     docstring, closing, statements = rest.partition('"""')
     docstring_line = docstring.replace("\n", "")
@@ -63,12 +63,12 @@ def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
     if shape is None:
         return False
     for piece in _pieces(shape):
-        if piece not in proven:
+        if piece not in proven_pieces:
             try:
                 compile(piece, "", "exec", dont_inherit=True)
             except (SyntaxError, ValueError, RecursionError):
                 return False
-            proven.add(piece)
+            proven_pieces.add(piece)
     return True
 
 

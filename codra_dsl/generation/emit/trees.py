@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from codra_dsl.generation.build_plan import Branch, Tree
-from codra_dsl.generation.emit.conditions import condition
+from codra_dsl.generation.emit.conditions import condition_with_words
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_list
 from codra_dsl.generation.emit.literals import literal
@@ -90,7 +90,10 @@ class _TreeWriter:
         return [*self._preconditions((branch,)), *self._perception_nodes(branch)]
 
     def _parallel(self, groups: Iterable[tuple[Branch, ...]]) -> Expression:
-        """Return joined groups as a parallel. A failing group must not fail it: that would cancel the other groups."""
+        """Return joined groups as a parallel.
+
+        A group that fails must not make the parallel fail, because this would cancel the other groups.
+        """
         self._imports.use("Parallel", "ParallelPolicy", "FailureIsSuccess")
         wrapped_groups = (
             spread_call("FailureIsSuccess", name=literal(group[0].name), child=self._group(group)) for group in groups
@@ -143,6 +146,6 @@ class _TreeWriter:
         return call(name, *arguments)
 
     def _condition(self, python: str) -> Expression:
-        expression, words = condition(python)
+        expression, words = condition_with_words(python)
         self._imports.use(*words)
         return expression

@@ -24,7 +24,7 @@ from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import Reader, entries
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, file_place, read
-from codra_dsl.language.project import relative, root_of
+from codra_dsl.language.project import relative_path, root_of
 from codra_dsl.language.units import duration_help, parse_duration
 
 _SCHEMA_DEFINITION = "timeline"
@@ -40,12 +40,12 @@ def read_timeline(
     """
     findings = Findings()
     root = root_of(path)
-    source = read(path, relative(path, root), findings, texts)
+    source = read(path, relative_path(path, root), findings, texts)
     node = None if source is None else compose(source, findings)
     if source is None or not isinstance(node, MappingNode) or not node.entries:
         if not len(findings):
             help_text = "begin it with 'codra: 1' and 'timeline: NAME'"
-            findings.add("not-a-spec", "the file holds no keys", file_place(relative(path, root)), help=help_text)
+            findings.add("not-a-spec", "the file holds no keys", file_place(relative_path(path, root)), help=help_text)
         return None, None, findings.all()
     timeline_and_package = _read(source, node, root, findings)
     ordered_findings = in_file_order(findings.all())

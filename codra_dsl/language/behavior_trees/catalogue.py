@@ -42,20 +42,20 @@ class BuiltIn:
     """A built-in node.
 
     Attributes:
-        least: the minimum number of children.
-        most: the maximum number of children; None for any.
-        word: the name of its class or function in `codra_dsl.runtime.behavior_trees`.
+        min_children: the minimum number of children.
+        max_children: the maximum number of children; None for any.
+        word: the name of the node's class or function in `codra_dsl.runtime.behavior_trees`.
     """
 
     kind: NodeKind
     word: str
-    least: int = 0
-    most: int | None = 0
+    min_children: int = 0
+    max_children: int | None = 0
     ports: tuple[BuiltInPort, ...] = ()
 
 
-def _control(word: str, *ports: BuiltInPort, least: int = 1, most: int | None = None) -> BuiltIn:
-    return BuiltIn(NodeKind.CONTROL, word, least, most, ports)
+def _control(word: str, *ports: BuiltInPort, min_children: int = 1, max_children: int | None = None) -> BuiltIn:
+    return BuiltIn(NodeKind.CONTROL, word, min_children, max_children, ports)
 
 
 def _decorator(word: str, *ports: BuiltInPort) -> BuiltIn:
@@ -68,7 +68,12 @@ def _leaf(word: str, *ports: BuiltInPort, kind: NodeKind = NodeKind.ACTION) -> B
 
 def _switch(cases: int) -> BuiltIn:
     names = ("variable", *(f"case_{number}" for number in range(1, cases + 1)))
-    return _control("Switch", *(BuiltInPort(name, PortContent.TEXT) for name in names), least=cases + 1, most=cases + 1)
+    return _control(
+        "Switch",
+        *(BuiltInPort(name, PortContent.TEXT) for name in names),
+        min_children=cases + 1,
+        max_children=cases + 1,
+    )
 
 
 def _loop(word: str) -> BuiltIn:
@@ -80,8 +85,8 @@ def _loop(word: str) -> BuiltIn:
     return _decorator(word, *(BuiltInPort(*port) for port in ports))
 
 
-_ENTRY = BuiltInPort("entry", PortContent.ENTRY)
-_CODE = BuiltInPort("code", PortContent.SCRIPT)
+_ENTRY_PORT = BuiltInPort("entry", PortContent.ENTRY)
+_CODE_PORT = BuiltInPort("code", PortContent.SCRIPT)
 
 BUILT_IN: Mapping[str, BuiltIn] = {
     "Sequence": _control("sequence"),
@@ -97,8 +102,8 @@ BUILT_IN: Mapping[str, BuiltIn] = {
         BuiltInPort("failure_count", PortContent.INTEGER, "1"),
     ),
     "ParallelAll": _control("ParallelAll", BuiltInPort("max_failures", PortContent.INTEGER, "1")),
-    "IfThenElse": _control("IfThenElse", least=2, most=3),
-    "WhileDoElse": _control("WhileDoElse", least=2, most=3),
+    "IfThenElse": _control("IfThenElse", min_children=2, max_children=3),
+    "WhileDoElse": _control("WhileDoElse", min_children=2, max_children=3),
     **{f"Switch{cases}": _switch(cases) for cases in range(2, 7)},
     "Inverter": _decorator("inverter"),
     "ForceSuccess": _decorator("force_success"),
@@ -112,8 +117,8 @@ BUILT_IN: Mapping[str, BuiltIn] = {
     "Precondition": _decorator(
         "Precondition", BuiltInPort("if", PortContent.CONDITION), BuiltInPort("else", PortContent.RESULT, "FAILURE")
     ),
-    "SkipUnlessUpdated": _decorator("skip_unless_updated", _ENTRY),
-    "WaitValueUpdate": _decorator("wait_value_update", _ENTRY),
+    "SkipUnlessUpdated": _decorator("skip_unless_updated", _ENTRY_PORT),
+    "WaitValueUpdate": _decorator("wait_value_update", _ENTRY_PORT),
     "LoopInt": _loop("loop_int"),
     "LoopDouble": _loop("loop_double"),
     "LoopString": _loop("loop_string"),
@@ -122,18 +127,18 @@ BUILT_IN: Mapping[str, BuiltIn] = {
     "AlwaysSuccess": _leaf("always_success"),
     "AlwaysFailure": _leaf("always_failure"),
     "Sleep": _leaf("Sleep", BuiltInPort("msec", PortContent.MILLISECONDS)),
-    "Script": _leaf("script", _CODE),
+    "Script": _leaf("script", _CODE_PORT),
     "ScriptCondition": _leaf("script_condition", BuiltInPort("code", PortContent.CONDITION), kind=NodeKind.CONDITION),
     "SetBlackboard": _leaf(
         "set_blackboard", BuiltInPort("value", PortContent.TEXT), BuiltInPort("output_key", PortContent.KEY)
     ),
     "UnsetBlackboard": _leaf("unset_blackboard", BuiltInPort("key", PortContent.KEY)),
-    "WasEntryUpdated": _leaf("WasEntryUpdated", _ENTRY),
+    "WasEntryUpdated": _leaf("WasEntryUpdated", _ENTRY_PORT),
 }
 
 REFUSED_NODES: Mapping[str, str] = {
     "ManualSelector": "it asks a person at a terminal: use Switch2 to Switch6 with an entry that a page writes",
-    "TestNode": "it replaces nodes in tests: give the robot another action of the same name there",
+    "TestNode": "it replaces nodes in tests: in a test, give the robot another action of the same name",
     "LoopNode": "write LoopInt, LoopDouble, LoopString or LoopBool",
     "ConsumeQueue": "write LoopInt, LoopDouble, LoopString or LoopBool",
     "PopFromQueue": "write LoopInt, LoopDouble, LoopString or LoopBool",

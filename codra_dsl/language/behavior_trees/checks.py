@@ -73,7 +73,7 @@ class _Checker:
         self._findings = findings
         self._trees = {tree.id: tree for tree in reversed(forest.trees)}
         self._models = {(model.kind is NodeKind.SUBTREE, model.id): model for model in reversed(forest.models)}
-        self._known = [*BUILT_IN, *(name for of_subtree, name in self._models if not of_subtree)]
+        self._names = [*BUILT_IN, *(name for of_subtree, name in self._models if not of_subtree)]
         self._entries: dict[str, frozenset[str]] = {}
 
     # The complete forest
@@ -82,7 +82,7 @@ class _Checker:
         """Check that ids of trees and models are unique, and that the main tree exists."""
         self._check_unique("tree", ((tree.id, tree.place) for tree in self._forest.trees))
         for tree in self._forest.trees:
-            if tree.id in self._known:
+            if tree.id in self._names:
                 self._findings.add(
                     "duplicate-tree",
                     f"the tree '{tree.id}' has the name of a node",
@@ -111,7 +111,7 @@ class _Checker:
                     "unsupported-tree-node",
                     f"'{model.id}' is a {model.kind.lower()} node of the robot",
                     model.place,
-                    help="a robot can only have actions and conditions: build it from built-in nodes",
+                    help="a robot can only have actions and conditions: build this node from built-in nodes",
                 )
 
     def _check_name(self, name: str, place: Place) -> None:
@@ -171,7 +171,7 @@ class _Checker:
             self._check_subtree(node, path)
         elif node.id in BUILT_IN and node.id != "SubTree":
             built_in = BUILT_IN[node.id]
-            self._check_child_count(node, built_in.least, built_in.most, path)
+            self._check_child_count(node, built_in.min_children, built_in.max_children, path)
             self._check_ports(node, [port.name for port in built_in.ports], path)
             self._check_built_in(node, built_in, path)
         else:
@@ -183,7 +183,7 @@ class _Checker:
             fallback = f'declare it: <TreeNodesModel><Action ID="{node.id}"/></TreeNodesModel>'
             if node.id in self._trees:
                 fallback = f'write <SubTree ID="{node.id}"/>'
-            help_text = fallback if node.id in self._trees else self._findings.name_help(node.id, self._known, fallback)
+            help_text = fallback if node.id in self._trees else self._findings.name_help(node.id, self._names, fallback)
             self._findings.add("unknown-tree-node", f"unknown node '{node.id}'", node.place, help=help_text, path=path)
             return
         self._check_child_count(node, 0, 0, path)
@@ -216,11 +216,9 @@ class _Checker:
             return
         expected_text = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
         message = f"'{node.id}' has {count or 'no'} {'child' if count == 1 else 'children'}, not {expected_text}"
-        help_text = (
-            "put several below one node, e.g. <Sequence>" if least == most == 1 else "add or remove nodes below it"
-        )
+        help_text = "put them below one node, e.g. <Sequence>" if least == most == 1 else "add or remove nodes below it"
         if most == 0:
-            help_text = "close it at once: <.../>"
+            help_text = "close the element at once: <.../>"
         self._findings.add("wrong-children", message, node.place, help=help_text, path=path)
 
     def _check_ports(self, node: TreeNode, port_names: Sequence[str], path: str) -> None:
@@ -248,7 +246,7 @@ class _Checker:
                 self._findings.add("unknown-port", message, attribute.place, help=help_text, path=path)
             elif attribute.name not in EDITOR_ATTRIBUTES:
                 message = f"'{attribute.name}' has no effect"
-                help_text = "remove it; codra keeps it when it writes the file"
+                help_text = "remove it; codra does not remove it when it writes the file"
                 self._findings.add("attribute-without-effect", message, attribute.place, help=help_text, path=path)
 
     # Values
@@ -393,7 +391,7 @@ _ANY_VALUE_TYPES = frozenset({"", "BT::Any", "BT::AnyTypeAllowed", "AnyTypeAllow
 
 
 def _accepts_any_value(type_: str | None) -> bool:
-    """Return whether a port accepts any value, as do ports for texts: a text can be read as any type."""
+    """Return whether a port accepts any value. A port for a text does, because a text can be read as any type."""
     return type_ is None or type_ in _ANY_VALUE_TYPES
 
 

@@ -22,7 +22,7 @@ MAX_DEPTH = 50
 
 MAX_ELEMENTS = 10_000
 MAX_ATTRIBUTES = 64
-MAX_VALUE = 4000
+MAX_VALUE_LENGTH = 4000
 
 TAGS_WITH_TEXT = frozenset({"input_port", "output_port", "inout_port"})
 """The tags of elements whose text is kept, since it describes a port."""
@@ -35,9 +35,9 @@ class Element:
     """An element as written.
 
     Attributes:
-        comments: the comments before it.
+        comments: the comments before the element.
         last_comments: the comments after its last child.
-        text: its text, for the elements in `TAGS_WITH_TEXT`.
+        text: the text of the element, if its tag is in `TAGS_WITH_TEXT`.
     """
 
     tag: str
@@ -54,7 +54,7 @@ class Element:
 
 
 class _RefusedError(Exception):
-    """Stops the reading of a file; the finding has been added."""
+    """Stops the reading of a file; the reason has already been reported."""
 
 
 def read_root(source: Source, findings: TreeFindings) -> Element | None:
@@ -130,7 +130,10 @@ class _Reader:
             self.root.last_comments += tuple(self._comments)
 
     def _offset(self) -> int:
-        """Return the position of expat in the text, in code points. The position only increases."""
+        """Return the position of expat in the text, in code points.
+
+        If the position has increased since the last call, only the bytes in between are decoded.
+        """
         byte, offset = self._last_position
         current_byte = self._parser.CurrentByteIndex
         if current_byte < byte:
@@ -183,9 +186,9 @@ class _Reader:
                 is_literal=match[group] == value,
             )
             self._limit(
-                len(value) <= MAX_VALUE,
+                len(value) <= MAX_VALUE_LENGTH,
                 "tree-file-too-large",
-                f"a value of over {MAX_VALUE:,} characters",
+                f"a value of over {MAX_VALUE_LENGTH:,} characters",
                 attribute.place,
             )
             attributes.append(attribute)
@@ -206,9 +209,9 @@ class _Reader:
             element = self._open_elements[-1]
             element.text += text
             self._limit(
-                len(element.text) <= MAX_VALUE,
+                len(element.text) <= MAX_VALUE_LENGTH,
                 "tree-file-too-large",
-                f"a text of over {MAX_VALUE:,} characters",
+                f"a text of over {MAX_VALUE_LENGTH:,} characters",
                 element.place,
             )
         elif text.strip():

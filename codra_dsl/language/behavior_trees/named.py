@@ -1,7 +1,7 @@
 """Read and check the trees that a spec names.
 
-This happens between the stages `load` and `check`, so that neither of them depends on the format of tree files. The
-places of findings are lines of these files.
+This happens between the stages `load` and `check`, so that neither of them depends on the format of tree files. A
+finding about the content of a tree file has a place in that file.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ UNREAD_RESULT: ReadResult = (None, ())
 
 
 def read_trees(spec: Spec, root: Path) -> Mapping[str, ReadResult]:
-    """Return the result of reading the file of each tree in a spec. The key is the name of the tree.
+    """Return a mapping from the name of each tree in a spec to the result of reading its file.
 
-    Each file is read once, and only the first tree that names a file has the findings about it.
+    Each file is read once. Only the result of the first tree that names a file has the findings about this file.
 
     Args:
         spec: the spec as it was loaded.
-        root: the folder of the project. Paths in findings are relative to it, and files outside of it are not read.
+        root: the folder of the project. Paths in findings are relative to this folder, and files outside of the folder
+            are not read.
     """
     results_by_file: dict[Path, ReadResult] = {}
     results_by_tree: dict[str, ReadResult] = {}
@@ -47,7 +48,7 @@ def read_trees(spec: Spec, root: Path) -> Mapping[str, ReadResult]:
                 if is_inside_project
                 else f"'{tree.file.name}' is outside of the project"
             )
-            help_text = "name a file of the project, by a path relative to this one"
+            help_text = "name a file of the project, by a path relative to this file"
             findings.add("tree-include", message, tree.file.place, help=help_text, path=f"trees.{tree.name}.file")
             results_by_tree[tree.name] = None, findings.all() if tree.file.name else ()
         elif path in results_by_file:
@@ -58,7 +59,7 @@ def read_trees(spec: Spec, root: Path) -> Mapping[str, ReadResult]:
 
 
 def named_tree_files(spec: Spec, trees: Mapping[str, ReadResult]) -> Iterator[str]:
-    """Yield the files from which trees of a spec were read, and the files that it names, even if they do not exist."""
+    """Yield the files from which a spec's trees were read, and all files that the spec names; these may be missing."""
     for tree in spec.trees:
         forest, _ = trees.get(tree.name, UNREAD_RESULT)
         path = os.path.normpath(PurePosixPath(tree.file.place.span.file).parent / tree.file.name)

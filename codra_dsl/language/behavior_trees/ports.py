@@ -11,7 +11,7 @@ _SAME_NAME_VALUES = ("{=}", "=")
 
 @dataclass(frozen=True, slots=True)
 class EntryKey:
-    """`{key}`."""
+    """An entry as the value of a port: `{key}`."""
 
     key: str
 
@@ -31,7 +31,7 @@ def is_key(text: str) -> bool:
 
 
 def parse_port_value(port: str, value: str) -> EntryKey | str | None:
-    """Return the entry or text that a port gets, or None for invalid braces. `{=}` is the entry named as the port."""
+    """Return the entry or text that a port gets, or None for invalid braces; `{=}` is the entry with the same name."""
     stripped_value = value.strip(" ")
     if stripped_value in _SAME_NAME_VALUES:
         return EntryKey(port)

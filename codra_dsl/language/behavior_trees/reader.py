@@ -1,4 +1,4 @@
-"""Read a file of BehaviorTree.CPP and the files that it includes: elements -> tree values. Their shape is checked."""
+"""Read a file of BehaviorTree.CPP and its included files: elements -> tree values, with a check of the shape."""
 
 from __future__ import annotations
 
@@ -25,21 +25,22 @@ from codra_dsl.language.diagnostics import Diagnostic, Place
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.source import Source, decode
 from codra_dsl.language.load.yaml.source import read as read_source
-from codra_dsl.language.project import relative
+from codra_dsl.language.project import relative_path
 
 FORMAT = "4"
 MAX_FILES = 100
-_MODELS = "TreeNodesModel"
+_MODELS_TAG = "TreeNodesModel"
 _EXPLICIT_TAGS = frozenset(kind.value for kind in NodeKind)
 _CONDITION_ATTRIBUTES = frozenset({*PRECONDITIONS, *POST_SCRIPTS})
 
 
 def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]:
-    """Return the trees of a file and of the files that it includes, or None if one cannot be read; and the findings.
+    """Return the trees of a file and its included files, or None if one of these cannot be read; and the findings.
 
     Args:
         path: the path of the file.
-        root: the folder of the project: files outside of it are not included, and places are relative to it.
+        root: the folder of the project. Files outside of this folder are not included, and paths in places are relative
+            to the folder.
     """
     findings = TreeFindings()
     files: dict[Path, TreeFile | None] = {}
@@ -68,7 +69,7 @@ def read_text(data: bytes, file: str) -> tuple[TreeFile | None, tuple[Diagnostic
 
 def _read_file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
     source_findings = Findings()
-    source = read_source(path, relative(path, root), source_findings)
+    source = read_source(path, relative_path(path, root), source_findings)
     findings.extend(source_findings.all())
     return None if source is None else _read_source(source, findings)
 
@@ -79,8 +80,8 @@ def _included_files(
     """Yield the files that a file includes, if they are in the project."""
     for include in file.includes:
         included_path = path.parent / include.path
-        is_inside = Path(os.path.realpath(included_path)).is_relative_to(os.path.realpath(root))
-        if Path(include.path).is_absolute() or not is_inside:
+        is_inside_project = Path(os.path.realpath(included_path)).is_relative_to(os.path.realpath(root))
+        if Path(include.path).is_absolute() or not is_inside_project:
             findings.add(
                 "tree-include",
                 f"'{include.path}' is outside of the project",
@@ -120,12 +121,12 @@ class _FileBuilder:
             return None
         main = root.get("main_tree_to_execute")
         children = [(child.tag, child) for child in root.children]
-        known_tags = ("BehaviorTree", _MODELS, "include")
+        known_tags = ("BehaviorTree", _MODELS_TAG, "include")
         for tag, child in children:
             if tag not in known_tags:
                 self._report_misplaced_element(child, "<root>", known_tags)
         trees = (self._tree(child) for tag, child in children if tag == "BehaviorTree")
-        models = (model for tag, child in children if tag == _MODELS for model in self._models(child))
+        models = (model for tag, child in children if tag == _MODELS_TAG for model in self._models(child))
         includes = (self._include(child) for tag, child in children if tag == "include")
         comments = [comment for tag, child in children if tag != "BehaviorTree" for comment in _all_comments(child)]
         return TreeFile(
@@ -216,7 +217,7 @@ class _FileBuilder:
     def _models(self, element: Element) -> Iterable[NodeModel]:
         for child in element.children:
             if child.tag not in _EXPLICIT_TAGS:
-                self._report_misplaced_element(child, f"<{_MODELS}>", sorted(_EXPLICIT_TAGS))
+                self._report_misplaced_element(child, f"<{_MODELS_TAG}>", sorted(_EXPLICIT_TAGS))
                 continue
             name = self._required_attribute(child, "ID")
             ports = [
@@ -271,15 +272,15 @@ class _FileBuilder:
         return None
 
     def _report_misplaced_element(self, element: Element, parent: str, allowed: Iterable[str]) -> None:
-        allowed_text = ", ".join(f"<{tag}>" for tag in allowed)
-        help_text = self._findings.name_help(element.tag, allowed, f"{parent} may contain {allowed_text}")
+        allowed_tags_text = ", ".join(f"<{tag}>" for tag in allowed)
+        help_text = self._findings.name_help(element.tag, allowed, f"{parent} may contain {allowed_tags_text}")
         self._findings.add(
             "misplaced-element", f"<{element.tag}> is not allowed in {parent}", element.place, help=help_text
         )
 
 
 def _all_comments(element: Element) -> Iterable[str]:
-    """Yield the comments of an element, whose value has no field for them, and of all elements inside it."""
+    """Yield the comments of an element and of all elements inside it; the element's value has no field for comments."""
     yield from element.comments
     for child in element.children:
         yield from _all_comments(child)

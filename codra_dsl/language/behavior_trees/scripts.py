@@ -50,7 +50,7 @@ _MAX_NUMBER_LETTERS = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """`entry := value`, which also creates the entry; or `entry = value` if `creates` is false."""
+    """A statement: `entry := value`, which also creates the entry, or `entry = value` if `creates` is false."""
 
     entry: str
     value: Node
@@ -129,7 +129,7 @@ class _Parser:
     def condition(self) -> Node:
         """Return the complete text as a condition."""
         node = self._choice()
-        token = self._next
+        token = self._next_token
         if token.text in _ASSIGNMENTS:
             raise _script_error(
                 "a condition cannot assign",
@@ -145,21 +145,23 @@ class _Parser:
     def statements(self) -> tuple[Statement, ...]:
         """Return the complete text as statements."""
         statements: list[Statement] = []
-        while self._next.kind != "end":
+        while self._next_token.kind != "end":
             statements.append(self._statement())
             if len(statements) > MAX_STATEMENTS:
                 help_text = "make it an action of the robot"
                 raise _script_error(f"more than {MAX_STATEMENTS} statements", 0, 1, help_text, "script-unsupported")
-            if self._next.text == ";":
+            if self._next_token.text == ";":
                 self._take()
-            elif self._next.kind != "end":
+            elif self._next_token.kind != "end":
                 raise self._unexpected_token_error()
         if not statements:
-            raise _script_error("the script is empty", 0, self._next.end, "write a statement such as done := true")
+            raise _script_error(
+                "the script is empty", 0, self._next_token.end, "write a statement such as done := true"
+            )
         return tuple(statements)
 
     @property
-    def _next(self) -> _Token:
+    def _next_token(self) -> _Token:
         return self._tokens[self._position]
 
     def _take(self) -> _Token:
@@ -187,10 +189,12 @@ class _Parser:
     def _choice(self) -> Node:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            at = self._next
-            raise _script_error("the script is nested too deeply", at.start, at.end, "split it", "script-unsupported")
+            token = self._next_token
+            raise _script_error(
+                "the script is nested too deeply", token.start, token.end, "split it", "script-unsupported"
+            )
         condition = self._logical_expression()
-        if self._next.text == "?":
+        if self._next_token.text == "?":
             self._take()
             then = self._choice()
             self._expect(":")
@@ -204,12 +208,12 @@ class _Parser:
     def _logical_expression(self) -> Node:
         """Read operands joined by `&&` or by `||`.
 
-        The two cannot be mixed: the library evaluates both from left to right.
+        The two operators cannot be mixed, because the library evaluates both of them from left to right.
         """
         operands = [self._comparison()]
-        operator = self._next.text
-        while self._next.text in _LOGICAL_OPERATORS:
-            token = self._next
+        operator = self._next_token.text
+        while self._next_token.text in _LOGICAL_OPERATORS:
+            token = self._next_token
             if token.text != operator:
                 message = "'&&' and '||' side by side are evaluated from left to right, not as in C"
                 help_text = "group them with parentheses"
@@ -224,7 +228,7 @@ class _Parser:
     def _comparison(self) -> Node:
         first = self._arithmetic_chain(("+", "-"), lambda: self._arithmetic_chain(("*", "/"), self._unary_expression))
         rest: list[tuple[Comparison, Node]] = []
-        while self._next.text in _COMPARISONS:
+        while self._next_token.text in _COMPARISONS:
             operator = Comparison(self._take().text)
             rest.append(
                 (
@@ -239,7 +243,7 @@ class _Parser:
     def _arithmetic_chain(self, operators: Iterable[str], read_operand: Callable[[], Node]) -> Node:
         left = read_operand()
         operator_count = 0
-        while self._next.text in operators:
+        while self._next_token.text in operators:
             operator = self._take().text
             right = read_operand()
             left = Arithmetic(start=left.start, end=right.end, operator=operator, left=left, right=right)
@@ -251,7 +255,7 @@ class _Parser:
     def _unary_expression(self) -> Node:
         """Read signs and their operand."""
         signs: list[_Token] = []
-        while self._next.text in ("!", "-"):
+        while self._next_token.text in ("!", "-"):
             signs.append(self._take())
         if len(signs) > MAX_DEPTH:
             raise _script_error("the script is nested too deeply", signs[0].start, signs[0].end, "remove signs")
@@ -280,12 +284,12 @@ class _Parser:
         raise self._unexpected_token_error()
 
     def _expect(self, sign: str) -> None:
-        if self._next.text != sign:
+        if self._next_token.text != sign:
             raise self._unexpected_token_error()
         self._take()
 
     def _unexpected_token_error(self) -> _ScriptError:
-        token = self._next
+        token = self._next_token
         if token.kind == "end":
             return _script_error("the script ends too early", max(token.start - 1, 0), token.end, "complete it")
         if token.text in _BIT_OPERATORS:

@@ -1,4 +1,4 @@
-"""Behaviour trees as values. Comparisons ignore their places."""
+"""Behaviour trees as values, which are compared without their places."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ class TreeNode:
     """One node.
 
     Attributes:
-        id: the name under which it is registered, e.g. `Sequence`; `SubTree` for a subtree.
+        id: the name under which the node is registered, e.g. `Sequence`; `SubTree` for a subtree.
         kind: the kind in the explicit form, `<Action ID="..."/>`; None in the compact form.
         subtree: for a subtree, the id of its tree; otherwise None.
         name: a name that distinguishes nodes with the same id; None if the node has no name.
-        ports: in the order of the file.
+        ports: the ports, in the order of the file.
         conditions: the attributes such as `_skipIf` and `_onSuccess`.
         extras: other attributes that begin with `_`, which have no effect.
-        comments: the comments before it.
+        comments: the comments before the node.
         last_comments: the comments after its last child.
     """
 
@@ -138,7 +138,7 @@ class TreeFile:
     """One file.
 
     Attributes:
-        file: relative to the project root, with `/`.
+        file: the path relative to the project root, with `/`.
         main: the id of the tree to start with; None if the file does not name one.
         extras: other attributes of `root`.
         last_comments: the comments after the last tree.

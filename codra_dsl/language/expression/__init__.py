@@ -1,6 +1,6 @@
 """The condition language and the patterns of knowledge: tokens, parsers, syntax trees, printer.
 
-This package reads the text only; `check` decides what a condition or a pattern means.
+This package only parses text; `check` decides what a condition or a pattern means.
 """
 
 from codra_dsl.language.expression.parser import MAX_DEPTH, parse

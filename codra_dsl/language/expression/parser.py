@@ -1,7 +1,7 @@
 """Tokens -> syntax tree, by precedence climbing.
 
-From loosest to tightest: `A if C else B`, `or`, `and`, `not`, comparisons and `in`, `+ -`, `* /`, sign. As in Python,
-comparisons form chains and `not` applies to a complete comparison.
+The operators, from loosest to tightest binding: `A if C else B`, `or`, `and`, `not`, comparisons and `in`, `+ -`, `*
+/`, sign. As in Python, comparisons form chains and `not` applies to a complete comparison.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MAX_DEPTH = 64
 
 
 class Power(IntEnum):
-    """The binding power of an operator: a larger one binds tighter."""
+    """The binding power of an operator: an operator with a larger power binds tighter."""
 
     CHOICE = 1
     OR = 2
@@ -60,7 +60,7 @@ class Power(IntEnum):
 
 
 _COMPARISONS = frozenset(Comparison)
-_OTHER_FUNCTIONS = {
+_FUNCTION_HELP = {
     "minimum": "did you mean 'min'?",
     "maximum": "did you mean 'max'?",
     "fabs": "did you mean 'abs'?",
@@ -75,7 +75,7 @@ _OTHER_FUNCTIONS = {
 }
 
 
-_OTHER_OPERATORS = {
+_OPERATOR_HELP = {
     "equals": "write '=='",
     "above": "write '>'",
     "over": "write '>'",
@@ -87,7 +87,7 @@ _OTHER_OPERATORS = {
 
 
 def parse(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition, or the problem of an invalid text. Never raises."""
+    """Return the tree of a condition, or the problem of an invalid text. This function never raises."""
     if is_name(text):  # the most common form
         return Name(start=0, end=len(text), name=text)
     try:
@@ -99,7 +99,8 @@ def parse(text: str) -> Node | SyntaxProblem:
 class _Parser:
     """Reads one condition.
 
-    The text of a token is enough to recognise a word or a symbol: no name, number or quoted text is spelled like one.
+    The text of a token is enough to recognise a word or a symbol: no name, number or quoted text is spelled like a word
+    or a symbol.
     """
 
     def __init__(self, all_tokens: tuple[Token, ...]) -> None:
@@ -109,20 +110,20 @@ class _Parser:
 
     def parse(self) -> Node:
         """Return the tree of all tokens."""
-        if self._ended():
-            raise ExpressionError("the condition is empty", 0, self._next.end, "write a condition such as x > 3")
+        if self._is_at_end():
+            raise ExpressionError("the condition is empty", 0, self._next_token.end, "write a condition such as x > 3")
         node = self.expression(Power.CHOICE)
-        if not self._ended():
-            raise self._unexpected()
+        if not self._is_at_end():
+            raise self._unexpected_token_error()
         if _depth(node) > MAX_DEPTH:
-            raise _too_deep(node.start, node.end)
+            raise _too_deep_error(node.start, node.end)
         return node
 
     def expression(self, power: Power) -> Node:
         """Return the longest expression from the next token on. Its operators bind at least as tightly as `power`."""
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise _too_deep(self._next.start, self._next.end)
+            raise _too_deep_error(self._next_token.start, self._next_token.end)
         node = self._operand(power)
         while (infix := self._infix()) is not None and infix.power >= power:
             node = infix.read(self, node)
@@ -133,7 +134,7 @@ class _Parser:
         """Read `if C else B` after `A`."""
         opening = self._take()
         condition = self.expression(Power.OR)
-        if self._next.text != "else":
+        if self._next_token.text != "else":
             raise ExpressionError("'if' without 'else'", opening.start, opening.end, "write A if CONDITION else B")
         self._take()
         otherwise = self.expression(Power.CHOICE)
@@ -152,31 +153,31 @@ class _Parser:
     def comparison(self, first: Node) -> Node:
         """Read `< b < c`, the links of a chain of comparisons, after `a`."""
         rest: list[tuple[Comparison, Node]] = []
-        while self._next.text in _COMPARISONS:
+        while self._next_token.text in _COMPARISONS:
             operator = Comparison(self._take().text)
             rest.append((operator, self.expression(Power.SUM)))
-            if len(rest) > MAX_DEPTH:  # generated code joins the links by `&`, which nests
-                raise _too_deep(first.start, rest[-1][1].end)
-        if self._next.text in ("in", "not"):
-            raise self._mixed_chain()
+            if len(rest) > MAX_DEPTH:  # generated code joins the links by nested `&` operations
+                raise _too_deep_error(first.start, rest[-1][1].end)
+        if self._next_token.text in ("in", "not"):
+            raise self._mixed_chain_error()
         return Compare(start=first.start, end=rest[-1][1].end, first=first, rest=tuple(rest))
 
     def membership(self, item: Node) -> Node:
         """Read `in (a, b)` or `not in (a, b)` after `x`."""
-        negated = self._next.text == "not"
+        negated = self._next_token.text == "not"
         if negated:
             self._take()
         self._take()
-        if self._next.text != "(":
-            at = self._next
-            raise ExpressionError("a list is missing after 'in'", at.start, at.end, "write x in (1, 2) or x == 1")
+        if self._next_token.text != "(":
+            token = self._next_token
+            raise ExpressionError("a list is missing after 'in'", token.start, token.end, "write x in (1, 2) or x == 1")
         options, end = self._bracketed_expressions()
         if not options:
             raise ExpressionError(
                 "the list after 'in' is empty", item.start, end, "list the allowed values: x in (1, 2)"
             )
-        if self._next.text in _COMPARISONS:
-            raise self._mixed_chain()
+        if self._next_token.text in _COMPARISONS:
+            raise self._mixed_chain_error()
         return In(start=item.start, end=end, item=item, options=options, negated=negated)
 
     def arithmetic(self, left: Node) -> Node:
@@ -186,11 +187,11 @@ class _Parser:
         return Arithmetic(start=left.start, end=right.end, operator=operator, left=left, right=right)
 
     @property
-    def _next(self) -> Token:
+    def _next_token(self) -> Token:
         return self._tokens[self._position]
 
-    def _ended(self) -> bool:
-        return self._next.kind is TokenKind.END
+    def _is_at_end(self) -> bool:
+        return self._next_token.kind is TokenKind.END
 
     def _take(self) -> Token:
         token = self._tokens[self._position]
@@ -198,20 +199,20 @@ class _Parser:
         return token
 
     def _infix(self) -> _Infix | None:
-        token = self._next
+        token = self._next_token
         if token.text == "not" and self._tokens[self._position + 1].text != "in":
             return None
         return _INFIX.get(token.text)
 
     def _operands(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
         operands = [first]
-        while self._next.text == word:
+        while self._next_token.text == word:
             self._take()
             operands.append(self.expression(power))
         return tuple(operands)
 
     def _operand(self, power: Power) -> Node:
-        token = self._next
+        token = self._next_token
         start, end = token.start, token.end
         match token.kind, token.text:
             case TokenKind.NUMBER, _ if not isinstance(token.value, str):
@@ -223,14 +224,14 @@ class _Parser:
             case TokenKind.NAME, _:
                 return self._name_or_call()
             case _:
-                return self._prefixed(power)
+                return self._prefix_expression(power)
         self._take()
         return node
 
-    def _prefixed(self, power: Power) -> Node:
-        token = self._next
+    def _prefix_expression(self, power: Power) -> Node:
+        token = self._next_token
         if token.text == "(":
-            return self._grouped()
+            return self._parenthesized_expression()
         if token.text == "-":
             self._take()
             operand = self.expression(Power.SIGN)
@@ -241,54 +242,54 @@ class _Parser:
             self._take()
             operand = self.expression(Power.NOT)
             return Not(start=token.start, end=operand.end, operand=operand)
-        raise self._missing_operand()
+        raise self._missing_operand_error()
 
-    def _grouped(self) -> Node:
+    def _parenthesized_expression(self) -> Node:
         opening = self._take()
         node = self.expression(Power.CHOICE)
-        if self._next.text == ",":
-            at = self._next
-            raise ExpressionError("a list is allowed only after 'in'", opening.start, at.end, "write x in (1, 2)")
+        if self._next_token.text == ",":
+            token = self._next_token
+            raise ExpressionError("a list is allowed only after 'in'", opening.start, token.end, "write x in (1, 2)")
         self._close(opening)
         return node
 
     def _close(self, opening: Token) -> int:
-        """Take the closing parenthesis and return its end offset."""
-        if self._ended():
+        """Read the closing parenthesis and return its end offset."""
+        if self._is_at_end():
             raise ExpressionError("'(' is never closed", opening.start, opening.end, "add ')'")
-        if self._next.text != ")":
-            raise self._unexpected()
+        if self._next_token.text != ")":
+            raise self._unexpected_token_error()
         return self._take().end
 
     def _bracketed_expressions(self) -> tuple[tuple[Node, ...], int]:
         """Return the expressions between parentheses and the end offset; a trailing comma is allowed."""
         opening = self._take()
         expressions: list[Node] = []
-        while self._next.text != ")":
-            if self._ended():
+        while self._next_token.text != ")":
+            if self._is_at_end():
                 break
             expressions.append(self.expression(Power.CHOICE))
-            if self._next.kind in (TokenKind.NAME, TokenKind.NUMBER, TokenKind.TEXT):
-                raise self._missing_comma()
-            if self._next.text != ",":
+            if self._next_token.kind in (TokenKind.NAME, TokenKind.NUMBER, TokenKind.TEXT):
+                raise self._missing_comma_error()
+            if self._next_token.text != ",":
                 break
             self._take()
         return tuple(expressions), self._close(opening)
 
     def _name_or_call(self) -> Node:
         token = self._take()
-        called = self._next.text == "("
-        if not called and token.text in FUNCTIONS:
+        is_call = self._next_token.text == "("
+        if not is_call and token.text in FUNCTIONS:
             raise ExpressionError(f"'{token.text}' is a function", token.start, token.end, f"write {token.text}(...)")
-        if not called:
+        if not is_call:
             return Name(start=token.start, end=token.end, name=token.text)
         if token.text not in FUNCTIONS:
-            raise _unknown_function(token)
+            raise _unknown_function_error(token)
         arguments, end = self._bracketed_expressions()
         return _check_call(Call(start=token.start, end=end, function=token.text, arguments=arguments))
 
-    def _missing_operand(self) -> ExpressionError:
-        token = self._next
+    def _missing_operand_error(self) -> ExpressionError:
+        token = self._next_token
         if token.text in ("if", "else"):
             return ExpressionError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
         if self._position == 0 and token.text != ")":
@@ -301,8 +302,8 @@ class _Parser:
         help_text = "complete the condition" if token.kind is TokenKind.END else f"add a value before '{token.text}'"
         return ExpressionError(f"a value is missing after '{before.text}'", before.start, before.end, help_text)
 
-    def _unexpected(self) -> ExpressionError:
-        token = self._next
+    def _unexpected_token_error(self) -> ExpressionError:
+        token = self._next_token
         lower_text = token.text.lower()
         if token.kind is TokenKind.NAME and lower_text in WORDS:
             return ExpressionError(
@@ -321,20 +322,20 @@ class _Parser:
         if token.text == ",":
             help_text = "join the conditions with 'and' or 'or'; or write each condition as an item of its own"
             return ExpressionError("unexpected ','", token.start, token.end, help_text)
-        operator_help = _OTHER_OPERATORS.get(lower_text) or _OTHER_OPERATORS.get(before.text.lower())
+        operator_help = _OPERATOR_HELP.get(lower_text) or _OPERATOR_HELP.get(before.text.lower())
         help_text = operator_help or "join conditions with 'and' or 'or', compare values with '==' or '<'"
         if parse_unit(token.text) is not None and before.kind is TokenKind.NAME:
             help_text = f"remove '{token.text}': {before.text} already has the unit of its declaration"
         return ExpressionError(f"an operator is missing before {shown(token.text)}", token.start, token.end, help_text)
 
-    def _missing_comma(self) -> ExpressionError:
-        token = self._next
+    def _missing_comma_error(self) -> ExpressionError:
+        token = self._next_token
         return ExpressionError(
             f"a ',' is missing before {shown(token.text)}", token.start, token.end, "put ',' between values"
         )
 
-    def _mixed_chain(self) -> ExpressionError:
-        token = self._next
+    def _mixed_chain_error(self) -> ExpressionError:
+        token = self._next_token
         help_text = "put one of the comparisons in parentheses or join them with 'and'"
         return ExpressionError("'in' cannot be part of a chain of comparisons", token.start, token.end, help_text)
 
@@ -361,19 +362,19 @@ _INFIX: Mapping[str, _Infix] = {
 }
 
 
-def _unknown_function(token: Token) -> ExpressionError:
+def _unknown_function_error(token: Token) -> ExpressionError:
     suggestion = suggest(token.text, FUNCTIONS)
     default_help = f"did you mean '{suggestion}'?" if suggestion else f"functions are {', '.join(sorted(FUNCTIONS))}"
-    help_text = _OTHER_FUNCTIONS.get(token.text, default_help)
+    help_text = _FUNCTION_HELP.get(token.text, default_help)
     return ExpressionError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)
 
 
 def _check_call(call: Call) -> Call:
-    least, most = FUNCTIONS[call.function]
+    min_count, max_count = FUNCTIONS[call.function]
     count = len(call.arguments)
-    if count < least or (most is not None and count > most):
-        count_text = f"one value, not {count}" if most == 1 else f"at least {least} values, not {count}"
-        help_text = f"write {call.function}(x)" if most == 1 else f"write {call.function}(a, b)"
+    if count < min_count or (max_count is not None and count > max_count):
+        count_text = f"one value, not {count}" if max_count == 1 else f"at least {min_count} values, not {count}"
+        help_text = f"write {call.function}(x)" if max_count == 1 else f"write {call.function}(a, b)"
         raise ExpressionError(f"{call.function}() takes {count_text}", call.start, call.end, help_text)
     argument = call.arguments[0]
     if call.function in ("known", "age") and not isinstance(argument, Name):
@@ -382,16 +383,16 @@ def _check_call(call: Call) -> Call:
     return call
 
 
-def _too_deep(start: int, end: int) -> ExpressionError:
+def _too_deep_error(start: int, end: int) -> ExpressionError:
     help_text = f"at most {MAX_DEPTH} levels are allowed: split the condition"
     return ExpressionError("the condition is nested too deeply", start, end, help_text)
 
 
 def _depth(node: Node) -> int:
-    deepest = 0
+    max_depth = 0
     pending = [(node, 1)]
     while pending:
         current, depth = pending.pop()
-        deepest = max(deepest, depth)
+        max_depth = max(max_depth, depth)
         pending.extend((part, depth + 1) for part in parts(current))
-    return deepest
+    return max_depth

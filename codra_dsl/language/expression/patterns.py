@@ -1,6 +1,6 @@
 """Patterns of the knowledge graph: text -> syntax tree, with help for common mistakes.
 
-A pattern is either a path such as `robot -wants-> detecting`, optionally preceded by `not`; or a condition. A condition
+A pattern is a path such as `robot -wants-> detecting`, with an optional `not` before it, or a condition. A condition
 reads context-variables, `node.attribute`, `distance(a, b)` and `in_view(node, camera)`; each of these is one name in
 the syntax tree.
 """
@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from codra_dsl.language.expression.poses import parse_named
+from codra_dsl.language.expression.poses import parse_with_dotted_names
 from codra_dsl.language.expression.tokens import MAX_LENGTH, ExpressionError, SyntaxProblem, is_name, shown
 from codra_dsl.language.expression.tree import Name, Node
 
@@ -86,7 +86,7 @@ class Path(Node):
     """A sequence of nodes, each connected to the next by an edge.
 
     Attributes:
-        terms: the nodes; there is one more of them than of `links`.
+        terms: the nodes; there is one node more than there are edges.
         links: the edges.
         negated: whether the pattern states that no such sequence exists.
     """
@@ -109,7 +109,7 @@ class Path(Node):
 
 
 def parse_pattern(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a pattern, or the problem of an invalid text. Never raises."""
+    """Return the tree of a pattern, or the problem of an invalid text. This function never raises."""
     try:
         if len(text) > MAX_LENGTH:
             help_text = f"at most {MAX_LENGTH} are allowed: split it into several patterns"
@@ -121,7 +121,7 @@ def parse_pattern(text: str) -> Node | SyntaxProblem:
 
 
 def _condition(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text."""
+    """Return the tree of a condition in which names may have parts, such as `a.b`. Its offsets refer to `text`."""
     if text in _WORDS:
         raise ExpressionError(f"{shown(text)} is not a pattern by itself", 0, len(text), _EXAMPLE)
     if is_name(text):
@@ -136,7 +136,7 @@ def _condition(text: str) -> Node | SyntaxProblem:
     if open_arrow is not None:
         first, edge, last = open_arrow.groups()
         raise ExpressionError(f"'->' is missing after '{edge}'", *open_arrow.span(2), f"write {first} -{edge}-> {last}")
-    return parse_named(text)
+    return parse_with_dotted_names(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,12 +167,12 @@ class _PathParser:
 
     def parse(self) -> Path:
         """Return the path of all tokens."""
-        start = self._next.start
-        negated = self._next.text == "not"
+        start = self._next_token.start
+        negated = self._next_token.text == "not"
         if negated:
             self._take()
         terms, links = [self._term()], list[EdgeTerm]()
-        while self._next.text:
+        while self._next_token.text:
             links.append(self._link())
             terms.append(self._term())
         if len(links) > MAX_LINKS:
@@ -181,13 +181,13 @@ class _PathParser:
         return Path(start=start, end=terms[-1].end, terms=tuple(terms), links=tuple(links), negated=negated)
 
     @property
-    def _next(self) -> _Token:
+    def _next_token(self) -> _Token:
         if self._error is not None and self._position == len(self._tokens) - 1:
             raise self._error
         return self._tokens[self._position]
 
     @property
-    def _before(self) -> _Token:
+    def _previous_token(self) -> _Token:
         return self._tokens[self._position - 1]
 
     def _take(self) -> _Token:
@@ -197,56 +197,60 @@ class _PathParser:
 
     def _term(self) -> NodeTerm:
         """Read a node: NAME, `some TYPE` or `anything`; `as NAME` may follow the latter two."""
-        first = self._next
+        first = self._next_token
         if not first.is_name or first.text in ("as", "not"):
-            raise self._missing_node()
+            raise self._missing_node_error()
         self._take()
-        if first.text in _QUANTIFIERS and self._next.is_name:
+        if first.text in _QUANTIFIERS and self._next_token.is_name:
             raise ExpressionError(f"{shown(first.text)} is not a node", first.start, first.end, "write 'some'")
         if first.text not in _WORDS:
             return NodeTerm(start=first.start, end=first.end, name=first.text)
         kind = self._name("a type", "after 'some'", "write some TYPE") if first.text == "some" else ""
         called = ""
-        if self._next.text == "as":
+        if self._next_token.text == "as":
             self._take()
             called = self._name("a name", "after 'as'", "write some TYPE as NAME")
-        return NodeTerm(start=first.start, end=self._before.end, type=kind, called=called)
+        return NodeTerm(start=first.start, end=self._previous_token.end, type=kind, called=called)
 
     def _link(self) -> EdgeTerm:
         """Read an edge: `-NAME->`, or `<-NAME-` against its direction."""
-        opening = self._next
+        opening = self._next_token
         if opening.text not in ("-", "<-"):
-            raise self._missing_edge()
+            raise self._missing_edge_error()
         self._take()
-        if self._next.text == "-":
-            raise ExpressionError("one '-' is enough", self._next.start, self._next.end, "write -EDGE->")
+        if self._next_token.text == "-":
+            raise ExpressionError("one '-' is enough", self._next_token.start, self._next_token.end, "write -EDGE->")
         edge = self._name("an edge", f"after '{opening.text}'", "write -EDGE->")
         is_backward = opening.text == "<-"
         closing = "-" if is_backward else "->"
-        if self._next.text != closing:
+        if self._next_token.text != closing:
             help_text = f"write <-{edge}-" if is_backward else f"write -{edge}->"
-            at = self._before
-            raise ExpressionError(f"'{closing}' is missing after '{edge}'", at.start, at.end, help_text)
+            previous_token = self._previous_token
+            raise ExpressionError(
+                f"'{closing}' is missing after '{edge}'", previous_token.start, previous_token.end, help_text
+            )
         end = self._take().end
         return EdgeTerm(start=opening.start, end=end, edge=edge, is_backward=is_backward)
 
     def _name(self, noun: str, where: str, help_text: str) -> str:
-        token = self._next
+        token = self._next_token
         if not token.is_name or token.text in _WORDS:
-            at = self._before
-            raise ExpressionError(f"{noun} is missing {where}", at.start, at.end, help_text)
+            previous_token = self._previous_token
+            raise ExpressionError(f"{noun} is missing {where}", previous_token.start, previous_token.end, help_text)
         return self._take().text
 
-    def _missing_node(self) -> ExpressionError:
-        at, token = self._before, self._next
+    def _missing_node_error(self) -> ExpressionError:
+        previous_token, token = self._previous_token, self._next_token
         if self._position == 0:
             return ExpressionError("a path begins with a node", token.start, max(token.end, 1), _EXAMPLE)
-        return ExpressionError(f"a node is missing after '{at.text}'", at.start, at.end, _EXAMPLE)
+        return ExpressionError(
+            f"a node is missing after '{previous_token.text}'", previous_token.start, previous_token.end, _EXAMPLE
+        )
 
-    def _missing_edge(self) -> ExpressionError:
-        at, token = self._before, self._next
+    def _missing_edge_error(self) -> ExpressionError:
+        previous_token, token = self._previous_token, self._next_token
         if token.text == "->":
-            help_text = f"write {at.text} -EDGE->"
+            help_text = f"write {previous_token.text} -EDGE->"
             return ExpressionError("'->' without an edge", token.start, token.end, help_text)
         help_text = "write each pattern as an item of its own" if token.text in ("and", "or") else _EXAMPLE
         return ExpressionError(f"an edge is missing before {shown(token.text)}", token.start, token.end, help_text)

@@ -1,8 +1,8 @@
 """Functions of poses, and names with parts: `distance(a, b)`, `in_view(node, camera)`, `node.attribute`.
 
 In the syntax tree of a pattern's condition, each of these is one name. In a condition over context, a complete
-comparison with poses, such as `distance(a, b) < 0.9 m`, is one name: poses change all the time, but the result of the
-comparison changes seldom.
+comparison with poses, such as `distance(a, b) < 0.9 m`, is one name, because poses change all the time, while the
+result of the comparison seldom changes.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ _POSE_FUNCTION_PATTERN = rf"""(?:{_TEXT})
     | (?P<half>\b(?:{"|".join(GEOMETRY)})\ *\()"""
 _FLAGS = re.VERBOSE | re.DOTALL | re.ASCII
 _POSE_FUNCTION = re.compile(rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?!))", _FLAGS)
-_DOTTED_OR_POSE_NAME = re.compile(
+_DOTTED_NAME_OR_POSE_FUNCTION = re.compile(
     rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS
 )
 _POSE_FUNCTION_START = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
 
-def parse_named(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition whose names may have parts, such as `a.b`. Its offsets refer to the text.
+def parse_with_dotted_names(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a condition in which names may have parts, such as `a.b`. Its offsets refer to `text`.
 
     Raises:
         ExpressionError: if a name with parts is invalid.
     """
-    return _parse_masked(text, _DOTTED_OR_POSE_NAME)
+    return _parse_masked(text, _DOTTED_NAME_OR_POSE_FUNCTION)
 
 
 def parse_over_context(text: str) -> Node | SyntaxProblem:
@@ -58,8 +58,8 @@ def parse_over_context(text: str) -> Node | SyntaxProblem:
 def spelt_out(tree: Node) -> Node:
     """Return a condition over context in which each name of a comparison with poses is replaced by the comparison."""
     if isinstance(tree, Name):
-        return tree if tree.asks is None else tree.asks
-    if not any(part.asks is not None for part in names_in(tree)):
+        return tree if tree.pose_comparison is None else tree.pose_comparison
+    if not any(part.pose_comparison is not None for part in names_in(tree)):
         return tree
     return _map_parts(tree, spelt_out)
 
@@ -93,7 +93,7 @@ def _parse_masked(text: str, pattern: re.Pattern[str]) -> Node | SyntaxProblem:
 def _mask(text: str, pattern: re.Pattern[str]) -> tuple[str, dict[int, str]]:
     """Return the text in which each name with parts is replaced by a plain name of the same length.
 
-    Also return the replaced names by their offsets.
+    Also return a mapping from offsets to the replaced names.
     """
     names: dict[int, str] = {}
     masked_text = text
@@ -127,7 +127,7 @@ def _replace_comparisons(value: Node) -> Node:
     """Return a part of a tree in which each comparison with poses is one name.
 
     Raises:
-        ExpressionError: if the result of a part with poses cannot be kept as true, false or unknown.
+        ExpressionError: if a part with poses cannot be one name, for example because it is not a comparison.
     """
     if isinstance(value, Compare | In | Call | Name):
         pose_names = [name for name in names_in(value) if reads_of(name.name)[0]]
@@ -156,7 +156,7 @@ def _comparison_name(part: Compare | In | Call | Name, pose_names: list[Name]) -
             other_name.end,
             help_text,
         )
-    return Name(start=part.start, end=part.end, name=to_text(part), asks=part)
+    return Name(start=part.start, end=part.end, name=to_text(part), pose_comparison=part)
 
 
 def _map_parts(node: NodeT, function: Callable[[Node], Node]) -> NodeT:

@@ -26,7 +26,7 @@ FUNCTIONS: Mapping[str, tuple[int, int | None]] = {
 """The minimum and maximum number of arguments of each function."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_NO_NAMES = frozenset({*keyword.kwlist, *WORDS, *FUNCTIONS, "null"})
+_RESERVED_WORDS = frozenset({*keyword.kwlist, *WORDS, *FUNCTIONS, "null"})
 
 
 class TokenKind(StrEnum):
@@ -68,7 +68,7 @@ class SyntaxProblem:
 
 
 class ExpressionError(Exception):
-    """Carries a problem to `parse`, which returns it."""
+    """Carries a problem to `parse`, which returns the problem."""
 
     def __init__(self, message: str, start: int, end: int, help_text: str) -> None:
         super().__init__(message)
@@ -164,13 +164,13 @@ def tokens(text: str) -> tuple[Token, ...]:
 
 def is_name(text: str) -> bool:
     """Return whether a text can be the name of a context-variable or of a returned value."""
-    return len(text) <= MAX_LENGTH and text not in _NO_NAMES and _IDENTIFIER.fullmatch(text) is not None
+    return len(text) <= MAX_LENGTH and text not in _RESERVED_WORDS and _IDENTIFIER.fullmatch(text) is not None
 
 
 def shown(text: str) -> str:
     """Return a text for a message: quoted, shortened, without control characters."""
-    plain = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text[:41])
-    return f"'{plain[:40]}...'" if len(plain) > 40 else f"'{plain}'"
+    printable_text = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text[:41])
+    return f"'{printable_text[:40]}...'" if len(printable_text) > 40 else f"'{printable_text}'"
 
 
 def _read_token(match: re.Match[str]) -> Token:

@@ -31,11 +31,11 @@ class Name(Node):
     """A context-variable or a returned value.
 
     Attributes:
-        asks: the comparison with poses that has this name, such as `distance(a, b) < 0.9 m`; None for other names.
+        pose_comparison: the comparison with poses that has this name, such as `distance(a, b) < 0.9 m`; otherwise None.
     """
 
     name: str
-    asks: Node | None = field(default=None, compare=False)
+    pose_comparison: Node | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ class Compare(Node):
     """A chain of comparisons, such as `a < b < c`; it is equivalent to the conjunction of its links.
 
     Attributes:
-        rest: each further operand, after the operator in front of it.
+        rest: pairs of an operator and the operand after it.
     """
 
     first: Node

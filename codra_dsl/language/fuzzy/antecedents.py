@@ -1,4 +1,4 @@
-"""Parse the text of a rule: tokens -> tree. Names are checked with the engine's variables and terms."""
+"""Parse the text of a rule: tokens -> tree. Names are checked against the engine's variables and terms."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from codra_dsl.language.fuzzy.model import And, Antecedent, Or, Proposition, Rule
-from codra_dsl.language.fuzzy.source import Findings, Word, number, shown, split
+from codra_dsl.language.fuzzy.source import Findings, Word, parse_number, shown, split
 from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge
 
 MAX_DEPTH = 40
@@ -20,11 +20,11 @@ _TOKEN = r"[()]|[^\s()]+"
 _HEDGES = frozenset(Hedge)
 
 Names = Mapping[str, frozenset[str]]
-"""The terms of each variable."""
+"""A mapping from each variable to its terms."""
 
 
-class _Wrong(Exception):  # noqa: N818 - it never leaves this module
-    """The rest of a rule cannot be read; the finding has been added."""
+class _WrongRuleError(Exception):
+    """Stops the reading of a rule; the reason has already been reported."""
 
 
 class Side(Enum):
@@ -43,42 +43,42 @@ class _Reader:
     all_terms: Names
     outputs: Names
     findings: Findings
-    at: int = 0
+    position: int = 0
     depth: int = 0
 
     def peek(self) -> str:
         """Return the next token, or an empty text at the end."""
-        return self.tokens[self.at].text if self.at < len(self.tokens) else ""
+        return self.tokens[self.position].text if self.position < len(self.tokens) else ""
 
     def take(self) -> Word:
         """Return the next token and advance."""
-        if self.at == len(self.tokens):
+        if self.position == len(self.tokens):
             self.fail("the rule ends too early", self.end, "write 'if VARIABLE is TERM then VARIABLE is TERM'")
-        self.at += 1
-        return self.tokens[self.at - 1]
+        self.position += 1
+        return self.tokens[self.position - 1]
 
     def fail(self, message: str, word: Word, help: str) -> None:
         """Report a finding and stop reading the rule."""
         self.findings.add("fll-wrong-rule", message, word.place, help)
-        raise _Wrong
+        raise _WrongRuleError
 
     def expect(self, keyword: str) -> Word:
-        """Take a keyword."""
+        """Read a keyword and return it."""
         word = self.take()
         if word.text != keyword:
             self.fail(f"expected '{keyword}', found {shown(word.text)}", word, f"write '{keyword}' before it")
         return word
 
-    def either(self) -> Antecedent:
+    def disjunction(self) -> Antecedent:
         """Read operands joined by `or`."""
-        left, depth = self.both(), 0
+        left, depth = self.conjunction(), 0
         while self.peek() == "or":
             word, depth = self.take(), depth + 1
             self.limit(depth, word)
-            left = Or(left, self.both())
+            left = Or(left, self.conjunction())
         return left
 
-    def both(self) -> Antecedent:
+    def conjunction(self) -> Antecedent:
         """Read operands joined by `and`."""
         left, depth = self.atom(), 0
         while self.peek() == "and":
@@ -90,23 +90,23 @@ class _Reader:
     def condition(self) -> Antecedent:
         """Read the antecedent between `if` and `then`."""
         first = self.expect("if")
-        antecedent = self.either()
+        antecedent = self.disjunction()
         self.expect("then")
         self.limit_levels(_levels(antecedent), first)
         return antecedent
 
     def limit_levels(self, levels: int, word: Word) -> None:
-        """Refuse operators and hedges that would be nested too deep in Python."""
+        """Refuse operators and hedges that would be nested too deeply in Python."""
         if levels > MAX_LEVELS:
             message = f"more than {MAX_LEVELS} nested operators and hedges"
             self.findings.add("fll-too-large", message, word.place, "split the rule")
-            raise _Wrong
+            raise _WrongRuleError
 
     def limit(self, depth: int, word: Word) -> None:
-        """Refuse too deep nesting."""
+        """Refuse nesting that is too deep."""
         if self.depth + depth > MAX_DEPTH:
             self.findings.add("fll-too-large", f"nested deeper than {MAX_DEPTH}", word.place, "split the rule")
-            raise _Wrong
+            raise _WrongRuleError
 
     def atom(self) -> Antecedent:
         """Read a proposition, or anything in parentheses."""
@@ -114,7 +114,7 @@ class _Reader:
             return self.proposition(Side.ANTECEDENT)
         self.depth += 1
         self.limit(0, self.take())
-        inside = self.either()
+        inside = self.disjunction()
         self.expect(")")
         self.depth -= 1
         return inside
@@ -156,12 +156,12 @@ class _Reader:
         return tuple(conclusions)
 
     def weight(self) -> float:
-        """Read an optional `with` and a number, up to the end."""
+        """Read the optional weight at the end of a rule: `with` and a number."""
         weight = 1.0
         if self.peek() == "with":
             self.take()
             word = self.take()
-            parsed_weight = number(word, self.findings)
+            parsed_weight = parse_number(word, self.findings)
             if parsed_weight is not None and not 0.0 <= parsed_weight < float("inf"):
                 help = "write a weight of 0 or more"
                 self.findings.add("fll-wrong-value", f"{shown(word.text)} is not a weight", word.place, help)
@@ -174,14 +174,14 @@ class _Reader:
 
 def _levels(antecedent: Antecedent) -> int:
     """Return the maximum nesting depth of operators and hedges."""
-    deepest, left = 0, [(antecedent, 0)]
-    while left:
-        part, level = left.pop()
+    max_level, pending = 0, [(antecedent, 0)]
+    while pending:
+        part, level = pending.pop()
         if isinstance(part, Proposition):
-            deepest = max(deepest, level + len(part.hedges))
+            max_level = max(max_level, level + len(part.hedges))
         else:
-            left += [(part.left, level + 1), (part.right, level + 1)]
-    return deepest
+            pending += [(part.left, level + 1), (part.right, level + 1)]
+    return max_level
 
 
 def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings) -> Rule | None:
@@ -190,7 +190,7 @@ def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings)
     try:
         antecedent = reader.condition()
         return Rule(antecedent=antecedent, conclusions=reader.conclusions(), weight=reader.weight())
-    except _Wrong:
+    except _WrongRuleError:
         return None
 
 
@@ -209,5 +209,5 @@ def parse_rule_about(
             reader.expect("is")
         conclusion = reader.hedged_term(output, terms, Side.CONSEQUENT)
         return Rule(antecedent=antecedent, conclusions=(conclusion,), weight=reader.weight())
-    except _Wrong:
+    except _WrongRuleError:
         return None

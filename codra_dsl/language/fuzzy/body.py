@@ -26,7 +26,7 @@ from codra_dsl.language.fuzzy.shapes import inverse, membership
 from codra_dsl.language.fuzzy.words import Defuzzification, Hedge, Method, Shape, Weighting
 
 
-def _hedge(word: Hedge) -> str:
+def _hedge_function(word: Hedge) -> str:
     return f"hedges.{word}_" if word in (Hedge.ANY, Hedge.NOT) else f"hedges.{word}"
 
 
@@ -34,15 +34,17 @@ class Body:
     """Writes one of the two functions of an engine.
 
     Attributes:
-        conclusions: the conclusions about each output, in the order in which they act. Each one is the index of its
-            term and its implication.
+        conclusions: the conclusions about each output, in the order in which they act. Each conclusion is a pair: the
+            index of its term, and its implication.
     """
 
-    def __init__(self, engine: Engine, dialect: Dialect, constants: Mapping[str, str], taken: frozenset[str]) -> None:
+    def __init__(
+        self, engine: Engine, dialect: Dialect, constants: Mapping[str, str], taken_names: frozenset[str]
+    ) -> None:
         self._engine = engine
         self._dialect = dialect
         self._constants = constants
-        self._names = Names(taken)
+        self._names = Names(taken_names)
         self._locals = {variable.name: self._names.claim(variable.name) for variable in engine.inputs}
         self._inputs = list(self._locals.values())
         self._result_names = {output.name: self._names.claim(output.name) for output in engine.outputs}
@@ -50,7 +52,7 @@ class Body:
         self._lines: list[str] = []
         self._strength_names: list[str] = []
         self._previous_names: dict[str, int] = {}
-        self._acting: dict[str, list[tuple[str, str]]] = {output.name: [] for output in engine.outputs}
+        self._acting_degrees: dict[str, list[tuple[str, str]]] = {output.name: [] for output in engine.outputs}
         self.conclusions: dict[str, list[tuple[int, str]]] = {output.name: [] for output in engine.outputs}
 
     def function(self, name: str) -> str:
@@ -94,7 +96,7 @@ class Body:
                 self._locals[output.name] = self._assign(previous_name, f"previous[{index}]")
 
     def _drop_unused_lines(self, lines: list[str]) -> list[str]:
-        """Return the lines, but leave out each one that reads a previous value which no other line uses."""
+        """Return the lines, except each line that assigns a previous value to a name that no other line uses."""
         names_by_line = {f"{name} = previous[{index}]": name for name, index in self._previous_names.items()}
         word_counts = Counter(word for line in lines for word in re.findall(r"\w+", line))
         return [line for line in lines if line not in names_by_line or word_counts[names_by_line[line]] > 1]
@@ -110,7 +112,7 @@ class Body:
         return is_named or output.keeps_previous or not output.is_enabled
 
     def _assign_memberships(self, blocks: Iterable[RuleBlock]) -> None:
-        """Compute all degrees that some rule reads, each of them only once."""
+        """Assign each membership degree that a rule reads to a name, so that it is computed only once."""
         needed_terms = {
             (proposition.variable, proposition.term): None
             for block in blocks
@@ -195,13 +197,13 @@ class Body:
         else:
             source, hedges = self._degree(part, variable), part.hedges
         for hedge in reversed(hedges):
-            source = self._dialect.call(Kind.HEDGE, _hedge(hedge), source)
+            source = self._dialect.call(Kind.HEDGE, _hedge_function(hedge), source)
         return source
 
     def _degree(self, part: Proposition, variable: object) -> str:
         if not isinstance(variable, OutputVariable):
             return self._memberships[part.variable, part.term]
-        degrees = [degree for term, degree in self._acting[part.variable] if term == part.term]
+        degrees = [degree for term, degree in self._acting_degrees[part.variable] if term == part.term]
         aggregation = f"norms.{snake_case(variable.aggregation or 'UnboundedSum')}"
         degrees_tuple = tuple_of(degrees) if degrees else "()"
         return f"{self._dialect.outputs}.degree_so_far({aggregation}, {degrees_tuple})"
@@ -214,12 +216,12 @@ class Body:
             if not output.is_enabled or not isinstance(output, OutputVariable):
                 continue
             for hedge in reversed(conclusion.hedges):
-                degree = f"{self._dialect.activations}.hedged({degree}, {_hedge(hedge)})"
+                degree = f"{self._dialect.activations}.hedged({degree}, {_hedge_function(hedge)})"
             if conclusion.hedges:
                 degree = self._assign(self._names.claim(f"concluded_{output.name}"), degree)
             terms = concluded_terms(output, self._engine)
             index = next(at for at, term in enumerate(terms) if term.name == conclusion.term)
-            self._acting[output.name].append((conclusion.term, degree))
+            self._acting_degrees[output.name].append((conclusion.term, degree))
             self.conclusions[output.name].append((index, implication))
 
     # Outputs
@@ -231,7 +233,7 @@ class Body:
             return
         assert output.defuzzifier is not None
         is_weighted = output.defuzzifier.method.is_weighted
-        self._assign(result_name, self._weighted(output) if is_weighted else self._integral(output))
+        self._assign(result_name, self._weighted_value(output) if is_weighted else self._integral_value(output))
         substitutes = [self._locals[output.name]] if output.keeps_previous else []
         substitutes += [] if output.default is None else [dialect.number(output.default)]
         if substitutes:
@@ -244,30 +246,30 @@ class Body:
         self._locals[output.name] = result_name
 
     def _degrees(self, output: OutputVariable) -> str:
-        degree_names = [degree for _, degree in self._acting[output.name]]
+        degree_names = [degree for _, degree in self._acting_degrees[output.name]]
         return tuple_of(degree_names) if degree_names else "()"
 
-    def _integral(self, output: OutputVariable) -> str:
+    def _integral_value(self, output: OutputVariable) -> str:
         constant, degrees = self._constants[output.name], self._degrees(output)
         terms = concluded_terms(output, self._engine)
-        dynamic = ""
+        memberships = ""
         if depends_on_inputs(output, self._engine):
-            dynamic = tuple_of([f"lambda x: {self._membership(term, 'x')}" for term in terms])
+            memberships = tuple_of([f"lambda x: {self._membership(term, 'x')}" for term in terms])
         if self._dialect.has_numbers:
-            shaped = f"outputs.shaped({constant}, {dynamic})" if dynamic else constant
-            return f"{shaped}.value({degrees})"
-        return f"bounded_outputs.integral({', '.join([constant, degrees, *([dynamic] if dynamic else [])])})"
+            integral = f"outputs.shaped({constant}, {memberships})" if memberships else constant
+            return f"{integral}.value({degrees})"
+        return f"bounded_outputs.integral({', '.join([constant, degrees, *([memberships] if memberships else [])])})"
 
-    def _weighted(self, output: OutputVariable) -> str:
+    def _weighted_value(self, output: OutputVariable) -> str:
         constant, degrees = self._constants[output.name], self._degrees(output)
         terms = concluded_terms(output, self._engine)
-        values = tuple_of([self._number(term, output) for term in terms]) if terms else "()"
+        values = tuple_of([self._term_value(term, output) for term in terms]) if terms else "()"
         is_average = output.defuzzifier and output.defuzzifier.method is Defuzzification.WEIGHTED_AVERAGE
         if self._dialect.has_numbers:
             return f"{constant}.{'average' if is_average else 'sum'}({degrees}, {values})"
         return f"bounded_outputs.{'average' if is_average else 'total'}({constant}, {degrees}, {values})"
 
-    def _number(self, term: AnyTerm, output: OutputVariable) -> str:
+    def _term_value(self, term: AnyTerm, output: OutputVariable) -> str:
         """Return the source text of a concluded term's number: a value, or a function of the term's degree."""
         assert output.defuzzifier is not None
         weighting = output.defuzzifier.weighting

@@ -71,7 +71,7 @@ def _output_problems(output: OutputVariable, engine: Engine) -> Iterator[EngineP
     weightings = {natural_weighting(term) for term in terms}
     if output.defuzzifier.weighting is Weighting.AUTOMATIC and len(weightings) > 1:
         help = "write TakagiSugeno or Tsukamoto after the defuzzifier"
-        yield EngineProblem(location, "fll-unfit-term", "terms of several kinds are concluded", help)
+        yield EngineProblem(location, "fll-unfit-term", "rules conclude terms of several kinds", help)
     if output.defuzzifier.weighting is Weighting.TSUKAMOTO:
         for term in terms:
             if natural_weighting(term) is not Weighting.TSUKAMOTO:

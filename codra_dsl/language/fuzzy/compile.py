@@ -1,4 +1,4 @@
-"""Engine -> the text of a Python module with two functions: `infer` of numbers, and `infer_bounds` of bounds."""
+"""Engine -> the text of a Python module with two functions: `infer` for numbers, and `infer_bounds` for bounds."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def compile_engine(engine: Engine) -> str:
 
     The module has `infer(*inputs, previous=...) -> Inference` and `infer_bounds(*inputs, previous=...) ->
     BoundedInference`. `INPUTS`, `OUTPUTS` and `RULES` are the names of the arguments, values and strengths, in their
-    order. `RANGES` has the bounds of each input while it is unknown. From codra, the module imports only
-    `codra_dsl.runtime.generated_api`. The same engine gives the same text.
+    order. `RANGES` has the bounds that are assumed for each input while the input is unknown. From codra, the module
+    imports only `codra_dsl.runtime.generated_api`. The same engine gives the same text.
     """
     names = Names()
     constants = {output.name: names.claim(output.name.upper()) for output in engine.outputs}
@@ -48,8 +48,8 @@ def compile_engine(engine: Engine) -> str:
             "RULES", [rule_text(rule) for block in engine.blocks if block.is_enabled for rule in block.rules]
         ),
     ]
-    numbers = Body(engine, NUMBERS, constants, names.taken)
-    bounds = Body(engine, BOUNDS, constants, names.taken)
+    numbers = Body(engine, NUMBERS, constants, names.taken_names)
+    bounds = Body(engine, BOUNDS, constants, names.taken_names)
     functions = [numbers.function("infer"), bounds.function("infer_bounds")]
     outputs = [
         _output_source(output, engine, constants[output.name], numbers.conclusions[output.name])

@@ -1,7 +1,7 @@
 """The two forms of an engine's arithmetic: with numbers, and with bounds.
 
-One code generator writes both functions of an engine and differs only in the dialect, so properties that are proven for
-one function also hold for the other.
+One code generator writes both functions of an engine, and the functions differ only in the dialect. So properties that
+are proven for one function also hold for the other.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enum import Enum, auto
 
 from codra_dsl.language.fuzzy.model import Call, Formula, Name, Number
 
-_INLINE = ("+", "-", "*")
+_INLINE_OPERATORS = ("+", "-", "*")
 
 
 class Kind(Enum):
@@ -83,7 +83,7 @@ class Dialect:
         return f"bounds.times({literal(factor)}, {value})"
 
     def linear(self, inputs: list[str], coefficients: tuple[float, ...]) -> str:
-        """Return the source of a sum of inputs times coefficients."""
+        """Return the source of a linear combination of inputs."""
         module = "terms" if self.has_numbers else "bounds"
         return f"{module}.linear({tuple_of(inputs)}, {tuple_of([literal(value) for value in coefficients])})"
 
@@ -95,7 +95,7 @@ class Dialect:
             return names[part.name]
         assert isinstance(part, Call)
         operands = [self.formula(operand, names) for operand in part.operands]
-        if self.has_numbers and part.function in _INLINE:
+        if self.has_numbers and part.function in _INLINE_OPERATORS:
             return f"({operands[0]} {part.function} {operands[1]})"
         module = "formulas" if self.has_numbers else "bounded_formulas"
         return f"{module}.calculate({', '.join([literal(part.function), *operands])})"

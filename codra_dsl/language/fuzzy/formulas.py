@@ -16,7 +16,7 @@ MAX_TOKENS = 500
 
 @dataclass(frozen=True, slots=True)
 class Operator:
-    """How an operator binds: one with a higher precedence binds tighter."""
+    """How an operator binds: an operator with a higher precedence binds tighter."""
 
     operands: int
     precedence: int

@@ -1,4 +1,4 @@
-"""A fuzzy engine as a frozen value. It has no places, so equal engines are equal values wherever they were read."""
+"""A fuzzy engine as a frozen value without places: engines with the same content are equal, wherever they were read."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Term:
     """A fuzzy set of a known shape.
 
     Attributes:
-        parameters: in the order of the names in the shape's form; for `Discrete` the points x1 y1 x2 y2 ..., for
-            `Linear` the coefficients.
+        parameters: the parameters, in the order of the names in the shape's form; for `Discrete` the points x1 y1 x2 y2
+            ..., for `Linear` the coefficients.
     """
 
     name: str
@@ -70,7 +70,7 @@ class InputVariable:
 
     Attributes:
         minimum: the lower end of its range, in its unit; `maximum` is the upper end.
-        is_locked: whether a value outside of the range counts as its nearest end.
+        is_locked: whether a value outside of the range is replaced by the nearest end of the range.
     """
 
     name: str
@@ -82,7 +82,7 @@ class InputVariable:
     description: str = ""
 
     def term(self, name: str) -> AnyTerm:
-        """Return the term of a name."""
+        """Return the term with the given name."""
         return next(term for term in self.terms if term.name == name)
 
 
@@ -103,9 +103,9 @@ class OutputVariable:
     """An output of an engine.
 
     Attributes:
-        is_locked: whether a value outside of the range is moved to its nearest end.
-        keeps_previous: whether it keeps its previous value if no rule acts.
-        default: its value if no other is known; None if it has no default.
+        is_locked: whether a value outside of the range is replaced by the nearest end of the range.
+        keeps_previous: whether the output keeps its previous value if no rule acts.
+        default: the value if no other value is known; None if the output has no default.
     """
 
     name: str
@@ -121,7 +121,7 @@ class OutputVariable:
     description: str = ""
 
     def term(self, name: str) -> AnyTerm:
-        """Return the term of a name."""
+        """Return the term with the given name."""
         return next(term for term in self.terms if term.name == name)
 
 
@@ -139,7 +139,7 @@ class Proposition:
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """Both sides."""
+    """A conjunction of two antecedents."""
 
     left: Antecedent
     right: Antecedent
@@ -147,7 +147,7 @@ class And:
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Either side."""
+    """A disjunction of two antecedents."""
 
     left: Antecedent
     right: Antecedent
@@ -158,13 +158,13 @@ Antecedent = Proposition | And | Or
 
 def propositions(antecedent: Antecedent) -> Iterator[Proposition]:
     """Yield the propositions of an antecedent from left to right."""
-    waiting = [antecedent]
-    while waiting:
-        part = waiting.pop()
+    pending = [antecedent]
+    while pending:
+        part = pending.pop()
         if isinstance(part, Proposition):
             yield part
         else:
-            waiting += [part.right, part.left]
+            pending += [part.right, part.left]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,7 +220,7 @@ class Engine:
     description: str = ""
 
     def variable(self, name: str) -> Variable:
-        """Return the input or output of a name."""
+        """Return the input or output with the given name."""
         return next(variable for variable in self.variables if variable.name == name)
 
     @property

@@ -31,20 +31,21 @@ _RESERVED_NAMES = (
 class Names:
     """Assigns unique Python names, as close to the names in the engine as possible."""
 
-    def __init__(self, taken: frozenset[str] = frozenset()) -> None:
-        self._taken = set(_RESERVED_NAMES | taken | set(keyword.kwlist) | set(dir(builtins)))
+    def __init__(self, taken_names: frozenset[str] = frozenset()) -> None:
+        self._taken_names = set(_RESERVED_NAMES | taken_names | set(keyword.kwlist) | set(dir(builtins)))
 
-    def claim(self, wanted: str) -> str:
+    def claim(self, wanted_name: str) -> str:
         """Return an unused name. A character that an ASCII identifier cannot contain becomes `u` and its code point."""
         name = "".join(
-            letter if f"_{letter}".isidentifier() and letter.isascii() else f"u{ord(letter):x}" for letter in wanted
+            letter if f"_{letter}".isidentifier() and letter.isascii() else f"u{ord(letter):x}"
+            for letter in wanted_name
         )
-        while name in self._taken:
+        while name in self._taken_names:
             name += "_"
-        self._taken.add(name)
+        self._taken_names.add(name)
         return name
 
     @property
-    def taken(self) -> frozenset[str]:
+    def taken_names(self) -> frozenset[str]:
         """All names in use."""
-        return frozenset(self._taken)
+        return frozenset(self._taken_names)

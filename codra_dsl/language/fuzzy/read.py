@@ -1,4 +1,4 @@
-"""Read FLL: bytes -> engine, or None, and findings. All mistakes are reported in one run, with their places."""
+"""Read FLL: bytes -> an engine or None, and findings. All mistakes are reported in one run, with their places."""
 
 from __future__ import annotations
 
@@ -23,7 +23,18 @@ from codra_dsl.language.fuzzy.model import (
     RuleBlock,
     Term,
 )
-from codra_dsl.language.fuzzy.source import Findings, Line, Word, decode, lines, natural, number, quantity, shown, split
+from codra_dsl.language.fuzzy.source import (
+    Findings,
+    Line,
+    Word,
+    decode,
+    lines,
+    parse_natural,
+    parse_number,
+    parse_quantity,
+    shown,
+    split,
+)
 from codra_dsl.language.fuzzy.words import (
     FORMULA,
     KEYWORDS,
@@ -51,7 +62,7 @@ _KEYS: Mapping[str, tuple[str, ...]] = {
     "OutputVariable": (*_VARIABLE_KEYS, "aggregation", "defuzzifier", "default", "lock-previous"),
     "RuleBlock": ("description", "enabled", "conjunction", "disjunction", "implication", "activation", "rule"),
 }
-_REPEATABLE = ("term", "rule")
+_REPEATABLE_KEYS = ("term", "rule")
 _METHODS_WITH_NUMBER = (Method.FIRST, Method.LAST, Method.HIGHEST, Method.LOWEST)
 
 
@@ -61,7 +72,7 @@ class Read:
 
     Attributes:
         engine: None if there are findings.
-        findings: in the order of the text.
+        findings: the findings, in the order of the text.
     """
 
     engine: Engine | None
@@ -110,7 +121,7 @@ def _add_line(line: Line, section: _Section, findings: Findings) -> None:
     key, kind = line.key, section.head.key.text
     if key.text not in _KEYS[kind]:
         findings.report_unknown("fll-unknown-key", f"key of {kind}", key, (*_KEYS[kind], *_KEYS))
-    elif key.text in _REPEATABLE:
+    elif key.text in _REPEATABLE_KEYS:
         section.repeated_lines.append(line)
     elif key.text in section.single_values:
         findings.add("fll-repeated", f"'{key.text}' occurs twice here", key.place, "remove one of them")
@@ -144,8 +155,8 @@ class _Builder:
         self._report_repeated_names(
             [section.head.value for kind in _KEYS if "Var" in kind for section in sections_by_kind[kind]], "variable"
         )
-        output_terms = _names(sections_by_kind["OutputVariable"])
-        all_terms = _names(sections_by_kind["InputVariable"]) | output_terms
+        output_terms = _terms_by_variable(sections_by_kind["OutputVariable"])
+        all_terms = _terms_by_variable(sections_by_kind["InputVariable"]) | output_terms
         blocks = tuple(
             self._block(section, index, all_terms, output_terms)
             for index, section in enumerate(sections_by_kind["RuleBlock"])
@@ -183,7 +194,7 @@ class _Builder:
         name, (minimum, maximum) = self._name(section.head.value, "variable"), self._range(section)
         self._places[("variable", name)] = section.head.value.place
         default = section.single_values.get("default")
-        value = None if default is None else number(default, self._findings)
+        value = None if default is None else parse_number(default, self._findings)
         return OutputVariable(
             name=name,
             minimum=minimum,
@@ -252,7 +263,7 @@ class _Builder:
 
     def _range(self, section: _Section) -> tuple[float, float]:
         word = section.single_values.get("range")
-        ends = [] if word is None else [quantity(end, self._findings) for end in split(word, r"\S+")]
+        ends = [] if word is None else [parse_quantity(end, self._findings) for end in split(word, r"\S+")]
         if word is None or None in ends:
             return (float("-inf"), float("inf"))
         if len(ends) != 2 or not (ends[0] or 0.0) <= (ends[1] or 0.0):
@@ -283,7 +294,7 @@ class _Builder:
         if method.is_weighted:
             weighting = self._word(words[1], "weighting", Weighting)
             return Defuzzifier(method=method, weighting=weighting or Weighting.AUTOMATIC)
-        resolution = natural(words[1], MAX_RESOLUTION, self._findings)
+        resolution = parse_natural(words[1], MAX_RESOLUTION, self._findings)
         if resolution == 0:
             self._findings.add("fll-wrong-value", "the resolution is 0", words[1].place, "write at least 1")
         return Defuzzifier(method=method, resolution=resolution or 1)
@@ -296,12 +307,12 @@ class _Builder:
         activation = Activation(method=method)
         if method is Method.THRESHOLD and len(words) == 3:
             comparator = self._word(words[1], "comparator", Comparator)
-            threshold = quantity(words[2], self._findings)
+            threshold = parse_quantity(words[2], self._findings)
             return Activation(method=method, comparator=comparator or Comparator.MORE, threshold=threshold or 0.0)
         if method in _METHODS_WITH_NUMBER and len(words) > 1:
-            rules = natural(words[1], MAX_RULES_ACTING, self._findings)
+            rules = parse_natural(words[1], MAX_RULES_ACTING, self._findings)
             has_threshold = method in (Method.FIRST, Method.LAST) and len(words) == 3
-            threshold = quantity(words[2], self._findings) if has_threshold else 0.0
+            threshold = parse_quantity(words[2], self._findings) if has_threshold else 0.0
             self._expect_end(words[3 if has_threshold else 2 :])
             return Activation(method=method, rules=rules or 0, threshold=threshold or 0.0)
         self._expect_end(words[1:])
@@ -330,9 +341,9 @@ class _Builder:
             self._findings.report_unknown("fll-unknown-word", "shape", words[1], (*Shape.__members__, FORMULA))
             return None
         shape = Shape[words[1].text]
-        values = [quantity(word, self._findings) for word in words[2:]]
-        numbers = tuple(value for value in values if value is not None)
-        return self._shaped(name, shape, numbers, words[1]) if len(numbers) == len(values) else None
+        values = [parse_quantity(word, self._findings) for word in words[2:]]
+        term_numbers = tuple(value for value in values if value is not None)
+        return self._shaped_term(name, shape, term_numbers, words[1]) if len(term_numbers) == len(values) else None
 
     def _formula(self, name: str, value: Word, words: tuple[Word, ...]) -> FormulaTerm | None:
         if len(words) == 2:
@@ -343,24 +354,24 @@ class _Builder:
         formula = parse_formula(text, self._findings)
         return None if formula is None else FormulaTerm(name=name, text=" ".join(text.text.split()), formula=formula)
 
-    def _shaped(self, name: str, shape: Shape, numbers: tuple[float, ...], word: Word) -> Term | None:
+    def _shaped_term(self, name: str, shape: Shape, term_numbers: tuple[float, ...], word: Word) -> Term | None:
         form = shape.value
         if shape is Shape.Linear:
-            return Term(name=name, shape=shape, parameters=numbers)
+            return Term(name=name, shape=shape, parameters=term_numbers)
         if shape is Shape.Discrete:
-            return self._discrete(name, numbers, word)
+            return self._discrete_term(name, term_numbers, word)
         count = len(form.names)
-        if len(numbers) == count:
-            return Term(name=name, shape=shape, parameters=numbers)
-        if form.has_height and len(numbers) == count + 1:
-            return Term(name=name, shape=shape, parameters=numbers[:-1], height=numbers[-1])
+        if len(term_numbers) == count:
+            return Term(name=name, shape=shape, parameters=term_numbers)
+        if form.has_height and len(term_numbers) == count + 1:
+            return Term(name=name, shape=shape, parameters=term_numbers[:-1], height=term_numbers[-1])
         help = f"write {', '.join(form.names)}" + (", and optionally a height" if form.has_height else "")
-        self._findings.add("fll-wrong-term", f"{len(numbers)} numbers for {shape.name}", word.place, help)
+        self._findings.add("fll-wrong-term", f"{len(term_numbers)} numbers for {shape.name}", word.place, help)
         return None
 
-    def _discrete(self, name: str, numbers: tuple[float, ...], word: Word) -> Term | None:
-        height = numbers[-1] if len(numbers) % 2 else 1.0
-        points = numbers[: len(numbers) // 2 * 2]
+    def _discrete_term(self, name: str, term_numbers: tuple[float, ...], word: Word) -> Term | None:
+        height = term_numbers[-1] if len(term_numbers) % 2 else 1.0
+        points = term_numbers[: len(term_numbers) // 2 * 2]
         if not points or not all(abs(value) < float("inf") for value in points):
             self._findings.add("fll-wrong-term", "no finite points", word.place, "write x y pairs")
         elif any(left > right for left, right in pairwise(points[::2])):
@@ -370,8 +381,8 @@ class _Builder:
         return None
 
 
-def _names(sections: Iterable[_Section]) -> dict[str, frozenset[str]]:
-    """Return the terms of each declared variable.
+def _terms_by_variable(sections: Iterable[_Section]) -> dict[str, frozenset[str]]:
+    """Return a mapping from each declared variable to its terms.
 
     Terms that could not be read are included, so that a mistake in a term causes no findings in rules.
     """

@@ -83,8 +83,8 @@ class Findings:
 
 def shown(text: str) -> str:
     """Return a text quoted for a message: shortened, with printable letters only."""
-    short = text if len(text) <= MAX_SHOWN else text[:MAX_SHOWN] + "..."
-    return "'" + "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in short) + "'"
+    short_text = text if len(text) <= MAX_SHOWN else text[:MAX_SHOWN] + "..."
+    return "'" + "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in short_text) + "'"
 
 
 def split(word: Word, pattern: str) -> Iterator[Word]:
@@ -95,7 +95,7 @@ def split(word: Word, pattern: str) -> Iterator[Word]:
 
 
 def decode(data: bytes, file: str, findings: Findings) -> str | None:
-    """Return the text in some bytes, or None if it is not UTF-8, or has too many bytes or lines."""
+    """Return bytes as text, or None if they are not UTF-8, or there are too many bytes or lines."""
     start = _place(file, 1, 1, 0)
     if len(data) > MAX_BYTES:
         findings.add("fll-too-large", f"more than {MAX_BYTES} bytes", start, "name a file that describes one engine")
@@ -114,9 +114,9 @@ def decode(data: bytes, file: str, findings: Findings) -> str | None:
 
 
 def lines(text: str, file: str, findings: Findings) -> Iterator[Line]:
-    """Yield the definitions of a text; report each other line, unless it is empty or a comment."""
-    for number, raw in enumerate(text.split("\n"), start=1):
-        content = raw.split("#", 1)[0].rstrip()
+    """Yield the definitions of a text; report any other line, unless it is empty or a comment."""
+    for number, raw_line in enumerate(text.split("\n"), start=1):
+        content = raw_line.split("#", 1)[0].rstrip()
         body = content.lstrip()
         if not body:
             continue
@@ -141,25 +141,25 @@ def _place(file: str, line: int, column: int, length: int) -> Place:
     return Place(Span(file, line, column, line, column + length))
 
 
-def number(word: Word, findings: Findings) -> float | None:
-    """Return the number that a word is, or None after a finding; NaN only for `nan`."""
+def parse_number(word: Word, findings: Findings) -> float | None:
+    """Return the number in a word, or None after a finding. Only the word `nan` gives NaN."""
     if not _NUMBER.fullmatch(word.text):
         findings.add("fll-wrong-value", f"{shown(word.text)} is not a number", word.place, "write a number such as 0.5")
         return None
     return float(word.text)
 
 
-def quantity(word: Word, findings: Findings) -> float | None:
-    """Return the number that a word is, which may be infinite but not NaN, or None after a finding."""
-    value = number(word, findings)
+def parse_quantity(word: Word, findings: Findings) -> float | None:
+    """Return the number in a word, or None after a finding. The number may be infinite, but not NaN."""
+    value = parse_number(word, findings)
     if value is not None and math.isnan(value):
         findings.add("fll-wrong-value", "nan is not allowed here", word.place, "write a number")
         return None
     return value
 
 
-def natural(word: Word, most: int, findings: Findings) -> int | None:
-    """Return the whole number that a word is, from 0 to `most`, or None after a finding."""
+def parse_natural(word: Word, most: int, findings: Findings) -> int | None:
+    """Return the whole number in a word, from 0 to `most`, or None after a finding."""
     if re.fullmatch(r"\d{1,9}", word.text, re.ASCII) and int(word.text) <= most:
         return int(word.text)
     findings.add("fll-wrong-value", f"{shown(word.text)} is not a count", word.place, f"write a count from 0 to {most}")

@@ -1,4 +1,4 @@
-"""Compute the support and the core of a term. They tell which rules can act, without computing degrees."""
+"""Compute the support and the core of a term. They show which rules can act, without the computation of degrees."""
 
 from __future__ import annotations
 
@@ -19,29 +19,31 @@ class Extent:
     """The support and the core of a term.
 
     Attributes:
-        open: open intervals in which the term's degree is above 0.
-        full: closed intervals in which the degree is 1; they belong to the support too.
-        peak: closed intervals in which the degree is largest, if the largest degree is below 1. For `Discrete`: all
-            given points at which the degree is above 0.
+        open_intervals: open intervals in which the term's degree is above 0.
+        full_intervals: closed intervals in which the degree is 1; they belong to the support as well.
+        peak_intervals: closed intervals in which the degree is largest, if the largest degree is below 1. For
+            `Discrete`: all given points at which the degree is above 0.
     """
 
-    open: tuple[Interval, ...] = ()
-    full: tuple[Interval, ...] = ()
-    peak: tuple[Interval, ...] = ()
+    open_intervals: tuple[Interval, ...] = ()
+    full_intervals: tuple[Interval, ...] = ()
+    peak_intervals: tuple[Interval, ...] = ()
 
     def holds(self, x: float) -> bool:
         """Return whether a number's degree in the term is above 0."""
-        inside = any(low < x < high for low, high in self.open)
-        return inside or any(low <= x <= high for low, high in (*self.full, *self.peak))
+        inside = any(low < x < high for low, high in self.open_intervals)
+        return inside or any(low <= x <= high for low, high in (*self.full_intervals, *self.peak_intervals))
 
     def is_full_at(self, x: float) -> bool:
         """Return whether a number's degree in the term is 1."""
-        return any(low <= x <= high for low, high in self.full)
+        return any(low <= x <= high for low, high in self.full_intervals)
 
     @property
     def ends(self) -> tuple[float, ...]:
-        """Return the numbers between which neither the support nor the core begins or ends."""
-        endpoints = {end for interval in (*self.open, *self.full, *self.peak) for end in interval}
+        """Return all finite ends of intervals, sorted. Support and core begin and end only at these, or at infinity."""
+        endpoints = {
+            end for interval in (*self.open_intervals, *self.full_intervals, *self.peak_intervals) for end in interval
+        }
         return tuple(sorted(end for end in endpoints if math.isfinite(end)))
 
 
@@ -52,7 +54,11 @@ def extent(term: Term) -> Extent:
     unscaled_extent = (
         _points(term.parameters) if term.shape is Shape.Discrete else _EXTENTS[term.shape](*term.parameters)
     )
-    return unscaled_extent if term.height == 1.0 else Extent(open=unscaled_extent.open, peak=unscaled_extent.full)
+    return (
+        unscaled_extent
+        if term.height == 1.0
+        else Extent(open_intervals=unscaled_extent.open_intervals, peak_intervals=unscaled_extent.full_intervals)
+    )
 
 
 def _slope(start: float, end: float) -> Extent:
@@ -60,70 +66,73 @@ def _slope(start: float, end: float) -> Extent:
         return Extent()
     rises = start < end
     return Extent(
-        open=((start, math.inf) if rises else (-math.inf, start),),
-        full=((end, math.inf) if rises else (-math.inf, end),),
+        open_intervals=((start, math.inf) if rises else (-math.inf, start),),
+        full_intervals=((end, math.inf) if rises else (-math.inf, end),),
     )
 
 
 def _falling_slope(start: float, end: float) -> Extent:
-    return Extent(open=((-math.inf, end),), full=((-math.inf, start),))
+    return Extent(open_intervals=((-math.inf, end),), full_intervals=((-math.inf, start),))
 
 
 def _hyperbola(inflection: float, end: float) -> Extent:
-    return Extent(open=(_ALL,), full=((end, math.inf) if inflection <= end else (-math.inf, end),))
+    return Extent(open_intervals=(_ALL,), full_intervals=((end, math.inf) if inflection <= end else (-math.inf, end),))
 
 
 def _everywhere(*_: float) -> Extent:
-    return Extent(open=(_ALL,))
+    return Extent(open_intervals=(_ALL,))
 
 
 def _bell(center: float, *_: float) -> Extent:
-    return Extent(open=(_ALL,), full=((center, center),))
+    return Extent(open_intervals=(_ALL,), full_intervals=((center, center),))
 
 
 def _two_bells(mean_a: float, _: float, mean_b: float, __: float) -> Extent:
-    return Extent(open=(_ALL,), full=((mean_a, mean_b),) if mean_a <= mean_b else ())
+    return Extent(open_intervals=(_ALL,), full_intervals=((mean_a, mean_b),) if mean_a <= mean_b else ())
 
 
 def _wave(center: float, width: float) -> Extent:
     half = abs(width) / 2.0
-    return Extent(open=((center - half, center + half),), full=((center, center),))
+    return Extent(open_intervals=((center - half, center + half),), full_intervals=((center, center),))
 
 
 def _triangle(left: float, top: float, right: float) -> Extent:
-    return Extent(open=((left, right),), full=((top, top),))
+    return Extent(open_intervals=((left, right),), full_intervals=((top, top),))
 
 
 def _trapezoid(bottom_left: float, top_left: float, top_right: float, bottom_right: float) -> Extent:
-    return Extent(open=((bottom_left, bottom_right),), full=((top_left, top_right),))
+    return Extent(open_intervals=((bottom_left, bottom_right),), full_intervals=((top_left, top_right),))
 
 
 def _rectangle(start: float, end: float) -> Extent:
-    return Extent(full=((min(start, end), max(start, end)),))
+    return Extent(full_intervals=((min(start, end), max(start, end)),))
 
 
 def _half_ellipse(start: float, end: float) -> Extent:
-    return Extent(open=((min(start, end), max(start, end)),), full=(((start + end) / 2.0, (start + end) / 2.0),))
+    return Extent(
+        open_intervals=((min(start, end), max(start, end)),),
+        full_intervals=(((start + end) / 2.0, (start + end) / 2.0),),
+    )
 
 
 def _edge(start: float, direction: float) -> Extent:
-    return Extent(full=((start, math.inf) if direction > start else (-math.inf, start),))
+    return Extent(full_intervals=((start, math.inf) if direction > start else (-math.inf, start),))
 
 
 def _constant(value: float) -> Extent:
-    return Extent(open=(_ALL,) if value > 0.0 else (), full=(_ALL,) if value >= 1.0 else ())
+    return Extent(open_intervals=(_ALL,) if value > 0.0 else (), full_intervals=(_ALL,) if value >= 1.0 else ())
 
 
 def _points(points: tuple[float, ...]) -> Extent:
     corners = [(-math.inf, points[1]), *zip(points[::2], points[1::2], strict=True), (math.inf, points[-1])]
     pieces = list(pairwise(corners))
     return Extent(
-        open=tuple((low, high) for (low, one), (high, other) in pieces if max(one, other) > 0.0),
-        full=(
+        open_intervals=tuple((low, high) for (low, one), (high, other) in pieces if max(one, other) > 0.0),
+        full_intervals=(
             *((low, high) for (low, one), (high, other) in pieces if min(one, other) >= 1.0),
             *((x, x) for x, y in corners if y >= 1.0),
         ),
-        peak=tuple((x, x) for x, y in corners if y > 0.0),
+        peak_intervals=tuple((x, x) for x, y in corners if y > 0.0),
     )
 
 

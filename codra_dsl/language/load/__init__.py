@@ -1,13 +1,13 @@
 """Read a spec: text -> (Spec | None, findings).
 
-A spec is read in steps. A finding of one step suppresses findings of later steps, but only about the same element:
+A finding of one step suppresses findings of later steps about the same element. A spec is read in these steps:
 
 - `yaml` converts bytes to nodes with positions, and repairs punctuation where possible;
 - `schema` compares the shape of the nodes with `schema.json`;
 - `parts` reads the parts that the spec includes;
 - `templates` and `instantiation` read templates and their uses;
 - `elements` builds the elements;
-- `calls` and `modules` check the functions that the elements call.
+- `calls` and `called_modules` check the functions that the elements call.
 
 This package never executes the content of a spec, never imports the modules that a spec names, and never reads files
 outside the project's folder.

@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from codra_dsl.language.diagnostics import Place, Related, replacing
+from codra_dsl.language.diagnostics import Place, Related, replacement_fix
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.modules import Missing, Module, Modules, Signature
+from codra_dsl.language.load.called_modules import MissingModule, Module, ProjectModules, Signature
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.model import Access, Algorithm
 
@@ -65,17 +65,17 @@ class _Checker:
     """Compares calls with the modules of a project."""
 
     def __init__(self, root: Path, findings: Findings) -> None:
-        self.modules = Modules(root)
+        self.modules = ProjectModules(root)
         self._findings = findings
         self._missing_modules: dict[str, tuple[str, list[Algorithm]]] = {}
 
     def signature(self, call: str, callers: list[Algorithm]) -> Signature | None:
-        """Return the signature of the function of a call, or None if it is unknown or the function is missing."""
+        """Return the signature of a called function, or None if the signature is unknown or the function is missing."""
         name, _, function = call.partition(":")
         module = self.modules.find(name)
-        if isinstance(module, Missing):
+        if isinstance(module, MissingModule):
             suggestion = self._suggestion(name, function, module)
-            if suggestion is not None or module.at > 0:
+            if suggestion is not None or module.part_index > 0:
                 entry = self._missing_modules.setdefault(name, (suggestion or "", []))
                 entry[1].extend(callers)
             return None
@@ -129,14 +129,18 @@ class _Checker:
     ) -> None:
         place = _place(first, "call")
         related = [Related(f"also in algorithm '{algorithm.name}'", _place(algorithm, "call")) for algorithm in others]
-        fix = replacing(place, first.call, replacement, safe=False) if replacement else None
+        fix = replacement_fix(place, first.call, replacement, safe=False) if replacement else None
         path = f"perception.{first.name}.call"
         self._findings.add("call-not-found", message, place, help=help_text, path=path, related=related, fix=fix)
 
-    def _suggestion(self, name: str, function: str, missing: Missing) -> str | None:
-        """Return the module that an unknown name probably means, preferably a module that has the function."""
+    def _suggestion(self, name: str, function: str, missing: MissingModule) -> str | None:
+        """Return the module that an unknown name probably means, preferably one that has the function, or None."""
         name_parts = name.split(".")
-        unknown_part, before, after = name_parts[missing.at], name_parts[: missing.at], name_parts[missing.at + 1 :]
+        unknown_part, before, after = (
+            name_parts[missing.part_index],
+            name_parts[: missing.part_index],
+            name_parts[missing.part_index + 1 :],
+        )
         sibling_modules = self.modules.module_names(missing.folder)
         nearest_name = self._findings.nearest(unknown_part, sibling_modules)
         split_parts = [
@@ -149,7 +153,7 @@ class _Checker:
             module = self.modules.find(dotted_name)
             if isinstance(module, Module) and (function in module.names or module.is_open):
                 return dotted_name
-        return ".".join((*before, nearest_name, *after)) if nearest_name and missing.at > 0 else None
+        return ".".join((*before, nearest_name, *after)) if nearest_name and missing.part_index > 0 else None
 
     def check_arguments(self, algorithm: Algorithm, signature: Signature) -> None:
         """Report passed arguments that a function does not take, and required arguments that are not passed."""
@@ -202,7 +206,7 @@ class _Checker:
         noun, pronoun = ("argument", "it") if len(names) == 1 else ("arguments", "them")
         fault_text = f"function {call} does not take the {noun} {list_names(names)}"
         message = f"{fault_text}, but algorithm '{algorithm.name}' gives {pronoun}"
-        fix = replacing(place, names[0], replacement, safe=False) if replacement is not None else None
+        fix = replacement_fix(place, names[0], replacement, safe=False) if replacement is not None else None
         path = f"perception.{algorithm.name}.call"
         self._findings.add("call-arguments", message, place, help=help_text, path=path, fix=fix)
 

@@ -40,12 +40,12 @@ class Files:
     parts: Mapping[Path, Place] = field(default_factory=dict)
     diagnostics: tuple[Diagnostic, ...] = ()
 
-    def unincluded(self, included: Iterable[str], root: Path) -> Iterator[Diagnostic]:
+    def unincluded(self, included_files: Iterable[str], root: Path) -> Iterator[Diagnostic]:
         """Yield a finding for each part that no spec includes.
 
-        `included` has the files of all specs, relative to the root.
+        `included_files` has the files of all specs, relative to the root.
         """
-        files = {(root / file).resolve() for file in included}
+        files = {(root / file).resolve() for file in included_files}
         for part, place in self.parts.items():
             if part not in files:
                 yield Diagnostic(
@@ -103,7 +103,7 @@ def _relative_name(path: Path, root: Path) -> str:
 
 
 def _read_beginning(file: Path) -> bytes | None:
-    """Return the first MAX_BYTES of a file, in UTF-8. They are empty for a pipe or device.
+    """Return the first MAX_BYTES of a file in UTF-8, or no bytes for a pipe or device.
 
     Return None if the file cannot be read.
     """
@@ -118,7 +118,7 @@ def _read_beginning(file: Path) -> bytes | None:
 
 
 def _is_spec(data: bytes | None) -> bool:
-    """Return whether to read a file as a spec: it has a `name` and a key of this language, or this is unknown."""
+    """Return whether to read a file as a spec: it has a `name` and a key of this language, or its keys are unknown."""
     if data is None:
         return True
     if not _NAME_KEY_PATTERN.search(data):

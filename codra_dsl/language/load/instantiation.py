@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from codra_dsl.language.diagnostics import Place, Related, replacing, surely_means
+from codra_dsl.language.diagnostics import Place, Related, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.elements import Elements, report_duplicate_name
 from codra_dsl.language.load.schema.document import Document
@@ -12,7 +12,7 @@ from codra_dsl.language.load.schema.keys_and_values import explain
 from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_declarations
 from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
-from codra_dsl.language.load.templates.substitution import Filler, example
+from codra_dsl.language.load.templates.substitution import Filler, example_value
 from codra_dsl.language.load.templates.templates import Template, declare, declared_template
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.names import check_name
@@ -42,22 +42,22 @@ class Uses:
         self._findings = findings
         self._templates: dict[str, Template] = {}
         self._corrections: dict[str, str] = {}
-        self._taken: dict[tuple[str, str], Subject] = {}
-        self._used: set[str] = set()
-        self._named: set[str] = set()
+        self._first_subjects: dict[tuple[str, str], Subject] = {}
+        self._used_templates: set[str] = set()
+        self._named_templates: set[str] = set()
 
     def declare(self, documents: Iterable[Document]) -> None:
         """Add the templates that the documents declare."""
         declarations = [entry for document in documents for entry in _entries(document, "templates")]
         uses = _UsedNames(use for document in documents for use in _entries(document, "use"))
         self._corrections = self._report_misspelt_templates(declarations, uses)
-        names = {declared: used for used, declared in self._corrections.items()}
+        used_names = {declared: used for used, declared in self._corrections.items()}
         for subject, node in declarations:
             if not isinstance(node, MappingNode):
                 explain("template", node, subject, self._findings)
                 self.is_complete, self._may_lack_templates = False, True
             elif self._is_new(subject):
-                argument_names = uses.argument_names(names.get(subject.name, subject.name))
+                argument_names = uses.argument_names(used_names.get(subject.name, subject.name))
                 template = declare(subject, node, argument_names, self._findings)
                 self._templates[subject.name] = template
                 self.is_complete &= not template.is_lost
@@ -67,7 +67,7 @@ class Uses:
     ) -> dict[str, str]:
         """Report templates whose declared names are misspelt.
 
-        Return the declared name of each of these templates. The key is the name in the uses.
+        Return a mapping from the name in the uses to the declared name of each of these templates.
         """
         subjects_by_name = {subject.name: subject for subject, _ in declarations}
         use_counts = {name: len(places) for name, places in uses.places.items() if name not in subjects_by_name}
@@ -82,24 +82,24 @@ class Uses:
             place = subject.origin.of(subject.key)
             message = f"{subject} is never used, and template {shown(name)} is not declared"
             related = [Related(f"{shown(name)} is used here", use_place) for use_place in uses.places[name]]
-            fix = replacing(place, misspelt_name, name, safe=False)
+            fix = replacement_fix(place, misspelt_name, name, safe=False)
             help_text = f"did you mean '{name}'?"
             self._findings.add(
                 "unknown-template", message, place, help=help_text, path=subject.path, related=related, fix=fix
             )
         return misspelt_templates
 
-    def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
-        """Add the elements that the uses in the documents create; `modules` has the module of each use, by its name."""
-        valid_instances: list[tuple[Subject, YamlNode, Template]] = []
+    def create_elements(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
+        """Add the elements that the uses in the documents create; `modules` maps the name of each use to its module."""
+        uses_with_template: list[tuple[Subject, YamlNode, Template]] = []
         size = 0
         for subject, node in (use for document in documents for use in _entries(document, "use")):
             template = self._template(subject, node)
             if template is None:
                 self.is_complete = False
                 continue
-            self._named.add(template.name)
-            valid_instances.append((subject, node, template))
+            self._named_templates.add(template.name)
+            uses_with_template.append((subject, node, template))
             size += template.size
             if size > MAX_CREATED_VALUES:
                 self.is_complete = False
@@ -107,7 +107,7 @@ class Uses:
                 place, path = subject.origin.of(subject.key), subject.path
                 self._findings.add("too-many-values", message, place, help="use smaller templates", path=path)
                 return
-        for subject, node, template in valid_instances:
+        for subject, node, template in uses_with_template:
             self._use(subject, node, template, modules.get(subject.name, subject.name), elements)
 
     def _use(self, subject: Subject, node: YamlNode, template: Template, module: str, elements: Elements) -> None:
@@ -115,7 +115,7 @@ class Uses:
         if not self._is_new(subject) or not arguments.is_valid:
             _record_lost_names(template, arguments, elements)
             return
-        self._used.add(template.name)
+        self._used_templates.add(template.name)
         self.valid_uses.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
         key = subject.origin.source.span(subject.key.start, subject.key.end)
         self._fill(template, arguments, Origin(template.origin.source, key, template.name, module), elements)
@@ -123,25 +123,25 @@ class Uses:
     def declared_templates(self) -> Iterator[DeclaredTemplate]:
         """Yield the templates as they are declared, in file order."""
         for name, template in self._templates.items():
-            yield declared_template(template, is_used=name in self._named or not self.is_complete)
+            yield declared_template(template, is_used=name in self._named_templates or not self.is_complete)
 
-    def try_unused(self) -> None:
-        """Instantiate each template without a valid use, with example values, so that its mistakes are found too."""
+    def try_unused_templates(self) -> None:
+        """Instantiate each template without a valid use, with example values, so that mistakes in it are found."""
         for name, template in self._templates.items():
-            if name not in self._used:
-                bound = {key: example(parameter) for key, parameter in template.parameters.items()}
-                self._fill(template, Arguments(bound, is_valid=True), template.origin, Elements(self._findings))
+            if name not in self._used_templates:
+                bound_values = {key: example_value(parameter) for key, parameter in template.parameters.items()}
+                self._fill(template, Arguments(bound_values, is_valid=True), template.origin, Elements(self._findings))
 
     def _is_new(self, subject: Subject) -> bool:
         """Report an invalid or duplicate name; return whether the name can be used."""
         is_valid = check_name(subject.key, subject, subject, self._findings)
-        first = self._taken.setdefault((subject.section, subject.name.casefold()), subject)
+        first = self._first_subjects.setdefault((subject.section, subject.name.casefold()), subject)
         if first is not subject:
             report_duplicate_name(subject, first, self._findings)
         return first is subject and (is_valid or subject.section == "templates")
 
     def _template(self, subject: Subject, node: YamlNode) -> Template | None:
-        """Return the template that a use names."""
+        """Return the template that a use names, or None if it is unknown."""
         if isinstance(node, MappingNode):
             self._correct_keys(subject, node)
         name = node.value("template") if isinstance(node, MappingNode) else None
@@ -159,8 +159,8 @@ class Uses:
             message = f"unknown template {shown(name.text)} in {subject}"
             path = subject.part("template")
             place = subject.origin.of(name)
-            is_safe = suggestion in self._named and surely_means(name.text, suggestion or "", self._templates)
-            fix = replacing(place, name.text, suggestion, safe=is_safe) if suggestion else None
+            is_safe = suggestion in self._named_templates and surely_means(name.text, suggestion or "", self._templates)
+            fix = replacement_fix(place, name.text, suggestion, safe=is_safe) if suggestion else None
             self._findings.add("unknown-template", message, place, help=help_text, path=path, fix=fix)
         return template
 
@@ -186,19 +186,21 @@ class Uses:
             key_node, value = node.entries[template_keys[0]]
             place, path = subject.origin.of(key_node), subject.part(template_keys[0])
             message, help_text = f"unknown key {shown(template_keys[0])} in {subject}", "did you mean 'template'?"
-            fix = replacing(place, template_keys[0], "template", safe=False)
+            fix = replacement_fix(place, template_keys[0], "template", safe=False)
             self._findings.add("unknown-key", message, place, help=help_text, path=path, fix=fix)
             node.take(template_keys[0])
             node.put(ScalarNode("template", "template", key_node.start, key_node.end, key_node.style), value)
 
     def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
         """Instantiate a template with arguments, and add the resulting elements."""
-        filler = Filler(template, arguments.bound)
+        filler = Filler(template, arguments.bound_values)
         sections = filler.sections()
         filler.report(origin, self._findings)
         for section, mapping in sections.items():
-            wrong = {name: keys for (section_name, name), keys in template.damaged.items() if section_name == section}
-            elements.add(section, mapping, origin, wrong)
+            wrong_keys = {
+                name: keys for (section_name, name), keys in template.damaged.items() if section_name == section
+            }
+            elements.add(section, mapping, origin, wrong_keys)
 
 
 class _UsedNames:
@@ -225,9 +227,9 @@ class _UsedNames:
 
 def _record_lost_names(template: Template, arguments: Arguments, elements: Elements) -> None:
     """Record the names that an invalid use would have created."""
-    for section, mapping in Filler(template, arguments.bound).sections().items():
+    for section, mapping in Filler(template, arguments.bound_values).sections().items():
         for name in mapping.entries:
-            elements.lose(section, name)
+            elements.record_lost(section, name)
 
 
 def _entries(document: Document, section: str) -> Iterator[tuple[Subject, YamlNode]]:

@@ -21,7 +21,10 @@ _MAX_LISTED = 2000
 
 @dataclass(frozen=True, slots=True)
 class _OpenFile:
-    """A file whose parts are being read. `include_chain` has the files that lead to this file, and the file itself."""
+    """A file whose parts are being read.
+
+    `include_chain` has the files from the spec to this file; each of them includes the next one.
+    """
 
     path: Path
     include_chain: tuple[Path, ...]

@@ -21,9 +21,9 @@ def with_pose_conditions(spec: Spec) -> Spec:
     origins = dict(spec.origins)
     for owner, condition in _conditions_over_context(spec):
         for name in () if condition.tree is None else names_in(condition.tree):
-            if name.asks is not None and name.name not in variables:
+            if name.pose_comparison is not None and name.name not in variables:
                 variables[name.name] = _variable(
-                    name.name, PoseCondition(tree=name.asks, condition=condition, owner=owner)
+                    name.name, PoseCondition(tree=name.pose_comparison, condition=condition, owner=owner)
                 )
                 origins["context", name.name] = spec.origins[owner[0], owner[1]]
     return replace(spec, context=(*spec.context, *variables.values()), origins=origins) if variables else spec

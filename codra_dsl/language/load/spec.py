@@ -11,9 +11,9 @@ from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.calls import DeclaredNames, check_calls
-from codra_dsl.language.load.derived import with_derived_variables
 from codra_dsl.language.load.elements.elements import Elements
 from codra_dsl.language.load.instantiation import Uses
+from codra_dsl.language.load.loop_variables import with_loop_variables
 from codra_dsl.language.load.parts import Parts
 from codra_dsl.language.load.pose_conditions import with_pose_conditions
 from codra_dsl.language.load.schema.document import SECTIONS, Document, read_document, take_section
@@ -36,7 +36,7 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
     """Return the spec in a file, with its parts.
 
     `root` is the project's folder: findings name files relative to this folder, and parts must be inside it. `texts`
-    has the content of files that are not read from disk. The key is the name of the file, relative to `root`.
+    maps the paths of files, relative to `root`, to their content; these files are not read from disk.
 
     Raises:
         ValueError: if the file is not in the project.
@@ -49,7 +49,8 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
 def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
     """Return the spec in a text, with its parts. In findings, the text has the name `file`: `-` for standard input.
 
-    `root` is the project's folder. The parts that a spec from standard input includes are relative to it.
+    `root` is the project's folder. The paths of the parts that a spec from standard input includes are relative to this
+    folder.
     """
     findings = Findings()
     source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
@@ -87,7 +88,7 @@ def _sorted_diagnostics(findings: Findings) -> tuple[Diagnostic, ...]:
 def _read_spec(
     document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings
 ) -> Spec | None:
-    lost_sections = frozenset[str]().union(*(part.lost for part in parts.documents))
+    lost_sections = frozenset[str]().union(*(part.lost_sections for part in parts.documents))
     elements = Elements(findings)
     uses = Uses(findings, may_lack_templates=bool(lost_sections) or not parts.is_complete)
     module_names = _module_names(parts.documents)
@@ -96,8 +97,8 @@ def _read_spec(
         origin = Origin(part.origin.source, module=module_names[part.origin.source.file])
         for section in SECTIONS:
             elements.add(section, take_section(part.root, section), origin)  # removed, so that its nodes can be freed
-    uses.make(parts.documents, module_names, elements)
-    uses.try_unused()
+    uses.create_elements(parts.documents, module_names, elements)
+    uses.try_unused_templates()
     elements.report_comments()
     if name is None:
         return None
@@ -125,7 +126,7 @@ def _read_spec(
         damaged=damaged_names,
         damaged_keys=elements.damaged_keys,
     )
-    return with_pose_conditions(with_derived_variables(spec, findings))
+    return with_pose_conditions(with_loop_variables(spec, findings))
 
 
 def _declared_names(elements: Elements) -> DeclaredNames:
@@ -142,7 +143,7 @@ def _damaged_names(elements: Elements, sections: Iterable[str]) -> dict[str, fro
 
 
 def _module_names(documents: Iterable[Document]) -> dict[str, str]:
-    """Return the name of the generated module of each use and each file. The key is the use's name or the file's path.
+    """Return a mapping from the name of each use and the path of each file to the name of its generated module.
 
     The names are identifiers, and unique without regard to case. The module of a use has the name of the use. The
     module of a file is named after the file's stem; if this name is taken, after the file's path; if this name is taken

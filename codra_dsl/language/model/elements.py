@@ -71,10 +71,10 @@ class Letters:
 
     def place(self, start: int, end: int) -> Place | None:
         """Return the place of a range of the text, or None if none of its letters is in the file."""
-        first, last = self._at(start), self._at(max(start, end - 1))
+        first, last = self._range_at(start), self._range_at(max(start, end - 1))
         return None if first is None or last is None else self.place_of(first[0], last[1])
 
-    def _at(self, offset: int) -> tuple[int, int] | None:
+    def _range_at(self, offset: int) -> tuple[int, int] | None:
         index = bisect_right(self.runs, (offset, math.inf)) - 1
         if index < 0:
             return None
@@ -94,7 +94,7 @@ class Kind(StrEnum):
 
 
 class WhenUnobservable(StrEnum):
-    """Whether a value is kept or forgotten when its precondition fails or a result is rejected."""
+    """Whether a value is kept or forgotten when a precondition fails or a result is rejected."""
 
     KEEP = "keep"
     FORGET = "forget"
@@ -136,7 +136,7 @@ class ValueType:
 
     Attributes:
         unit: the unit's text, e.g. `m/s`, or None. Values are in this unit; only `with` literals are converted to SI.
-        range: both ends inclusive, in `unit`.
+        range: the least and the greatest value, in `unit`.
         values: an enum's members, in order.
         places: the places of the keys that are written (`type`, `unit`, `range`, `values`), by key. The place of a
             member has the key `values.NAME`.
@@ -235,7 +235,8 @@ class Variable:
     """A context-variable c = (name, value) of C_M (P1, Equations 1 to 3).
 
     Attributes:
-        sources: who may write it: `observer`, `main_execution`, or agents' names; empty if its `source` is not stated.
+        sources: who may write the variable: `observer`, `main_execution`, or agents' names; empty if its `source` is
+            not stated.
         valid_for_s: how long evidence is valid; FOREVER_S for `forever`, or if its `valid_for` is not stated.
         states_validity: whether the spec states its `valid_for`.
         history: the number of readings that are kept.
@@ -245,7 +246,8 @@ class Variable:
         is_derived: whether another element implies the variable: its value is then a metric, a weight, a course or the
             result of a comparison with poses.
         pose_condition: the comparison with poses whose result is the value of the variable, if any.
-        places: by key (`valid_for`, `source`, ...); `name` is the place of the variable's name.
+        places: the places of the entries, by key (`valid_for`, `source`, ...); `name` is the place of the variable's
+            name.
     """
 
     name: str
@@ -323,7 +325,7 @@ Literal = bool | int | float | str
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A scalar key of an element that generated code hands to the runtime unchanged.
+    """A scalar key of an element. Generated code passes the value of the key to the runtime unchanged.
 
     Loading, generation and `codra diff` handle all settings alike. The type of the default determines the kind of
     value: a float is a duration in seconds, an int is a whole number, and a `StrEnum` is a choice of words.
@@ -357,7 +359,7 @@ class Algorithm:
         call: `package.module:function`.
         parameters: literals in file order, with quantities as SI floats; `places` has a key `with.NAME` for each.
         given: the variables whose values the function gets as arguments; all of them must be known.
-        places: by key; `name` is the place of the algorithm's name.
+        places: the places of the entries, by key; `name` is the place of the algorithm's name.
     """
 
     name: str
@@ -418,7 +420,7 @@ class Skill:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverSetting:
-    """An entry of `observers`: name, period and priority of a tree. Algorithm 2 creates the tree without it as well."""
+    """An entry of `observers`: name, period and priority of a tree. Algorithm 2 also creates trees without an entry."""
 
     name: str
     place: Place

@@ -30,7 +30,7 @@ TASK_ATTRIBUTES = ("request", "requester", RESULT, "reason")
 
 
 class TaskState(StrEnum):
-    """The label of the edge of a task (P2, section 3.2). P2 calls `wants` `starts`."""
+    """The label of the edge of a task (P2, section 3.2). In P2, the label `wants` is called `starts`."""
 
     WANTS = "wants"
     IS = "is"
@@ -63,7 +63,7 @@ class Writer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attribute:
-    """A property of the nodes of a type, or of edges.
+    """A property of the nodes or of the edges of a type.
 
     Attributes:
         sources: who may write the attribute; empty if the attribute states no `source` of its own.
@@ -94,7 +94,7 @@ class NodeType:
 
     Attributes:
         sources: who may insert and delete nodes of the type.
-        places: by key; `name` is the place of the type's name.
+        places: the places of the entries, by key; `name` is the place of the type's name.
     """
 
     name: str
@@ -156,11 +156,11 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartingPose:
-    """The initial pose of the target of an edge in its origin: rotated by roll, pitch, yaw, then translated.
+    """The initial pose of an edge's target relative to its origin: rotated by roll, pitch, yaw, then translated.
 
     Attributes:
-        translation_m: x, y, z.
-        rotation_rad: roll about x, then pitch about y, then yaw about z, about fixed axes.
+        translation_m: the translation along x, y and z.
+        rotation_rad: the angles of roll about x, then pitch about y, then yaw about z, about fixed axes.
     """
 
     translation_m: tuple[float, float, float]
@@ -174,10 +174,10 @@ class EdgeType:
     Attributes:
         origins: types of nodes, or single nodes, at which an edge may begin.
         targets: types of nodes, or single nodes, at which an edge may end.
-        sources: who may insert, change and delete such edges.
+        sources: who may insert, change and delete edges of this type.
         motion: the properties of the rigid motions; None for symbols.
         pose: the initial pose.
-        places: by key; `name` is the place of the type's name.
+        places: the places of the entries, by key; `name` is the place of the type's name.
     """
 
     name: str
@@ -203,7 +203,7 @@ class Task:
         acknowledge_s: how long a request may stay unacknowledged.
         finish_s: how long an acknowledged request may take.
         results: the results with which the task can finish.
-        places: by key; `name` is the place of the task's name.
+        places: the places of the entries, by key; `name` is the place of the task's name.
     """
 
     name: str
@@ -239,10 +239,10 @@ class Conduct:
     """How an agent participates in knowledge.
 
     Attributes:
-        wakes: patterns, each of which alone wakes the agent; without any pattern, the agent is always active.
-        owns: further elements that the agent may write, besides those that state it under `source`.
-        reads: further elements that the agent reads, besides those in its rules and under `wakes`.
-        places: by key; `name` is the place of the agent's name.
+        wakes: patterns; each of them alone wakes the agent. Without patterns, the agent is always active.
+        owns: further elements that the agent may write, besides the elements that name the agent under `source`.
+        reads: further elements that the agent reads, besides the elements in its rules and under `wakes`.
+        places: the places of the entries, by key; `name` is the place of the agent's name.
     """
 
     label: str = ""

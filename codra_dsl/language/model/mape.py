@@ -18,7 +18,7 @@ ADAPTER = "adaptation"
 
 
 def weight_name(action: str) -> str:
-    """Return the context-variable that holds the weight of an action."""
+    """Return the name of the context-variable that holds the weight of an action."""
     return f"weight_of_{action}"
 
 
@@ -45,7 +45,7 @@ class Repeat(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phrase:
-    """A fuzzy rule as written; it is parsed later, when its words are known.
+    """A fuzzy rule as written; the rule is parsed later, when its words are known.
 
     Attributes:
         letters: the positions of the letters of `text` in the file; None if text and file cannot be matched.
@@ -63,7 +63,7 @@ class Phrase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Method:
-    """The operators of fuzzy rules; a defuzzifier of None means the default of the inference."""
+    """The operators of fuzzy rules; a defuzzifier of None means the inference's default defuzzifier."""
 
     inference: Inference = Inference.MAMDANI
     conjunction: TNorm = TNorm.MINIMUM
@@ -78,9 +78,9 @@ class Output:
     """A metric, or an action with its weight: a number from 0 to 1 inferred from fuzzy rules.
 
     Attributes:
-        worse: for a metric, its bad end: if an input is unknown, the worse end of the possible values is used.
+        worse: for a metric, its bad end. If an input is unknown, the metric has the worst of its possible values.
         terms: the declared words for the number; empty if the default words are used.
-        places: by key; `name` is the place of the metric's or action's name.
+        places: the places of the entries, by key; `name` is the place of the metric's or action's name.
     """
 
     name: str
@@ -119,7 +119,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A context-variable that is set by a condition."""
+    """A context-variable that is set to the value of a condition."""
 
     variable: Reference
     value: Condition
@@ -131,7 +131,7 @@ class Adaptation:
 
     Attributes:
         dwell_s: the minimum time for which an action or a value is kept.
-        places: by key; `name` is the place of the adaptation's name.
+        places: the places of the entries, by key; `name` is the place of the adaptation's name.
     """
 
     name: str
@@ -158,7 +158,7 @@ class TreeElement:
         file: the path of the file, relative to the folder of the spec or part that names it.
         agent: the agent that executes the tree; None if the spec names no agent.
         course: for each action, the tree in the file that is the branch of this action.
-        places: by key; `name` is the place of the tree's name.
+        places: the places of the entries, by key; `name` is the place of the tree's name.
     """
 
     name: str
@@ -178,7 +178,7 @@ class Loop:
     """The elements that are monitored, analysed, adapted and executed together.
 
     Attributes:
-        places: by key; `name` is the place of the loop's name.
+        places: the places of the entries, by key; `name` is the place of the loop's name.
     """
 
     name: str

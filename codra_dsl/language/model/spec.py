@@ -33,7 +33,7 @@ class DeclaredTemplate:
     """A template as declared, whether or not a `use` names it.
 
     Attributes:
-        is_used: whether a `use` names it; also true if some uses could not be read.
+        is_used: whether a `use` names the template, or may name it because some uses could not be read.
         parameters: references with the names of the declared parameters.
         resources: the names under `uses` of its algorithms, as written; they may contain parameters.
         sources: the names of the writers of its elements (`source`), and of the participants in its tasks (`by`,

@@ -24,7 +24,7 @@ from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan.names import ENTRY_NAMES, MODULE_NAMES
 from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.emit.conditions import ConditionError
-from codra_dsl.generation.emit.conditions import condition as emitted_condition
+from codra_dsl.generation.emit.conditions import condition_with_words as emitted_condition
 from codra_dsl.generation.emit.declarations import DEFAULTS
 from codra_dsl.generation.emit.layout import call, lay_out
 from codra_dsl.generation.emit.literals import literal, prose, text_literal

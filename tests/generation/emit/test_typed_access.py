@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.compiler import compile_paths
-from codra_dsl.generation.emit.entry import MOST_ENUMS
+from codra_dsl.generation.emit.entry import MAX_ENUMS
 
 ROOT = Path(__file__).parents[3]
 PROGRAM = """\
@@ -144,9 +144,9 @@ def use(codra: drawers.Drawers) -> None:
 
 
 def test_many_enums_with_long_names_stay_readable_and_typed(tmp_path: Path, cache: Path) -> None:
-    made([*drawers(MOST_ENUMS + 5), "  ready: {type: bool, source: main_execution}"], tmp_path)
+    made([*drawers(MAX_ENUMS + 5), "  ready: {type: bool, source: main_execution}"], tmp_path)
     text = (tmp_path / "generated/drawers/__init__.py").read_text("utf-8")
-    assert text.count("def get(") == MOST_ENUMS + 4
+    assert text.count("def get(") == MAX_ENUMS + 4
     program = f"""\
 from generated import drawers
 

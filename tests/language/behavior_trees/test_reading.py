@@ -37,7 +37,7 @@ def finding_texts(body: str) -> list[str]:
         ("<Sequence/>", "wrong-children: 'Sequence' has no children, not 1 or more | add or remove nodes below it"),
         (
             "<Inverter><AlwaysSuccess/><AlwaysFailure/></Inverter>",
-            "wrong-children: 'Inverter' has 2 children, not 1 | put several below one node, e.g. <Sequence>",
+            "wrong-children: 'Inverter' has 2 children, not 1 | put them below one node, e.g. <Sequence>",
         ),
         ("<IfThenElse><AlwaysSuccess/></IfThenElse>", "wrong-children: 'IfThenElse' has 1 child, not 2 to 3"),
         (
@@ -46,7 +46,7 @@ def finding_texts(body: str) -> list[str]:
         ),
         (
             "<Move goal='1'><AlwaysSuccess/></Move>",
-            "wrong-children: 'Move' has 1 child, not 0 | close it at once: <.../>",
+            "wrong-children: 'Move' has 1 child, not 0 | close the element at once: <.../>",
         ),
         ("<Move/>", "missing-port: 'Move' needs its port 'goal' | write goal=\"...\" or goal=\"{entry}\""),
         ("<Move goal='1' gaol='2'/>", "unknown-port: 'Move' has no port 'gaol' | did you mean 'goal'?"),

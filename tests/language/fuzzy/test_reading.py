@@ -130,7 +130,7 @@ def test_tsukamoto_needs_monotone_terms() -> None:
 def test_the_weighting_is_required_for_terms_of_several_kinds() -> None:
     text = GOOD.replace("Centroid 100", "WeightedSum").replace("Triangle 0.0 2.0 4.0", "Constant 2.0")
 
-    assert finding_texts(text) == ["8:17 fll-unfit-term: terms of several kinds are concluded"]
+    assert finding_texts(text) == ["8:17 fll-unfit-term: rules conclude terms of several kinds"]
 
 
 def test_all_mistakes_are_reported_at_once() -> None:

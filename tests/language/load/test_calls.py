@@ -9,7 +9,7 @@ import pytest
 
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load import load_spec
-from codra_dsl.language.load.modules import MAX_MODULE_BYTES
+from codra_dsl.language.load.called_modules import MAX_MODULE_BYTES
 
 SPEC = """\
 codra: 1

@@ -8,7 +8,7 @@ from codra_dsl.language.check.index.corrections import Owner
 from codra_dsl.language.check.index.mentions import Mention
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAX_SUGGESTIONS, SpecIndex
-from codra_dsl.language.diagnostics import Diagnostic, Place, Related, replacing, suggest
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related, replacement_fix, suggest
 from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 
 
@@ -64,7 +64,7 @@ def misspelt_finding(
         path=path,
         help=f"did you mean '{intended_name}'?",
         related=tuple(Related(f"in {mention.user}", mention.place) for mention in first_mentions),
-        fix=replacing(place, declared_name, intended_name, safe=False),
+        fix=replacement_fix(place, declared_name, intended_name, safe=False),
     )
 
 

@@ -11,7 +11,7 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAX_SUGGESTIONS, SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.check.solver.values import own_comparisons
-from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, replacing, suggest
+from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, replacement_fix, suggest
 from codra_dsl.language.expression import Choice, Name, Node, Text, walk
 from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 from codra_dsl.language.model import Kind, Members, ValueType
@@ -134,7 +134,7 @@ def _misspelt_member_finding(enum: _Enum, member: str, name: str) -> Diagnostic:
 def _replacement_fix(place: Place, member: str, intended_member: str) -> Fix | None:
     """Return the fix that replaces a member; None if the member is written in quotes."""
     is_plain = place.span.end_column - place.span.column == len(member)
-    return replacing(place, member, intended_member, safe=False) if is_plain else None
+    return replacement_fix(place, member, intended_member, safe=False) if is_plain else None
 
 
 def _related(enum: _Enum, member: str) -> Related:

@@ -142,13 +142,13 @@ def _read_call(reader: Reader) -> str:
 
 
 def _call_help(text: str) -> str:
-    reserved = next((word for word in re.split(r"[.:]", text) if keyword.iskeyword(word)), None)
-    if reserved is not None:
-        return f"{shown(reserved)} is a Python keyword and cannot be the name of a module or function"
-    better = text.removesuffix("()").replace("/", ".").replace(".py:", ":")
-    if ":" not in better:
-        better = ":".join(better.rsplit(".", 1))
-    return f"did you mean {shown(better)}?" if _CALL.fullmatch(better) else "write package.module:function"
+    reserved_word = next((word for word in re.split(r"[.:]", text) if keyword.iskeyword(word)), None)
+    if reserved_word is not None:
+        return f"{shown(reserved_word)} is a Python keyword and cannot be the name of a module or function"
+    correct_call = text.removesuffix("()").replace("/", ".").replace(".py:", ":")
+    if ":" not in correct_call:
+        correct_call = ":".join(correct_call.rsplit(".", 1))
+    return f"did you mean {shown(correct_call)}?" if _CALL.fullmatch(correct_call) else "write package.module:function"
 
 
 def _read_parameters(reader: Reader) -> Iterable[tuple[str, Literal]]:

@@ -1,4 +1,4 @@
-"""Parse conditions, with the position of every letter; and recognise traps of YAML that show only as syntax errors."""
+"""Parse conditions, keep the position of every letter, and find traps of YAML that appear only as syntax errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_dsl.language.model import Condition
 from codra_dsl.language.model import Letters as PlacedLetters
 
 MAX_PIECES = 50
-"""The maximum number of pieces that are joined again to one condition."""
+"""The maximum number of pieces of a split condition that are joined again."""
 
 MAX_CACHED_LENGTH = 200
 """The maximum length, in code points, of a condition whose tree is cached."""
@@ -37,7 +37,7 @@ def read_conditions(reader: Reader, key: str, *, grammar: Grammar = parse) -> tu
 
 
 def untorn_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
-    """Yield the index and the node of each item in a list. Conditions that were split at their commas are reported."""
+    """Yield the index and the node of each item in a list. Conditions that commas have split are reported instead."""
     node = reader.node.value(key)
     skip_until = 0
     for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):
@@ -72,9 +72,9 @@ def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
     text = node.text
     if node.style is Style.PLAIN and node.filled_text is None:
         return text, letters
-    stripped = text.strip()
+    stripped_text = text.strip()
     before = len(text) - len(text.lstrip())
-    return stripped.replace("\n", " "), cut(letters, before, before + len(stripped), 0) if before else letters
+    return stripped_text.replace("\n", " "), cut(letters, before, before + len(stripped_text), 0) if before else letters
 
 
 def build_condition(
@@ -91,14 +91,14 @@ def build_condition(
     `grammar` parses the text; by default, the text is parsed as a plain condition.
     """
     place = reader.origin.of(node)
-    tree = None if node.reported else (grammar or _tree)(text)
+    tree = None if node.reported else (grammar or _cached_tree)(text)
     if not isinstance(tree, Node):
         reader.damage(*steps)
     placed_letters = PlacedLetters(reader.place_of, letters) if letters else None
     return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed_letters)
 
 
-def _tree(text: str) -> Node | SyntaxProblem:
+def _cached_tree(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition. Trees of short conditions are cached, because many conditions are equal."""
     return _parse_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse(text)
 
@@ -107,11 +107,11 @@ _parse_cached = lru_cache(maxsize=4096)(parse)
 _parse_over_context_cached = lru_cache(maxsize=4096)(parse_over_context)
 
 
-def _tree_over_context(text: str) -> Node | SyntaxProblem:
+def _cached_tree_over_context(text: str) -> Node | SyntaxProblem:
     return _parse_over_context_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse_over_context(text)
 
 
-_CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context: _tree_over_context}
+_CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _cached_tree, parse_over_context: _cached_tree_over_context}
 
 
 def _torn_end(sequence: SequenceNode, index: int) -> int | None:
@@ -161,8 +161,8 @@ def _record_suspect_comment(reader: Reader, node: YamlNode, condition: Condition
 def _comment_after(reader: Reader, node: YamlNode) -> str | None:
     """Return the comment that follows a plain scalar on its line."""
     text = reader.origin.source.text
-    plain = isinstance(node, ScalarNode) and node.style is Style.PLAIN
-    if not plain or text[node.end : node.end + 1] not in (" ", "\t"):
+    is_plain = isinstance(node, ScalarNode) and node.style is Style.PLAIN
+    if not is_plain or text[node.end : node.end + 1] not in (" ", "\t"):
         return None
     comment = _COMMENT.match(text, node.end)
     return None if comment is None else comment[1]

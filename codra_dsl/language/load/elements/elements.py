@@ -52,7 +52,7 @@ _BUILDERS: Mapping[str, Callable[[Reader], Any]] = {
     "loops": build_loop,
 }
 
-_NONE: Mapping[str, frozenset[str]] = {}
+_NO_WRONG_KEYS: Mapping[str, frozenset[str]] = {}
 
 
 class Elements:
@@ -62,7 +62,7 @@ class Elements:
         elements_by_section: the elements that could be read, by section and name, in the order of files and uses.
         damaged: for each section, the names of elements that could not be read completely, whether built or not.
         damaged_keys: for each built element (section, name) that is damaged, the keys that could not be read.
-        origins: the module of each element (section, name).
+        origins: the name of the generated module of each element (section, name).
     """
 
     def __init__(self, findings: Findings) -> None:
@@ -71,24 +71,28 @@ class Elements:
         self.damaged_keys: dict[tuple[str, str], frozenset[str]] = {}
         self.origins: dict[tuple[str, str], str] = {}
         self._findings = findings
-        self._taken: dict[str, dict[str, Subject]] = {section: {} for section in SECTIONS}
+        self._first_subjects: dict[str, dict[str, Subject]] = {section: {} for section in SECTIONS}
         self._suspects: list[tuple[Suspect, frozenset[str]]] = []
 
     def add(
-        self, section: str, elements: YamlNode | None, origin: Origin, wrong: Mapping[str, frozenset[str]] = _NONE
+        self,
+        section: str,
+        elements: YamlNode | None,
+        origin: Origin,
+        wrong_keys: Mapping[str, frozenset[str]] = _NO_WRONG_KEYS,
     ) -> None:
         """Add the elements of a section.
 
-        `wrong` has the wrong keys of elements that have already been reported, by the element's name as written.
+        `wrong_keys` maps the names of elements, as written, to their wrong keys; these have already been reported.
         """
         if not isinstance(elements, MappingNode):
             return
-        all_have_shape = not wrong and has_shape(section, elements.data)
+        all_have_shape = not wrong_keys and has_shape(section, elements.data)
         for key, node in elements.entries.values():
             subject = Subject(section, key, origin)
             is_new = self._is_new(subject)
-            damaged = wrong.get(key.written, frozenset())
-            if not all_have_shape and key.written not in wrong:
+            damaged = wrong_keys.get(key.written, frozenset())
+            if not all_have_shape and key.written not in wrong_keys:
                 damaged = self._report_shape_mistakes(subject, node)
             if isinstance(node, MappingNode) and node.unread:
                 damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
@@ -99,11 +103,11 @@ class Elements:
                 reader = Reader(subject, node, self._findings, damaged)
                 element = _BUILDERS[section](reader)
             if element is None or not is_new:
-                self.lose(section, key.text)
+                self.record_lost(section, key.text)
             else:
                 self._keep(reader, element)
 
-    def lose(self, section: str, name: str) -> None:
+    def record_lost(self, section: str, name: str) -> None:
         """Record an element that is not built.
 
         If an element with the same name has been built, all keys of the built element count as unreadable.
@@ -125,7 +129,7 @@ class Elements:
             self._suspects.extend((suspect, names) for suspect in reader.suspects)
 
     def report_comments(self) -> None:
-        """Report each comment after a condition that may be part of it, because all names in the comment are known."""
+        """Report each comment that may be part of the condition before it, since all names in the comment are known."""
         context = self.elements_by_section["context"].keys()
         for suspect, returned in self._suspects:
             if all(name in context or name in returned for name in suspect.names):
@@ -140,7 +144,7 @@ class Elements:
         """Report an invalid or duplicate name; return whether the name is new."""
         if not check_name(subject.key, subject, subject, self._findings):
             return False
-        first = self._taken[subject.section].setdefault(subject.name.casefold(), subject)
+        first = self._first_subjects[subject.section].setdefault(subject.name.casefold(), subject)
         if first is subject:
             return True
         report_duplicate_name(subject, first, self._findings)

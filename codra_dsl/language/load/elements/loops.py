@@ -144,7 +144,7 @@ def build_loop(reader: Reader) -> Loop:
 
 
 def read_terms(reader: Reader) -> tuple[FuzzyTerm, ...]:
-    """Return the words for values of a variable, a metric or a weight."""
+    """Return the linguistic terms of a variable, a metric or a weight."""
     return tuple(_read_terms(reader))
 
 
@@ -169,7 +169,7 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
         return None
     numbers = [_parse_number(text) for text in texts]
     if None in numbers:
-        _report(reader, name, node, f"{shown(node.text)} is not a shape with its numbers", _shape_help(word, shape))
+        _report(reader, name, node, f"{shown(node.text)} is not a shape followed by numbers", _shape_help(word, shape))
         return None
     values = tuple(number for number in numbers if number is not None)
     parameter_count = len(shape.value.names)
@@ -182,7 +182,11 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
         values = values[:parameter_count]
     if not is_valid or not all(map(math.isfinite, (*values, height))):
         _report(
-            reader, name, node, f"{shown(node.text)} does not have the numbers of its shape", _shape_help(word, shape)
+            reader,
+            name,
+            node,
+            f"{shown(node.text)} does not have the numbers that its shape needs",
+            _shape_help(word, shape),
         )
         return None
     fault, hint = _fault(shape, values)
@@ -193,12 +197,12 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
 
 
 def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
-    """Return why the numbers of a term are not a valid shape, although their count is right, and a hint.
+    """Return why the numbers of a term do not make a valid shape, and a hint, or two empty texts if nothing is wrong.
 
-    FuzzyLite would compute 0 or NaN.
+    There are as many numbers as the shape needs. From invalid numbers, FuzzyLite would compute 0 or NaN.
     """
-    in_order = values[::2] if shape is Shape.Discrete else values if shape in _ORDERED else ()
-    if any(one > other for one, other in pairwise(in_order)):
+    ordered_values = values[::2] if shape is Shape.Discrete else values if shape in _SHAPES_WITH_ORDERED_CORNERS else ()
+    if any(one > other for one, other in pairwise(ordered_values)):
         return "has its numbers out of order", " from left to right"
     for name, value in zip(shape.value.names, values, strict=False):
         if name.startswith(("width", "standard_deviation")) and value <= 0.0:
@@ -208,7 +212,7 @@ def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
     return "", ""
 
 
-_ORDERED = {Shape.Triangle, Shape.Trapezoid, Shape.PiShape, Shape.SShape, Shape.ZShape}
+_SHAPES_WITH_ORDERED_CORNERS = {Shape.Triangle, Shape.Trapezoid, Shape.PiShape, Shape.SShape, Shape.ZShape}
 """The shapes whose corners must be in order from left to right."""
 
 
@@ -242,8 +246,8 @@ def _read_phrases(reader: Reader, key: str) -> Iterator[Phrase]:
             reader.damage(key)
             continue
         text, letters = condition_text(reader, item)
-        placed = Letters(reader.place_of, letters) if letters else None
-        yield Phrase(text=text, place=reader.origin.of(item), letters=placed)
+        placed_letters = Letters(reader.place_of, letters) if letters else None
+        yield Phrase(text=text, place=reader.origin.of(item), letters=placed_letters)
 
 
 def _read_course(reader: Reader) -> Course:

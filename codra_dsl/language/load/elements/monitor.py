@@ -18,8 +18,8 @@ from codra_dsl.language.units import duration_help, parse_duration
 _WORDS = re.compile(r"(?P<name>\S+)(?:\s+(?P<verb>\S+)(?:\s+(?P<rest>.*))?)?", re.DOTALL)
 _WITHIN = re.compile(r"\s*(?<!\S)within(?:\s+(?P<duration>[^\"']*))?$")
 _OTHER_TIME = re.compile(r"\s+(?P<word>in|for|after|for at least|at most)\s+(?P<duration>[0-9][^\"']*)$")
-_COMPARED = re.compile(r"<=|>=|==|!=|<|>")
-_OTHER_VERBS = {"is": "stays", "remains": "stays", "keeps": "stays", "gets": "becomes", "turns": "becomes"}
+_COMPARISON_OPERATOR = re.compile(r"<=|>=|==|!=|<|>")
+_VERB_SYNONYMS = {"is": "stays", "remains": "stays", "keeps": "stays", "gets": "becomes", "turns": "becomes"}
 
 
 def read_expectation(reader: Reader, node: ScalarNode, index: int) -> Expectation | None:
@@ -71,8 +71,8 @@ class _Entry:
 
     def _report_unknown_verb(self, words: re.Match[str]) -> None:
         verb = words["verb"]
-        suggestion = _OTHER_VERBS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
-        if _COMPARED.match(verb):
+        suggestion = _VERB_SYNONYMS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
+        if _COMPARISON_OPERATOR.match(verb):
             suggestion = f"stays {verb}"
         help_text = (
             f"did you mean '{suggestion}'?"
@@ -120,14 +120,14 @@ class _Entry:
         self._fail("'becomes' needs a 'within'", help_text, 0, len(self._text))
 
     def _condition(self, variable: Reference, start: int, end: int) -> Condition | None:
-        """Return the condition that the variable is expected to meet."""
+        """Return the condition that the variable is expected to meet, or None after a finding."""
         value = self._text[start:end].strip()
         if not value:
             self._fail(
                 "the expected value is missing", "write true, false, a number, a quoted text or a comparison", 0, end
             )
             return None
-        head = f"{variable.name} " if _COMPARED.match(value) else f"{variable.name} == "
+        head = f"{variable.name} " if _COMPARISON_OPERATOR.match(value) else f"{variable.name} == "
         runs = (*cut(self._runs, 0, len(variable.name), 0), *cut(self._runs, start, end, len(head)))
         condition = build_condition(self._reader, self._node, head + value, runs, self._steps)
         tree = condition.tree

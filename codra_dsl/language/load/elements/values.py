@@ -84,16 +84,18 @@ def _read_range(
     if any(item.reported for item in entry[1].items):
         reader.damage(*steps, "range")
         return None
-    read = (_read_end(item, unit) for item in entry[1].items)
-    ends = [end for end in read if end is not None]
+    range_ends = (_read_end(item, unit) for item in entry[1].items)
+    ends = [end for end in range_ends if end is not None]
     if unit is not None and unit[1] is None:
         return None
     if len(ends) == 2 and ends[0] <= ends[1]:
         return ends[0], ends[1]
     place, range_text = reader.origin.of_value(*entry), reader.origin.written(entry[1])
     if len(ends) < 2:
-        wanted = "two numbers, since the value has no unit" if unit is None else f"two numbers in {unit[0]}"
-        reader.fail("range", f"the range {shown(range_text)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
+        expected_text = "two numbers, since the value has no unit" if unit is None else f"two numbers in {unit[0]}"
+        reader.fail(
+            "range", f"the range {shown(range_text)} must be {expected_text}", place, _RANGE_HELP, *steps, "range"
+        )
         return None
     message = f"the range {shown(range_text)} ends before it begins"
     reader.fail("range", message, place, "write the smaller number first", *steps, "range")
@@ -101,16 +103,19 @@ def _read_range(
 
 
 def _read_end(node: YamlNode, unit: tuple[str, Unit | None] | None) -> float | None:
-    """Return one end of a range in the value's unit, or None if it is invalid. It may be written with another unit."""
+    """Return one end of a range in the value's unit, or None if the end is invalid.
+
+    The end may be written with another unit.
+    """
     if not isinstance(node, ScalarNode):
         return None
     if isinstance(node.data, (int, float)):
         return node.data
     quantity = parse_quantity(node.text)
-    stated = None if unit is None else unit[1]
-    if quantity is None or stated is None or quantity.unit.dimension != stated.dimension:
+    stated_unit = None if unit is None else unit[1]
+    if quantity is None or stated_unit is None or quantity.unit.dimension != stated_unit.dimension:
         return None
-    return convert(quantity.value, quantity.unit, stated)
+    return convert(quantity.value, quantity.unit, stated_unit)
 
 
 def _members(entry: tuple[ScalarNode, YamlNode]) -> Iterable[ScalarNode]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from codra_dsl.language.diagnostics import replacing
+from codra_dsl.language.diagnostics import replacement_fix
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.keys_and_values import explain_outline
 from codra_dsl.language.load.schema.schema import FILE_DEFINITION
@@ -38,13 +38,13 @@ class Document:
     """A spec or a part.
 
     Attributes:
-        lost: the sections that could not be read completely, so that names in them may be missing.
+        lost_sections: the sections that could not be read completely, so that names in them may be missing.
     """
 
     origin: Origin
     root: MappingNode
     subject: Subject
-    lost: frozenset[str]
+    lost_sections: frozenset[str]
 
     @property
     def name(self) -> ScalarNode | None:
@@ -112,7 +112,7 @@ def read_document(source: Source, findings: Findings) -> Document | None:
 
 
 def _check_version(root: MappingNode, source: Source, findings: Findings) -> bool:
-    """Report if `codra: 1` is missing, not first, or another version; return whether the rest can be read."""
+    """Report a missing or misplaced `codra: 1`, or another version; return whether the rest can be read."""
     entry = root.entries.get("codra")
     if entry is None:
         known_keys = schema()["properties"]
@@ -159,7 +159,7 @@ def _rename_to_codra(root: MappingNode, misspelt_key: str, source: Source, findi
         message,
         place,
         help="did you mean 'codra'?",
-        fix=replacing(place, misspelt_key, "codra", safe=False),
+        fix=replacement_fix(place, misspelt_key, "codra", safe=False),
     )
     entries = list(root.entries.items())
     root.entries.clear()

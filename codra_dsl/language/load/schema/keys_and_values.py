@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from typing import Any
 
-from codra_dsl.language.diagnostics import Fix, Place, is_slip, replacing, surely_means
+from codra_dsl.language.diagnostics import Fix, Place, is_slip, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
 from codra_dsl.language.load.schema_file import schema
@@ -27,16 +27,16 @@ from codra_dsl.language.load.yaml.traps import (
 from codra_dsl.language.units import duration_help
 
 _SHORT = 4
-_PARTS: Mapping[str | int, str] = {
+_PART_NOUNS: Mapping[str | int, str] = {
     "returns": "returned value",
     "parameters": "parameter",
     "attributes": "attribute",
     "rules": "rule",
 }
-"""The nouns for those parts of an element that have names of their own, by key."""
+"""A mapping from keys to the nouns for their entries, for entries that have names of their own."""
 
-_CONDITIONS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
-"""The kinds of values that YAML's traps affect: the value's anchor in the schema, and the kind of trap."""
+_TRAP_KINDS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
+"""For each anchor in the schema whose values can fall into traps of YAML: the kind of trap."""
 
 _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
@@ -70,7 +70,7 @@ def explain_outline(definition: str, root: MappingNode, subject: Subject, findin
         return
     explanation = _Explanation(subject, root, findings)
     for mapping, corrections in explanation.unknown_keys(errors_of(definition, _outline(root), ())):
-        _rename(mapping, {key: near or key for key, near in corrections.items()})
+        _rename(mapping, {key: known_key or key for key, known_key in corrections.items()})
     errors = errors_of(definition, _outline(root), ())
     explanation.report(tuple(error for error in errors if error.path or error.keyword != "required"))
 
@@ -112,7 +112,7 @@ class _Explanation:
         self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
-        """Report unknown keys; return each mapping with unknown keys, and the known key that each key means, if any."""
+        """Report unknown keys; return each mapping with unknown keys, with the known key or None for each of them."""
         corrections = []
         for error in errors:
             mapping = self._node(error.path)
@@ -141,14 +141,14 @@ class _Explanation:
 
     def _is_new(self, path: tuple[str | int, ...]) -> bool:
         """Return whether a value and its containers have no finding yet."""
-        nodes = list(self._along(path))
+        nodes = list(self._nodes_along(path))
         is_reported = any(node.reported for node in nodes) or any(
             path[:length] in self._reported_paths for length in range(len(path) + 1)
         )
         self._reported_paths.add(path)
         return not is_reported
 
-    def _along(self, path: Iterable[str | int]) -> Iterator[YamlNode]:
+    def _nodes_along(self, path: Iterable[str | int]) -> Iterator[YamlNode]:
         node: YamlNode | None = self._root
         if node is not None:
             yield node
@@ -161,7 +161,7 @@ class _Explanation:
                 yield node
 
     def _node(self, path: Iterable[str | int]) -> YamlNode:
-        *_, node = self._along(path)
+        *_, node = self._nodes_along(path)
         return node
 
     def _place(self, path: tuple[str | int, ...]) -> Place:
@@ -181,13 +181,13 @@ class _Explanation:
         """Return the name of a mapping for messages: the element itself, or a named part of it."""
         if not path:
             return str(self._subject)
-        if len(path) == 2 and path[0] in _PARTS:
-            return f"{_PARTS[path[0]]} {shown(str(path[1]))} of {self._subject}"
+        if len(path) == 2 and path[0] in _PART_NOUNS:
+            return f"{_PART_NOUNS[path[0]]} {shown(str(path[1]))} of {self._subject}"
         return f"{shown(str(path[-1]))} of {self._subject}"
 
     def _value_name(self, path: tuple[str | int, ...]) -> str:
         """Return the name of a value for messages."""
-        if not path or (len(path) == 2 and path[0] in _PARTS):
+        if not path or (len(path) == 2 and path[0] in _PART_NOUNS):
             return self._mapping_name(path)
         if isinstance(path[-1], int):
             return f"item {path[-1] + 1} of {self._value_name(path[:-1])}"
@@ -220,7 +220,7 @@ class _Explanation:
     def _report_lists(
         self, path: tuple[str | int, ...], mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
     ) -> set[str]:
-        """Report lists without brackets in a mapping in braces; return the keys that are items of them."""
+        """Report lists without brackets in a mapping in braces; return the keys that are items of these lists."""
         all_item_keys: set[str] = set()
         for list_key, item_keys in _lists_without_brackets(mapping, explained_keys, known):
             value = mapping.entries[list_key][1]
@@ -241,10 +241,10 @@ class _Explanation:
     def _rename_fix(
         self, key: ScalarNode, suggestion: str, other_keys: Iterable[str], free_keys: Iterable[str]
     ) -> Fix | None:
-        """Return the fix of a misspelt key. It is safe if the meaning is unique and no other key means the same."""
+        """Return the fix of a misspelt key. It is safe if the meaning is unique and no other key has this meaning."""
         is_unique = not any(is_slip(other, suggestion) for other in other_keys if other != key.text)
         is_safe = is_unique and surely_means(key.text, suggestion, free_keys)
-        return replacing(self._subject.origin.of(key), key.written, suggestion, safe=is_safe)
+        return replacement_fix(self._subject.origin.of(key), key.written, suggestion, safe=is_safe)
 
     def _report_missing_keys(self, error: Error) -> None:
         mapping = self._node(error.path)
@@ -270,7 +270,7 @@ class _Explanation:
             )
 
     def _subschema(self, error: Error, key: str) -> dict[str, Any]:
-        """Return the schema of a missing key. An `if` that requires a key may be far from the key's description."""
+        """Return the schema of a missing key. An `if` of the schema can require a key that is described elsewhere."""
         property_schema = error.schema.get("properties", {}).get(key)
         if key == "type" and isinstance(error.data, dict) and "values" in error.data:
             return {"examples": ["enum"]}
@@ -285,7 +285,7 @@ class _Explanation:
         return self._place(path)
 
     def _report_value(self, error: Error) -> None:
-        if error.schema.get("$anchor") in _CONDITIONS and self._report_trap(error):
+        if error.schema.get("$anchor") in _TRAP_KINDS and self._report_trap(error):
             return
         path = error.path
         if error.keyword == "uniqueItems":
@@ -303,16 +303,14 @@ class _Explanation:
         if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
             return None
         if rule == "unknown-value":
-            replacement, safe = self._intended_word(path, node.text, allowed_words(error.schema))
+            word, safe = self._intended_word(path, node.text, allowed_words(error.schema))
         else:
             is_truth = rule == "wrong-type" and error.schema.get("title") == "true or false"
-            replacement, safe = (corrected_truth_value(node.text) if is_truth else None), True
-        return (
-            None if replacement is None else replacing(self._subject.origin.of(node), node.text, replacement, safe=safe)
-        )
+            word, safe = (corrected_truth_value(node.text) if is_truth else None), True
+        return None if word is None else replacement_fix(self._subject.origin.of(node), node.text, word, safe=safe)
 
     def _intended_word(self, path: tuple[str | int, ...], word: str, allowed: Sequence[str]) -> tuple[str | None, bool]:
-        """Return the allowed word that is meant, and whether that is certain. A type with `values` is an enum."""
+        """Return the allowed word that is meant, or None, and whether it is certain. A type with `values` is `enum`."""
         holder = self._node(path[:-1])
         if path[-1:] == ("type",) and isinstance(holder, MappingNode) and "values" in holder.entries:
             return "enum", surely_means(word, "enum", ())
@@ -359,7 +357,7 @@ class _Explanation:
         holder = self._node(error.path[:-1])
         if isinstance(holder, MappingNode) and error.path[-1] in self._report_torn_keys(holder):
             return True
-        trap = self._trap_of(error.path, node, _CONDITIONS[error.schema["$anchor"]])
+        trap = self._trap_of(error.path, node, _TRAP_KINDS[error.schema["$anchor"]])
         if trap is None:
             return False
         origin = self._subject.origin
@@ -368,10 +366,10 @@ class _Explanation:
         self._findings.add(trap.rule, trap.message, origin.of(node), help=trap.help, path=path, fix=fix)
         return True
 
-    def _trap_of(self, path: tuple[str | int, ...], node: YamlNode, wanted: str) -> Trap | None:
+    def _trap_of(self, path: tuple[str | int, ...], node: YamlNode, trap_kind: str) -> Trap | None:
         written = self._subject.origin.written(node)
         if isinstance(node, ScalarNode):
-            if wanted != "condition" or node.data is None:
+            if trap_kind != "condition" or node.data is None:
                 return None
             holder, index = self._node(path[:-1]), path[-1]
             if isinstance(holder, SequenceNode) and isinstance(index, int) and index > 0:
@@ -383,10 +381,10 @@ class _Explanation:
             return None
         if isinstance(node, SequenceNode):
             return read_as_list_trap(written)
-        return torn_condition_trap(written) if wanted == "condition" else torn_expectation_trap(written)
+        return torn_condition_trap(written) if trap_kind == "condition" else torn_expectation_trap(written)
 
     def _report_torn_keys(self, mapping: MappingNode) -> set[str]:
-        """Return the keys of a mapping in braces that a comma split off a condition; report each split once."""
+        """Return the keys of a mapping in braces that are pieces of a split condition, which is reported once."""
         torn_keys: dict[str, ScalarNode] = {}
         first_piece: ScalarNode | None = None
         openings = Openings("")

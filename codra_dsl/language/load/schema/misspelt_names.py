@@ -20,14 +20,14 @@ class Vocabulary:
     def __init__(self, texts: Iterable[str]) -> None:
         self._counts = Counter(word for text in set(texts) for word in _words(text))
 
-    def knows_better(self, used: str, declared: str) -> bool:
+    def knows_better(self, used_name: str, declared_name: str) -> bool:
         """Return whether the words only in the used name are more frequent than the words only in the declared name.
 
         If both names have the same words, return whether the used name is shorter.
         """
-        used_words, declared_words = _words(used), _words(declared)
+        used_words, declared_words = _words(used_name), _words(declared_name)
         if used_words == declared_words:
-            return len(used) < len(declared)
+            return len(used_name) < len(declared_name)
         used_count = sum(self._counts[word] for word in used_words - declared_words)
         declared_count = sum(
             max(0, self._counts[word] - 1) for word in declared_words - used_words
@@ -46,12 +46,13 @@ def misspelt_declarations(
     vocabulary: Vocabulary,
     nearest: Callable[[str, Iterable[str]], str | None],
 ) -> dict[str, str]:
-    """Return the misspelt declarations: the name as used, mapped to the name as declared.
+    """Return the misspelt declarations, as a mapping from the used name to the declared name.
 
     Args:
         uses: the number of uses of each unknown name.
         unused: the names that are declared and never used.
-        declared: all declared names; if one that is used is nearer, the use is misspelt.
+        declared: all declared names. If another of these is nearer to the unknown name than the unused name, the use is
+            misspelt.
         vocabulary: decides about names with only one use.
         nearest: returns the candidate that a name most likely means.
     """

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from codra_dsl.language.diagnostics import Related, replacing, surely_means
+from codra_dsl.language.diagnostics import Related, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.schema import has_shape
-from codra_dsl.language.load.templates.substitution import Bound, bind, example
+from codra_dsl.language.load.templates.substitution import BoundValue, bind, example_value
 from codra_dsl.language.load.templates.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
@@ -24,7 +24,7 @@ class Arguments:
         is_valid: whether no argument is wrong or missing.
     """
 
-    bound: Mapping[str, Bound]
+    bound_values: Mapping[str, BoundValue]
     is_valid: bool
 
 
@@ -48,22 +48,26 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
             only_missing_name = missing_names[0] if len(missing_names) == len(unknown_names) == 1 else None
             corrected_names.add(
                 _report_unknown(
-                    subject, given_entries[name][0], template, given_entries, findings, missing=only_missing_name
+                    subject, given_entries[name][0], template, given_entries, findings, missing_name=only_missing_name
                 )
             )
-    bound = {INSTANCE: Bound(ParameterKind.IDENTIFIER, subject.name, subject.name)}
+    bound_values = {INSTANCE: BoundValue(ParameterKind.IDENTIFIER, subject.name, subject.name)}
     for name, parameter in template.parameters.items():
         if name == INSTANCE:
             continue
         if name in given_entries:
             key, value = given_entries[name]
             if isinstance(value, ScalarNode) and _check_argument(subject, key, value, parameter, findings):
-                bound[name] = bind(parameter, value)
+                bound_values[name] = bind(parameter, value)
                 continue
         elif name in missing_names and name not in corrected_names and not is_unread(node):
             _report_missing(subject, name, parameter, template, findings)
-        bound[name] = replace(example(parameter), known=True) if name in template.unused_names else example(parameter)
-    return Arguments(bound, is_valid and all(argument.known for argument in bound.values()))
+        bound_values[name] = (
+            replace(example_value(parameter), is_known=True)
+            if name in template.unused_names
+            else example_value(parameter)
+        )
+    return Arguments(bound_values, is_valid and all(argument.is_known for argument in bound_values.values()))
 
 
 def _is_needed(parameter: Parameter) -> bool:
@@ -98,28 +102,34 @@ def _report_unknown(
     given_names: Mapping[str, object],
     findings: Findings,
     *,
-    missing: str | None,
+    missing_name: str | None,
 ) -> str:
     """Report an argument for which the template has no parameter; return the parameter that is probably meant.
 
-    `missing` is the only missing parameter, if this argument is the only unknown one.
+    `missing_name` is the only missing parameter, if this argument is the only unknown one.
     """
-    known = [name for name in template.parameters if name != INSTANCE]
-    suggestion = findings.nearest(key.text, (name for name in known if name not in given_names))
+    declared_names = [name for name in template.parameters if name != INSTANCE]
+    suggestion = findings.nearest(key.text, (name for name in declared_names if name not in given_names))
     if key.text == INSTANCE:
         help_text = "remove it: $(instance) is the name of the use"
     elif suggestion:
         help_text = f"did you mean '{suggestion}'?"
-    elif missing is not None:
-        help_text = f"did you mean '{missing}', which is missing?"
+    elif missing_name is not None:
+        help_text = f"did you mean '{missing_name}', which is missing?"
     else:
-        help_text = f"its parameters are {list_names(known)}" if known else "the template has no parameters"
+        help_text = (
+            f"its parameters are {list_names(declared_names)}" if declared_names else "the template has no parameters"
+        )
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
     place, path = subject.origin.of(key), subject.part(key.text)
-    is_safe = suggestion is not None and suggestion in template.used_names and surely_means(key.text, suggestion, known)
-    fix = replacing(place, key.text, suggestion, safe=is_safe) if suggestion else None
+    is_safe = (
+        suggestion is not None
+        and suggestion in template.used_names
+        and surely_means(key.text, suggestion, declared_names)
+    )
+    fix = replacement_fix(place, key.text, suggestion, safe=is_safe) if suggestion else None
     findings.add("unknown-argument", message, place, help=help_text, path=path, fix=fix)
-    return suggestion or missing or ""
+    return suggestion or missing_name or ""
 
 
 def _report_missing(subject: Subject, name: str, parameter: Parameter, template: Template, findings: Findings) -> None:

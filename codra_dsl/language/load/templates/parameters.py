@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from codra_dsl.language.diagnostics import Fix, Place, Related, replacing, surely_means
+from codra_dsl.language.diagnostics import Fix, Place, Related, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_declarations
 from codra_dsl.language.load.yaml.findings import Findings, list_names
@@ -48,7 +48,7 @@ class RepairedParameter:
 
 
 def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | None:
-    """Return a text with its first damaged parameter repaired.
+    """Return a text with its first damaged parameter repaired, or None if nothing can be repaired.
 
     Damaged parameters are `$( door )`, `$(door`, `door)`, `$door)`, `(door)`, and the syntax of other languages,
     `$door`, `${door}` and `{{ door }}`.
@@ -150,15 +150,15 @@ class ParameterResolver:
             findings: the list to which findings are added.
             is_open: whether there may be parameters with unknown names. An unknown mention may then mean one of these.
         """
-        unknown = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
-        if not unknown:
+        unknown_mentions = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
+        if not unknown_mentions:
             return
         arguments = list(given)
-        unused = [name for name in declared if name not in self._mentions and name not in arguments]
+        unused_names = [name for name in declared if name not in self._mentions and name not in arguments]
         self._given_names = frozenset(arguments)
-        uses = {name: len(mentions) + arguments.count(name) for name, mentions in unknown.items()}
-        misspelt_by_used_name = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
-        for name, mentions in unknown.items():
+        use_counts = {name: len(mentions) + arguments.count(name) for name, mentions in unknown_mentions.items()}
+        misspelt_by_used_name = misspelt_declarations(use_counts, unused_names, declared, NO_WORDS, findings.nearest)
+        for name, mentions in unknown_mentions.items():
             if name in misspelt_by_used_name:
                 self.corrected_declarations[misspelt_by_used_name[name]] = name
                 self._report_declaration(
@@ -173,7 +173,7 @@ class ParameterResolver:
         message = f"the parameter {shown(declared)} of {self._subject} is never used, and {shown(name)} is not declared"
         path = self._subject.part("parameters", declared)
         related = [Related(f"{shown(name)} is used here", mention.place) for mention in mentions]
-        fix = replacing(place, declared, name, safe=False)
+        fix = replacement_fix(place, declared, name, safe=False)
         findings.add(
             "unknown-parameter", message, place, help=f"did you mean '{name}'?", path=path, related=related, fix=fix
         )
@@ -189,12 +189,12 @@ class ParameterResolver:
         if suggestion is None:
             (self.undeclared_names if name in self._given_names else self.unresolved_names).add(name)
         first, *others = mentions
-        known = (
+        default_help = (
             f"declare '{name}' under 'parameters'"
             if name in self._given_names
             else f"parameters are {list_names(declared)}"
         )
-        help_text = f"did you mean '{suggestion}'?" if suggestion else known
+        help_text = f"did you mean '{suggestion}'?" if suggestion else default_help
         message = f"unknown parameter {shown(name)} in {self._subject}"
         related = [Related("also here", mention.place) for mention in others]
         fix = None if suggestion is None or others else self._rename_fix(first, name, suggestion, declared)
@@ -208,7 +208,7 @@ class ParameterResolver:
         if span.line != span.end_line or span.end_column - span.column != len(mention.written):
             return None
         is_safe = suggestion in self._mentions and surely_means(name, suggestion, declared)
-        return replacing(mention.place, mention.written, f"$({suggestion})", safe=is_safe)
+        return replacement_fix(mention.place, mention.written, f"$({suggestion})", safe=is_safe)
 
 
 def _mentions(origin: Origin, sections: Mapping[str, MappingNode]) -> Iterator[tuple[str, _Mention]]:

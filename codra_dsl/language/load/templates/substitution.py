@@ -17,43 +17,43 @@ MAX_FILLED_TEXT = 64 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Bound:
+class BoundValue:
     """The value of a parameter in one use.
 
     Attributes:
         text: the value as written, without quotes.
-        known: whether the value comes from the use or a default; otherwise it is only an example of the type.
+        is_known: whether the value comes from the use or a default; otherwise it is only an example of the type.
     """
 
     kind: ParameterKind
     text: str
     data: Literal
-    known: bool = True
+    is_known: bool = True
 
 
-def bind(parameter: Parameter, node: ScalarNode) -> Bound:
+def bind(parameter: Parameter, node: ScalarNode) -> BoundValue:
     """Return the value of a parameter from a literal of its type."""
     data = node.data if node.data is not None else ""
     if parameter.kind is ParameterKind.FLOAT:
-        return Bound(parameter.kind, repr(data), data)
+        return BoundValue(parameter.kind, repr(data), data)
     text = str(data).lower() if isinstance(data, bool) else str(data)
-    return Bound(parameter.kind, text, data)
+    return BoundValue(parameter.kind, text, data)
 
 
-def example(parameter: Parameter) -> Bound:
+def example_value(parameter: Parameter) -> BoundValue:
     """Return an example value of a parameter: its default, or some literal of its type."""
     if parameter.default is not None and not parameter.default.reported:
         return bind(parameter, parameter.default)
     if parameter.kind is ParameterKind.IDENTIFIER:
-        return Bound(parameter.kind, parameter.key.text, parameter.key.text, known=False)
+        return BoundValue(parameter.kind, parameter.key.text, parameter.key.text, is_known=False)
     data = EXAMPLES[parameter.kind][1]
-    return Bound(parameter.kind, str(data).lower() if isinstance(data, bool) else str(data), data, known=False)
+    return BoundValue(parameter.kind, str(data).lower() if isinstance(data, bool) else str(data), data, is_known=False)
 
 
 class Filler:
     """Substitutes the parameters of a template for one use."""
 
-    def __init__(self, template: Template, bindings: Mapping[str, Bound]) -> None:
+    def __init__(self, template: Template, bindings: Mapping[str, BoundValue]) -> None:
         self._clashes: list[ScalarNode] = []
         self._overlong_nodes: list[ScalarNode] = []
         self._template = template
@@ -117,11 +117,11 @@ class Filler:
 
     def _literal(self, node: ScalarNode, piece: Piece) -> ScalarNode:
         bound = self._bindings[piece.parameter]
-        quoted = bound.kind in (ParameterKind.STR, ParameterKind.IDENTIFIER)
+        is_quoted = bound.kind in (ParameterKind.STR, ParameterKind.IDENTIFIER)
         filled_node = ScalarNode(
-            bound.text, bound.data, node.start, node.end, Style.DOUBLE_QUOTED if quoted else Style.PLAIN
+            bound.text, bound.data, node.start, node.end, Style.DOUBLE_QUOTED if is_quoted else Style.PLAIN
         )
-        filled_node.reported = node.reported or (not bound.known and bound.kind is not ParameterKind.IDENTIFIER)
+        filled_node.reported = node.reported or (not bound.is_known and bound.kind is not ParameterKind.IDENTIFIER)
         filled_node.filled_text = FilledText(node.text, ((bound.text, ((0, node.start, node.end - node.start),)),))
         return filled_node
 

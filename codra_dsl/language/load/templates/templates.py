@@ -4,9 +4,9 @@ The position of a parameter determines which types are allowed and what is inser
 
 - in a name (a key, a reference, `call`, a unit, ...): only an `identifier`, as the complete name or a part of it;
 - as any other complete value: any type; the literal that the use gives is inserted;
-- in a condition: any type where a literal is allowed, and an `identifier` as part of a name; between quotes, any type,
-  whose text is inserted;
-- in `label` and `description`, and within the texts under `with`: any type, whose text is inserted.
+- in a condition: any type where a literal is allowed, and an `identifier` as part of a name; between quotes, any
+  type; the text of its value is inserted;
+- in `label` and `description`, and within the texts under `with`: any type; the text of its value is inserted.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ DEFINITIONS = {
 INSTANCE = "instance"
 """The parameter that every template has: the name of the use."""
 
-_KNOWN = frozenset({"parameters", *KEYS})
+_KEYS = frozenset({"parameters", *KEYS})
 _BARE_WORD = re.compile(r"(?<![$\w(])[A-Za-z]\w*(?![\w)])")
 _PARAMETER_MARK = re.compile(r"[$){]")
 _WORD_CHARACTER = re.compile(r"[\w$).]")
@@ -193,7 +193,7 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     origin = Origin(subject.origin.source, None, subject.name)
     explain_outline("template", node, subject, findings)
     sections = {key: value for key in SECTIONS if (value := section_of(node, key)) is not None}
-    has_bad_key = any(key not in _KNOWN and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
+    has_bad_key = any(key not in _KEYS and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
     parameters = _parameters(subject, node, findings)
     has_invalid_name = any(not is_identifier(name) for name in parameters) or is_unread(node.value("parameters"))
     is_open = has_invalid_name or ((has_bad_key or node.unread) and "parameters" not in node.entries)
@@ -238,7 +238,7 @@ def _report_unused(subject: Subject, parameters: Iterable[Parameter], findings: 
 
 
 def declared_template(template: Template, *, is_used: bool) -> DeclaredTemplate:
-    """Return the part of a template that a spec keeps: its declaration and the names that it uses from outside."""
+    """Return the part of a template that a spec keeps: its declaration, and the outside names to which it refers."""
     return DeclaredTemplate(
         name=template.name,
         place=template.subject.origin.of(template.subject.key),

@@ -55,11 +55,11 @@ CONDITION_KEYS = frozenset(
 _STYLES = {"": Style.PLAIN, None: Style.PLAIN} | {style.value: style for style in Style}
 
 
-_NOWHERE = ScalarNode("", None, 0, 0, Style.PLAIN)
+_DROPPED_KEY = ScalarNode("", None, 0, 0, Style.PLAIN)
 """Placeholder for a key whose value is read and then dropped."""
 
-_HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-_FOLDED = re.compile(r"\n[ \t]*(?P<item>-)[ \t]")
+_CONTROL_CHARACTER = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_FOLDED_ITEM = re.compile(r"\n[ \t]*(?P<item>-)[ \t]")
 _PROPERTIES = re.compile(r"(?:[!&]\S*(?:\s+|$))*")
 
 
@@ -117,7 +117,8 @@ class _Composer:
     Attributes:
         _current: the collection that is being read.
         _key: the key of `_current` that waits for its value.
-        _parents: the enclosing collections, each with the key that waits for its value when the inner one is closed.
+        _parents: the enclosing collections, each with the key that waits for its value when the inner collection is
+            closed.
         _continued_section: the section that a duplicate key continues.
         _duplicate_keys: for each open mapping, by its id, the duplicate keys as (second key, first key).
     """
@@ -210,7 +211,7 @@ class _Composer:
         """Handle the text of a key that may also contain a value, or may stand for a missing key."""
         self._key = node
         if node.reported and node.text == NO_KEY:
-            self._key = _NOWHERE
+            self._key = _DROPPED_KEY
             mapping.unread = True
         elif node.style is Style.PLAIN and (at := colon_before_bracket(node.text)) is not None:
             raise _PunctuationError(missing_colon(self._text, node.start, node.start + at))
@@ -218,8 +219,8 @@ class _Composer:
     def _suspect_value(self, node: ScalarNode) -> None:
         """Handle a missing value: the text of the key may contain the value."""
         key, mapping = self._key, self._current
-        plain = key is not None and key.style is Style.PLAIN and not key.reported
-        if key is None or not plain or type(mapping) is not MappingNode or node.end > node.start:
+        is_plain = key is not None and key.style is Style.PLAIN and not key.reported
+        if key is None or not is_plain or type(mapping) is not MappingNode or node.end > node.start:
             return
         colon_offset = colon_without_blank(key.text) if mapping.flow and ":" in key.text else None
         if colon_offset is not None:
@@ -242,7 +243,7 @@ class _Composer:
         """Report a duplicate key, or YAML's merge key."""
         self._key = node
         if node.text in mapping.entries:
-            self._key = _NOWHERE
+            self._key = _DROPPED_KEY
             first, value = mapping.entries[node.text]
             self._continued_section = value if len(self._parents) == 1 and type(value) is MappingNode else None
             self._duplicate_keys.setdefault(id(mapping), []).append((node, first))
@@ -250,13 +251,13 @@ class _Composer:
                 if type(container) is MappingNode:
                     container.unread = True
         elif node.text == "<<" and node.style is Style.PLAIN:
-            self._key = _NOWHERE
+            self._key = _DROPPED_KEY
             mapping.reported = True
             help_text = "write the keys out, or use a template"
             self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), help_text)
 
     def _report_duplicate_keys(self, duplicate_keys: list[tuple[ScalarNode, ScalarNode]]) -> None:
-        """Report the duplicate keys of one mapping. Several are probably due to a missing line above an element."""
+        """Report a mapping's duplicate keys. If there are several, a line above an element is probably missing."""
         (key, first), *others = duplicate_keys
         related = [Related("first one here", self._source.place(*_range(first)))]
         related += [
@@ -273,7 +274,7 @@ class _Composer:
         for item in items:
             if type(item) is not ScalarNode or item.style is not Style.PLAIN or " - " not in item.text:
                 continue
-            folded_match = _FOLDED.search(self._text, item.start, item.end)
+            folded_match = _FOLDED_ITEM.search(self._text, item.start, item.end)
             if folded_match is not None and _is_not_condition(item.text):
                 item.reported = True
                 message, help_text = (
@@ -293,7 +294,7 @@ class _Composer:
         self._continued_section = None
         if type(container) is MappingNode:
             self._key = None
-            if key is not _NOWHERE and key is not None:
+            if key is not _DROPPED_KEY and key is not None:
                 container.entries[key.text] = (key, node)
                 container.data[key.text] = node.data
         elif type(container) is SequenceNode:
@@ -323,11 +324,11 @@ class _Composer:
             raise _StopError
         parent_key = None
         if self._key is None and type(self._current) is MappingNode:
-            if all(around is not _NOWHERE for _, around in self._parents):
+            if all(around is not _DROPPED_KEY for _, around in self._parents):
                 help_text = "write a plain text before the ':'"
                 self._report("key-not-text", "a key must be a text", node.start, node.start + 1, help_text)
                 self._current.unread = True
-            parent_key = _NOWHERE
+            parent_key = _DROPPED_KEY
         continued_section = self._continued_section if type(node) is MappingNode else None
         if parent_key is None:
             self._attach(node)
@@ -337,8 +338,8 @@ class _Composer:
     def _close(self, event: Any) -> None:
         collection = self._current
         assert collection is not None
-        bracketed = collection.flow and self._text.startswith(("[", "{"), collection.start)
-        collection.end = event.end_mark.index if bracketed else max(collection.start, self._last_end)
+        is_bracketed = collection.flow and self._text.startswith(("[", "{"), collection.start)
+        collection.end = event.end_mark.index if is_bracketed else max(collection.start, self._last_end)
         self._last_end = collection.end
         if type(collection) is SequenceNode and not collection.flow:
             self._report_folded(collection.items)
@@ -353,7 +354,7 @@ class _Composer:
         if event.anchor not in self._anchors:
             self._refuse_anchor(f"the alias '*{event.anchor}'", event.anchor, *_range(node))
         if self._key is None and type(self._current) is MappingNode:
-            self._key = _NOWHERE
+            self._key = _DROPPED_KEY
         else:
             self._attach(node)
 
@@ -405,7 +406,7 @@ class _Composer:
                 node.reported = True
                 trap = read_as_block_trap(head)
                 self._report(trap.rule, trap.message, node.start, node.start + len(head), trap.help)
-        elif control_match := _HIDDEN.search(node.text):
+        elif control_match := _CONTROL_CHARACTER.search(node.text):
             node.reported = True
             message = f"the text holds the control character U+{ord(control_match[0]):04X}"
             self._report("control-character", message, *_range(node), "remove the escape of this character")

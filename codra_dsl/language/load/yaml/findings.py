@@ -53,7 +53,7 @@ class Findings:
         return tuple(self._diagnostics)
 
     def nearest(self, name: str, candidates: Iterable[str]) -> str | None:
-        """Return the candidate that a name most likely means; None if all suggestions have been used up."""
+        """Return the candidate that a name most likely means, or None. After MAX_SUGGESTIONS searches, return None."""
         if self._suggestions_left == 0:
             return None
         self._suggestions_left -= 1
@@ -63,5 +63,5 @@ class Findings:
 def list_names(names: Iterable[str]) -> str:
     """Return the first MAX_LISTED names for a message, and how many more there are."""
     all_names = list(names)
-    more = f", and {len(all_names) - MAX_LISTED} more" if len(all_names) > MAX_LISTED else ""
-    return ", ".join(map(shown, all_names[:MAX_LISTED])) + more
+    more_text = f", and {len(all_names) - MAX_LISTED} more" if len(all_names) > MAX_LISTED else ""
+    return ", ".join(map(shown, all_names[:MAX_LISTED])) + more_text

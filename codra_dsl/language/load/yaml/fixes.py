@@ -13,7 +13,7 @@ from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.language.load.yaml.traps import Trap
 
-_OTHER_NAMES = {
+_TYPE_NAME_SYNONYMS = {
     "boolean": "bool",
     "integer": "int",
     "number": "float",
@@ -23,7 +23,7 @@ _OTHER_NAMES = {
     "text": "str",
     "enumeration": "enum",
 }
-_SURE_NAMES = frozenset({"boolean", "integer", "string", "enumeration"})
+_CERTAIN_SYNONYMS = frozenset({"boolean", "integer", "string", "enumeration"})
 """Type names of other languages that correspond to exactly one of ours."""
 
 _TRUTH_VALUES = {"yes": "true", "on": "true", "no": "false", "off": "false"}
@@ -32,21 +32,21 @@ _BULLET = re.compile(r"[ \t]*-[ \t]+")
 
 
 def corrected_truth_value(text: str) -> str | None:
-    """Return `true` or `false` for a word that was a truth value in YAML 1.1; None for any other."""
+    """Return `true` or `false` for a word that was a truth value in YAML 1.1, or None for any other word."""
     return _TRUTH_VALUES.get(text.casefold())
 
 
 def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple[str | None, bool]:
-    """Return the allowed word that another word probably means, and whether that is certain."""
-    known_word = _OTHER_NAMES.get(word.casefold())
-    if known_word in allowed:
-        return known_word, word.casefold() in _SURE_NAMES
+    """Return the allowed word that another word probably means, or None, and whether the meaning is certain."""
+    own_type_name = _TYPE_NAME_SYNONYMS.get(word.casefold())
+    if own_type_name in allowed:
+        return own_type_name, word.casefold() in _CERTAIN_SYNONYMS
     suggestion = findings.nearest(word, allowed)
     return suggestion, suggestion is not None and surely_means(word, suggestion, allowed)
 
 
 def item_removal_fix(sequence: SequenceNode, index: int, origin: Origin) -> Fix | None:
-    """Return the fix that removes an item from a list, but not the first item. None if this would remove a comment.
+    """Return the fix that removes an item after the first one from a list, or None if it would remove a comment.
 
     The result is also None in the text of a template, because the item may differ in another use.
     """
@@ -71,8 +71,8 @@ def item_removal_fix(sequence: SequenceNode, index: int, origin: Origin) -> Fix 
 def trap_fix(trap: Trap, place: Place) -> Fix | None:
     """Return the fix of a trap for conditions; None in a template, or if the new text would not be a condition."""
     span = place.span
-    fits = place.use is None and span.line == span.end_line and trap.replacement != ""
-    if not fits or not isinstance(parse(trap.condition), Node):
+    is_applicable = place.use is None and span.line == span.end_line and trap.replacement != ""
+    if not is_applicable or not isinstance(parse(trap.condition), Node):
         return None
     return Fix(
         message=f"Write {trap.replacement}", edits=(Edit(span, trap.replacement),), applicability=Applicability.SAFE
@@ -80,19 +80,19 @@ def trap_fix(trap: Trap, place: Place) -> Fix | None:
 
 
 def version_fix(root: MappingNode, source: Source) -> Fix | None:
-    """Return the fix that puts `codra: 1` before all other keys; None if more than its own line would change."""
+    """Return the fix that puts `codra: 1` before all other keys, or None if it would change more than its own line."""
     first = next(iter(root.entries.values()))[0]
-    top = source.span(first.start, first.start)
-    if root.flow or top.column != 1:
+    first_key_span = source.span(first.start, first.start)
+    if root.flow or first_key_span.column != 1:
         return None
-    insertion = Edit(top, "codra: 1\n")
+    insertion = Edit(first_key_span, "codra: 1\n")
     if "codra" not in root.entries:
         return Fix(message="Insert 'codra: 1'", edits=(insertion,), applicability=Applicability.SAFE)
     key = root.entries["codra"][0]
     line = source.span(key.start, key.start).line
     start, end = source.line_starts[line - 1], source.line_end(key.start)
-    after = source.line_starts[line] if line < len(source.line_starts) else end
+    next_line_start = source.line_starts[line] if line < len(source.line_starts) else end
     if source.text[start:end].strip() != "codra: 1":
         return None
-    removal = Edit(source.span(start, after), "")
+    removal = Edit(source.span(start, next_line_start), "")
     return Fix(message="Move 'codra: 1' to the top", edits=(insertion, removal), applicability=Applicability.SAFE)

@@ -17,7 +17,7 @@ MAX_NAME = 100
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LITERALS = frozenset({"true", "false", "null"})
 _RESERVED = frozenset({*keyword.kwlist, *FUNCTIONS, *_LITERALS})
-_OTHER_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
+_FOREIGN_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
 
 
 def is_identifier(name: str) -> bool:
@@ -56,7 +56,7 @@ def _reservation_reason(name: str) -> str:
 def _name_help(name: str) -> str:
     if len(name) > MAX_NAME and "$(" not in name:
         return f"a name has at most {MAX_NAME} letters"
-    foreign_match = _OTHER_PARAMETER.search(name)
+    foreign_match = _FOREIGN_PARAMETER.search(name)
     if foreign_match:
         return f"parameters are written $({next(filter(None, foreign_match.groups()))}), and only inside a template"
     corrected_name = re.sub(r"[^A-Za-z0-9_$()]+", "_", name).strip("_")

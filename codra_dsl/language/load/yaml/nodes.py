@@ -31,7 +31,8 @@ class FilledText(NamedTuple):
 
     Attributes:
         written: the template's text.
-        pieces: the pieces of the new text. Each one has the positions of its letters, counted from its own beginning.
+        pieces: the pieces of the new text. Each piece has the positions of its letters, with offsets from the beginning
+            of the piece.
     """
 
     written: str
@@ -90,7 +91,7 @@ class SequenceNode:
 
 
 class MappingNode:
-    """A mapping. `entries` has (key, value) by the key's text; keys are always texts.
+    """A mapping. `entries` maps the text of each key to (key, value); keys are always texts.
 
     `unread` is true if the mapping has an entry with an unreadable key; this entry has been reported.
     """
@@ -126,18 +127,18 @@ class MappingNode:
 YamlNode = ScalarNode | SequenceNode | MappingNode
 
 
-def scalars(node: YamlNode, wanted: Callable[[ScalarNode], bool]) -> Iterator[ScalarNode]:
-    """Yield the scalars of a document for which `wanted` holds, keys included, in file order."""
-    waiting: list[YamlNode] = [node]
-    while waiting:
-        current = waiting.pop()
+def scalars(node: YamlNode, is_wanted: Callable[[ScalarNode], bool]) -> Iterator[ScalarNode]:
+    """Yield the scalars of a document for which `is_wanted` holds, keys included, in file order."""
+    pending: list[YamlNode] = [node]
+    while pending:
+        current = pending.pop()
         if isinstance(current, ScalarNode):
-            if wanted(current):
+            if is_wanted(current):
                 yield current
         elif isinstance(current, SequenceNode):
-            waiting.extend(reversed(current.items))
+            pending.extend(reversed(current.items))
         else:
-            waiting.extend(part for entry in reversed(current.entries.values()) for part in reversed(entry))
+            pending.extend(part for entry in reversed(current.entries.values()) for part in reversed(entry))
 
 
 def visible_range(key: ScalarNode, value: YamlNode) -> tuple[int, int]:

@@ -37,7 +37,7 @@ _SEPARATE_KEYS = frozenset({"returns", "identifies", "attributes", "rules"})
 
 
 def damaged_key(steps: Sequence[str | int]) -> str:
-    """Return how `Spec.damaged_keys` lists a part of an element, given its path: as KEY or as KEY.NAME.
+    """Return how `Spec.damaged_keys` lists the part of an element with the path `steps`: as KEY or as KEY.NAME.
 
     KEY.NAME is used for the entries of `returns`, `identifies`, `attributes` and `rules`: a damaged entry does not
     affect the other entries.
@@ -53,7 +53,7 @@ class Origin:
     Attributes:
         use: the span of the name of the use; None outside templates.
         template: the template's name; empty outside templates.
-        module: the generated module of the elements.
+        module: the name of the generated module of the elements.
     """
 
     source: Source
@@ -111,7 +111,7 @@ class Subject:
         return ".".join([*filter(None, [self.path]), *map(str, steps)])
 
     def __str__(self) -> str:
-        """Return noun and name for messages: `skill 'open_door'`; in a template, with its parameters."""
+        """Return noun and name for messages, e.g. `skill 'open_door'`; a name in a template has its parameters."""
         if self.section == "part":
             return "this part"
         return f"{NOUNS.get(self.section, self.section)} {shown(self.key.written)}"

@@ -1,4 +1,4 @@
-"""Read the keys of one element as far as they are valid, and record those that could not be read."""
+"""Read the keys of one element as far as they are valid, and record the keys that could not be read."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Choice = TypeVar("Choice", bound=StrEnum)
 
 
 class Suspect(NamedTuple):
-    """A condition with a comment after it. The comment reads like a condition, and may belong to the first one."""
+    """A condition with a comment after it. The comment reads like a condition, and may belong to the condition."""
 
     place: Place
     written: str
@@ -51,7 +51,7 @@ class Reader:
     ) -> None:
         """Initialize; `damaged` has the keys that are already known to be unreadable.
 
-        `within` is the path from the element to `node`, if that is a part of it.
+        `within` is the path from the element to `node`, if `node` is a part of the element.
         """
         self.subject = subject
         self.node = node
@@ -65,7 +65,7 @@ class Reader:
             self.damaged.update(key for key in _MAPPINGS if key in node.entries and is_unread(node.value(key)))
 
     def inner(self, node: MappingNode, *steps: str) -> Reader:
-        """Return a reader of the part of the element at `steps`; both share the damaged keys."""
+        """Return a reader of the part of the element at `steps`; both readers share the damaged keys."""
         reader = Reader(self.subject, node, self.findings, within=(*self._within, *steps))
         reader.damaged, reader.suspects = self.damaged, self.suspects
         return reader
@@ -106,26 +106,25 @@ class Reader:
         return node
 
     def text(self, key: str, default: str) -> str:
-        """Return a text."""
+        """Return the text of a key."""
         node = self.scalar(key)
         return default if node is None else node.text
 
     def number(self, key: str, default: int) -> int:
-        """Return an integer."""
+        """Return the integer of a key."""
         node = self.scalar(key)
         return int(node.data) if node is not None and isinstance(node.data, (int, float)) else default
 
     def choice(self, key: str, default: Choice) -> Choice:
-        """Return the member of an enumeration that is written under a key."""
+        """Return the member of an enumeration that is the value of a key."""
         node = self.scalar(key)
-        known = node is not None and node.text in type(default).__members__.values()
-        return type(default)(node.text) if node is not None and known else default
+        is_known_member = node is not None and node.text in type(default).__members__.values()
+        return type(default)(node.text) if node is not None and is_known_member else default
 
     def duration_s(self, key: str, default: float, *, least: str = "positive", most: str = "finite") -> float:
-        """Return a duration in seconds.
+        """Return the duration of a key, in seconds.
 
-        `least` states what is allowed at least ("zero" or "positive"), `most` what is allowed at most ("finite" or
-        "forever").
+        `least` is the least allowed duration ("zero" or "positive"), `most` the greatest ("finite" or "forever").
         """
         node = self.scalar(key)
         if node is None:
@@ -147,20 +146,20 @@ class Reader:
         node = self.node.value(key)
         names = node.items if isinstance(node, SequenceNode) else [] if node is None else [node]
         scalars = (name for name in names if isinstance(name, ScalarNode) and not name.reported)
-        readable = [name for name in scalars if isinstance(name.data, str)]
-        if len(readable) < len(names):
+        readable_names = [name for name in scalars if isinstance(name.data, str)]
+        if len(readable_names) < len(names):
             self.damage(key)
-        return tuple(self.reference(name) for name in readable)
+        return tuple(self.reference(name) for name in readable_names)
 
     def reference(self, node: ScalarNode) -> Reference:
         """Return a reference to another element by its name."""
         return Reference(name=node.text, place=self.origin.of(node))
 
-    def places(self, more: Iterable[tuple[str, tuple[int, int]]] = ()) -> Places:
+    def places(self, more_ranges: Iterable[tuple[str, tuple[int, int]]] = ()) -> Places:
         """Return the places of the element's name and entries, and of additional ranges."""
         ranges = {key: visible_range(key_node, value) for key, (key_node, value) in self.node.entries.items()}
         ranges["name"] = (self.subject.key.start, self.subject.key.end)
-        ranges.update(more)
+        ranges.update(more_ranges)
         return Places(self.place_of, ranges)
 
 
@@ -170,5 +169,5 @@ def is_unread(node: YamlNode | None) -> bool:
 
 
 def entries(node: YamlNode | None) -> Iterable[tuple[ScalarNode, YamlNode]]:
-    """Return the entries of a mapping; none for any other node."""
+    """Return the entries of a mapping, or no entries for any other node."""
     return node.entries.values() if isinstance(node, MappingNode) else ()

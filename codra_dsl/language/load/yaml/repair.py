@@ -55,8 +55,8 @@ def colon_before_bracket(key: str) -> int | None:
 def missing_colon(text: str, start: int, offset: int) -> Problem:
     """Return the problem of a missing ':' after the key between two offsets."""
     key = text[start:offset]
-    more = bool(text[offset : end_of_line(text, offset)].strip())
-    help_text = f"write '{key}: ...'" if more else f"write '{key}:'"
+    has_more_text = bool(text[offset : end_of_line(text, offset)].strip())
+    help_text = f"write '{key}: ...'" if has_more_text else f"write '{key}:'"
     return _insertion_problem(
         ":", f"a ':' is missing after {shown(key)}", help_text, start=start, end=offset, offset=offset
     )

@@ -22,7 +22,7 @@ class RepairedText:
     """The text of one file, with the repairs that make it readable.
 
     Attributes:
-        text: the repaired text that the parser reads. Its offsets equal the file's if nothing was inserted.
+        text: the repaired text that the parser reads. Its offsets equal those in the file if nothing was inserted.
         reported_offsets: the offsets in `text` of masked ranges and inserted placeholders, which have been reported.
     """
 
@@ -87,7 +87,7 @@ class RepairedText:
                 pending.extend(part for entry in node.entries.values() for part in entry)
 
     def _line_number(self, offset: int) -> int:
-        """Return the line number in the file of an offset of the repaired text."""
+        """Return the number of the line in the file that contains an offset in the repaired text."""
         return self.place(offset, offset).span.line
 
     def _rebuild_text(self) -> None:
@@ -107,7 +107,7 @@ class RepairedText:
         }
 
     def _offset_in_file(self, offset: int) -> int:
-        """Return the offset in the file of an offset in the repaired text."""
+        """Convert an offset in the repaired text to an offset in the file."""
         inserted_length = 0
         for insertion_offset, missing_text in self._insertions:
             if offset <= insertion_offset + inserted_length:
@@ -116,7 +116,7 @@ class RepairedText:
         return offset - inserted_length
 
     def _offset_in_repaired_text(self, offset: int) -> int:
-        """Return the offset in the repaired text of an offset in the file; it is after any text inserted there."""
+        """Convert an offset in the file to an offset in the repaired text, after any text inserted at this offset."""
         return offset + sum(
             len(missing_text) for insertion_offset, missing_text in self._insertions if insertion_offset <= offset
         )

@@ -7,9 +7,9 @@ import re
 from codra_dsl.language.load.yaml.nodes import Data
 from codra_dsl.language.units import MAX_MAGNITUDE
 
-_LETTERS = frozenset("~nNtTfF")
-SPECIAL_FIRST = frozenset("+-.0123456789") | _LETTERS | {""}
-"""Every plain scalar that is not a text begins with one of these, or is empty."""
+_FIRST_LETTERS = frozenset("~nNtTfF")
+SPECIAL_FIRST = frozenset("+-.0123456789") | _FIRST_LETTERS | {""}
+"""Every plain scalar that is not a text begins with one of these characters, or is empty."""
 
 _WORDS: dict[str, Data] = {
     "": None,
@@ -29,9 +29,9 @@ def resolve(text: str) -> Data:
     """Return the value of a plain scalar.
 
     Raises:
-        OverflowError: if it is a number that is not finite or beyond MAX_MAGNITUDE.
+        OverflowError: if the scalar is a number that is not finite or beyond MAX_MAGNITUDE.
     """
-    if text[:1] in _LETTERS or not text:
+    if text[:1] in _FIRST_LETTERS or not text:
         return _WORDS.get(text, text)
     if _INTEGER.fullmatch(text):
         return _limited(int(text)) if len(text) <= _MAX_DIGITS else _too_large()

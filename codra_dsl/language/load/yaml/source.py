@@ -37,16 +37,16 @@ class Source:
 
     def span(self, start: int, end: int) -> Span:
         """Return the span of a range of the text."""
-        starts = self.line_starts
-        line = bisect_right(starts, start)
-        if line == len(starts) or end <= starts[line]:
-            begin = starts[line - 1]
+        line_starts = self.line_starts
+        line = bisect_right(line_starts, start)
+        if line == len(line_starts) or end <= line_starts[line]:
+            begin = line_starts[line - 1]
             return Span(self.file, line, start - begin + 1, line, end - begin + 1)
-        last = bisect_right(starts, end)
-        return Span(self.file, line, start - starts[line - 1] + 1, last, end - starts[last - 1] + 1)
+        last_line = bisect_right(line_starts, end)
+        return Span(self.file, line, start - line_starts[line - 1] + 1, last_line, end - line_starts[last_line - 1] + 1)
 
     def place(self, start: int, end: int) -> Place:
-        """Return the place of a range of text that no use of a template has made."""
+        """Return the place of a range of the text, outside of any use of a template."""
         return Place(self.span(start, end))
 
     def line_end(self, offset: int) -> int:

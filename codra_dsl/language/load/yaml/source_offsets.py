@@ -69,7 +69,7 @@ def _is_line_continued(node: ScalarNode, text: str, at: int) -> bool:
 
 
 def _width(node: ScalarNode, text: str, at: int) -> int:
-    """Return the number of letters in the file that represent one letter of the scalar, which begins at `at`."""
+    """Return how many letters in the file, from `at` on, represent one letter of the scalar."""
     if node.style is Style.SINGLE_QUOTED:
         return 2 if text[at : at + 2] == "''" else 1
     if node.style is Style.DOUBLE_QUOTED and text[at : at + 1] == "\\":

@@ -114,10 +114,10 @@ def _quoted_beginning(error: ParserError) -> Problem | None:
     if first is None or not error.letter.strip() or error.letter in ",:]}#":
         return None
     start = error.offset - len(before) + first.start("quoted")
-    torn = _torn_condition_start(error, start) if error.in_brackets else None
-    if torn is not None:
-        end = end_in_brackets(error.text, torn)
-        return _trap_problem(torn_at_comma_trap(error.text[torn:end]), torn, end)
+    condition_start = _torn_condition_start(error, start) if error.in_brackets else None
+    if condition_start is not None:
+        end = end_in_brackets(error.text, condition_start)
+        return _trap_problem(torn_at_comma_trap(error.text[condition_start:end]), condition_start, end)
     end = error.value_end(start)
     trap = read_as_quoted_trap(first["quoted"], error.text[error.offset : end], error.text[start:end])
     return _trap_problem(trap, start, end)
@@ -241,8 +241,12 @@ def _is_indented_further(error: ParserError) -> bool:
     start = line_start(error.text, error.offset)
     above = error.text[line_start(error.text, max(0, start - 1)) : max(0, start - 1)]
     pattern = re.compile(r"(?P<indent>[ ]*)(?:- )?[\w$()]+:?")
-    here, there = pattern.fullmatch(error.before()), _KEY_AND_VALUE.match(above)
-    return here is not None and there is not None and len(here["indent"]) > len(there["indent"])
+    key_match, line_above_match = pattern.fullmatch(error.before()), _KEY_AND_VALUE.match(above)
+    return (
+        key_match is not None
+        and line_above_match is not None
+        and len(key_match["indent"]) > len(line_above_match["indent"])
+    )
 
 
 def _plain_problem(error: ParserError) -> Problem:

@@ -91,7 +91,7 @@ def read_as_quoted_trap(first: str, rest: str, complete_text: str) -> Trap:
 
 
 def read_as_literal_trap(scalar_text: str, noun: str, key: str) -> Trap:
-    """Return the trap of a condition that is a YAML literal, under a key of an element."""
+    """Return the trap of a condition that is a YAML literal; `key` is the element's key that contains it."""
     message = f"YAML reads {shown(scalar_text)} as {noun}, not as a condition"
     if key == "value":
         return Trap("read-as-literal", message, f"quote it: '{scalar_text}'")
@@ -148,10 +148,10 @@ def torn_mapping_trap(scalar_text: str) -> Trap:
 
 def torn_condition_trap(scalar_text: str) -> Trap:
     """Return the trap of a condition with `: ` in it: `x: true` for `x == true`, `c ? a : b` for `a if c else b`."""
-    pair, choice = _KEY_AND_VALUE.fullmatch(scalar_text), _CHOICE.fullmatch(scalar_text)
-    replacement = "" if pair is None else f"{pair['key']} == {pair['value']}"
-    if choice is not None:
-        replacement = f"{choice['then']} if {choice['condition']} else {choice['otherwise']}"
+    pair_match, choice_match = _KEY_AND_VALUE.fullmatch(scalar_text), _CHOICE.fullmatch(scalar_text)
+    replacement = "" if pair_match is None else f"{pair_match['key']} == {pair_match['value']}"
+    if choice_match is not None:
+        replacement = f"{choice_match['then']} if {choice_match['condition']} else {choice_match['otherwise']}"
     if not is_condition(replacement):
         return torn_at_colon_trap(scalar_text)
     message = f"YAML reads {shown(scalar_text)} as a key and its value, not as a condition"
@@ -180,21 +180,21 @@ class Openings:
     def __init__(self, text: str) -> None:
         self.quote = ""
         self._depth = 0
-        self._escaped = False
+        self._is_escaped = False
         self.read(text)
 
     @property
     def is_any_open(self) -> bool:
-        """Whether anything is open."""
+        """Whether a quote or a parenthesis is open."""
         return self._depth > 0 or self.quote != ""
 
     def read(self, text: str) -> None:
         """Continue with more text."""
         for letter in text:
-            if self._escaped:
-                self._escaped = False
+            if self._is_escaped:
+                self._is_escaped = False
             elif self.quote:
-                self._escaped = letter == "\\"
+                self._is_escaped = letter == "\\"
                 self.quote = "" if letter == self.quote else self.quote
             elif letter in "\"'":
                 self.quote = letter

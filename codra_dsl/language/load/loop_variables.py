@@ -1,6 +1,6 @@
 """The context-variables that loops imply: one for each metric, each weight and each course.
 
-They can be read like any context-variable, with history, journal and `why`.
+They can be read like any other context-variable, have a history, and appear in the journal and in `why`.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from codra_dsl.language.model import (
 _SHARE = ValueType(kind=Kind.FLOAT, range=(0.0, 1.0))
 
 
-def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
+def with_loop_variables(spec: Spec, findings: Findings) -> Spec:
     """Return a spec with the context-variables and agents that its loops imply.
 
-    If an implied context-variable has the same name as a declared one, or as one that was implied before, it is
-    reported and left out.
+    If an implied variable has the same name as a declared variable, or as another implied variable before it, the
+    implied variable is reported and left out.
     """
     if not spec.adapts:
         return spec
@@ -41,7 +41,7 @@ def with_derived_variables(spec: Spec, findings: Findings) -> Spec:
     variables_by_name = {variable.name.casefold(): variable for variable in declared_variables}
     origins = dict(spec.origins)
     implied_variables: list[Variable] = []
-    for section, variable in _derived_variables(spec):
+    for section, variable in _implied_variables(spec):
         existing_variable = variables_by_name.setdefault(variable.name.casefold(), variable)
         if existing_variable is variable:
             implied_variables.append(variable)
@@ -67,7 +67,7 @@ def _with_source(variable: Variable) -> Variable:
     return replace(variable, sources=(Reference(name=ANALYST, place=variable.rate.of.place),))
 
 
-def _derived_variables(spec: Spec) -> Iterator[tuple[str, Variable]]:
+def _implied_variables(spec: Spec) -> Iterator[tuple[str, Variable]]:
     yield from (("metrics", _output_variable(metric, metric.name)) for metric in spec.metrics)
     yield from (("actions", _output_variable(action, weight_name(action.name))) for action in spec.actions)
     yield from (

@@ -16,11 +16,11 @@ from functools import lru_cache
 from pathlib import Path
 
 MAX_MODULE_BYTES = 512 * 1024
-MAX_ALL_BYTES = 2 * 1024 * 1024
+MAX_TOTAL_BYTES = 2 * 1024 * 1024
 MAX_MODULES = 200
-_MAX_LISTED = 2000
+_MAX_FOLDER_ENTRIES = 2000
 _MAX_FUNCTIONS = 100
-_MAX_BELOW = 50
+_MAX_SUBFOLDERS = 50
 _FOLDERS = ("", "src")
 _OPAQUE_SUFFIXES = (".so", ".pyd", ".pyc", ".pyx", ".zip")
 _BINDING_FUNCTIONS = frozenset({"globals", "locals", "vars", "exec", "eval", "setattr"})
@@ -58,24 +58,24 @@ class Module:
     is_open: bool
 
 
-OPEN = Module({}, (), is_open=True)
+OPEN_MODULE = Module({}, (), is_open=True)
 """A module with unknown definitions."""
 
 
 @dataclass(frozen=True, slots=True)
-class Missing:
+class MissingModule:
     """The point at which the search for a module fails.
 
     Attributes:
-        at: the index, among the parts of the module's name, of the first part that is missing.
+        part_index: the index, among the parts of the module's name, of the first part that is missing.
         folder: the folder that should contain that part.
     """
 
-    at: int
+    part_index: int
     folder: Path
 
 
-class Modules:
+class ProjectModules:
     """The modules of one project.
 
     Attributes:
@@ -85,11 +85,11 @@ class Modules:
     def __init__(self, root: Path) -> None:
         self.consulted_files: dict[str, None] = {}
         self._root = root.resolve()
-        self._modules: dict[str, Module | Missing | None] = {}
+        self._modules: dict[str, Module | MissingModule | None] = {}
         self._folder_entries: dict[Path, frozenset[str] | None] = {}
-        self._bytes_left = MAX_ALL_BYTES
+        self._bytes_left = MAX_TOTAL_BYTES
 
-    def find(self, name: str) -> Module | Missing | None:
+    def find(self, name: str) -> Module | MissingModule | None:
         """Return the module with a dotted name, or the point at which the search fails; None if neither is certain."""
         if name not in self._modules:
             if len(self._modules) >= MAX_MODULES:
@@ -106,15 +106,15 @@ class Modules:
         names.update(entry for entry in entry_names if entry.isidentifier() and (folder / entry).is_dir())
         return tuple(sorted(names))
 
-    def _find(self, name_parts: Sequence[str]) -> Module | Missing | None:
+    def _find(self, name_parts: Sequence[str]) -> Module | MissingModule | None:
         for base in _FOLDERS:
             path = "/".join(filter(None, (base, *name_parts)))
             self.consulted_files[f"{path}.py"] = self.consulted_files[f"{path}/__init__.py"] = None
         bases = (self._root / base for base in _FOLDERS)
         base_folder = next((base for base in bases if self._contains_module(base, name_parts[0])), None)
-        return Missing(0, self._root) if base_folder is None else self._follow(base_folder, name_parts)
+        return MissingModule(0, self._root) if base_folder is None else self._follow(base_folder, name_parts)
 
-    def _follow(self, folder: Path, name_parts: Sequence[str]) -> Module | Missing | None:
+    def _follow(self, folder: Path, name_parts: Sequence[str]) -> Module | MissingModule | None:
         for index, name_part in enumerate(name_parts):
             entry_names = self._list_folder(folder)
             if entry_names is None or any(
@@ -125,7 +125,7 @@ class Modules:
             if is_last and f"{name_part}.py" in entry_names and name_part not in entry_names:
                 return self._read(folder / f"{name_part}.py")
             if name_part not in entry_names:
-                return None if self._may_extend_path(folder, index) else Missing(index, folder)
+                return None if self._may_extend_path(folder, index) else MissingModule(index, folder)
             folder /= name_part
         entry_names = self._list_folder(folder)
         return self._read(folder / "__init__.py") if entry_names and "__init__.py" in entry_names else None
@@ -140,7 +140,7 @@ class Modules:
             return True
         package = folder / name
         package_entries = sorted((self._list_folder(package) or ()) if name in entry_names else ())
-        subfolders = (package / entry for entry in package_entries[:_MAX_BELOW] if (package / entry).is_dir())
+        subfolders = (package / entry for entry in package_entries[:_MAX_SUBFOLDERS] if (package / entry).is_dir())
         return _has_python(package_entries) or any(
             _has_python(self._list_folder(subfolder) or ()) for subfolder in subfolders
         )
@@ -156,10 +156,10 @@ class Modules:
             if not folder.resolve().is_relative_to(self._root):
                 return None
             with os.scandir(folder) as entries:
-                names = frozenset(entry.name for _, entry in zip(range(_MAX_LISTED + 1), entries, strict=False))
+                names = frozenset(entry.name for _, entry in zip(range(_MAX_FOLDER_ENTRIES + 1), entries, strict=False))
         except (OSError, RuntimeError, ValueError):
             return None
-        return names if len(names) <= _MAX_LISTED else None
+        return names if len(names) <= _MAX_FOLDER_ENTRIES else None
 
     def _may_extend_path(self, folder: Path, depth: int) -> bool:
         """Return whether a package may change its `__path__`."""
@@ -171,7 +171,7 @@ class Modules:
 
     def _read(self, path: Path) -> Module:
         data = self._read_bytes(path)
-        return OPEN if data is None else _module(data)
+        return OPEN_MODULE if data is None else _parse_module(data)
 
     def _read_bytes(self, path: Path) -> bytes | None:
         """Return the content of a regular file in the project.
@@ -197,14 +197,14 @@ def _has_python(names: Iterable[str]) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _module(data: bytes) -> Module:
-    """Return the definitions in the text of a module; `OPEN` if it is not valid Python of this version."""
+def _parse_module(data: bytes) -> Module:
+    """Return the definitions in the text of a module, or `OPEN_MODULE` if it is not valid Python of this version."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             tree = ast.parse(data)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return OPEN
+        return OPEN_MODULE
     names: dict[str, Signature | None] = {}
     for name, signature in _definitions(tree.body, is_top_level=True):
         names[name] = None if name in names else signature
@@ -250,7 +250,10 @@ def _may_bind_names(node: ast.AST) -> bool:
 
 
 def _signature_of_class(statement: ast.ClassDef) -> Signature | None:
-    """Return the signature of the method `perceive` of a class. The class is instantiated without arguments."""
+    """Return the signature of a class's method `perceive`, or None if it is uncertain.
+
+    The class is instantiated without arguments.
+    """
     if statement.bases or statement.keywords or statement.decorator_list:
         return None
     definitions = list(_definitions(statement.body, is_top_level=False))

@@ -14,7 +14,7 @@ from codra_dsl.language.model import Course
 def loop_nodes(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[Node, dict[str, object]]]:
     """Yield the nodes of loops in the dependency graph with their entries, kind by kind in file order.
 
-    The first nodes are context-variables that loops read or write, and that no other element has an edge to.
+    The first nodes are context-variables that loops read or write, and to which no other element has an edge.
     """
     yield from _variable_nodes(plan)
     spec = plan.checked.spec
@@ -46,7 +46,7 @@ def _variable_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]
 
 
 def loop_places(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, Place]]:
-    """Yield the name in files and the place of each element of loops, of each rule and of each condition."""
+    """Yield, for each element of loops and each of its rules and conditions, its name in files and its place."""
     name, spec = plan.name, plan.checked.spec
     for kind, outputs in (("metric", spec.metrics), ("action", spec.actions)):
         for output in outputs:

@@ -20,8 +20,10 @@ class _Contents:
     skills: list[str] = field(default_factory=list)
 
 
-def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...]:
-    """Return one module per spec file that has elements, and one per use of a template; equal names share a module.
+def assign_modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...]:
+    """Return one module for each spec file and each use of a template that has elements.
+
+    Files and uses with the same module name share a module.
 
     A tree, with all its algorithms, is in the module in which its first algorithm is declared.
     """
