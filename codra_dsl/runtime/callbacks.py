@@ -41,8 +41,8 @@ class Subscription:
         """End the subscription. If the callback is running, it runs to its end."""
         self._end()
         with self._lock:
-            then, self._on_end, self._is_over = self._on_end, _no_op, True
-        then()
+            on_end, self._on_end, self._is_over = self._on_end, _no_op, True
+        on_end()
 
     def and_then(self, then: Callable[[], None]) -> None:
         """Call `then` once when the subscription ends; if the subscription has ended, call it at once.
@@ -153,7 +153,7 @@ class Subscriptions:
         self._skill_queues: dict[int, list[CallbackQueue[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call `callback` with the present readings of some variables, then with each changed reading of them."""
+        """Call `callback` with the present readings of some variables, then whenever a value or a reason changes."""
         present_readings = tuple(readings)
         queue = CallbackQueue(self._clock, callback, self._remove_queue)
         for reading in present_readings:

@@ -319,10 +319,15 @@ _LAZY_IMPORTS = {
     "codra_dsl.runtime.behavior_trees.node": ("Leaves",),
 }
 _MODULES_OF_LAZY_NAMES = {name: module for module, names in _LAZY_IMPORTS.items() for name in names}
-"""For names imported on first use, their module; not for names of `_FUZZY_MODULE_NAMES` and `_TREES_PACKAGE`."""
+"""The modules of names that are imported on first use, except names of `_FUZZY_MODULE_NAMES` and `_TREES_PACKAGE`.
+
+The key is the name.
+"""
 
 _ORIGINAL_NAMES = {"TreeNode": "Node", "TreePrecondition": "Precondition"}
-"""Classes of `_TREES_PACKAGE` whose name is already used here: the name that they have here, and their original name.
+"""Classes of `_TREES_PACKAGE` with a name that another class has here. The value is the original name.
+
+The key is the name of the class here.
 """
 
 

@@ -195,7 +195,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._lock:
             observers = self._forest.observers.items()
             return {
-                name: self._perception.spent(branch.algorithm for branch in observer.branches)
+                name: self._perception.total_cost(branch.algorithm for branch in observer.branches)
                 for name, observer in observers
             }
 

@@ -15,7 +15,7 @@ from codra_dsl.runtime.geometry.pose import Pose
 class Outcome(IntEnum):
     """How a pose at an instant was determined; the most trustworthy outcome is first.
 
-    The outcome of a chain is the worst outcome of its parts.
+    The outcome of a chain of poses is the worst outcome of these poses.
     """
 
     EXACT = 0
@@ -44,11 +44,11 @@ class Motion:
 
 ANY_MOTION = Motion()
 
-EXTRAPOLATION_PERIOD_S = 0.01
-"""The period for computing the pose of a frame while its motion is extrapolated."""
+EXTRAPOLATION_UPDATE_PERIOD_S = 0.01
+"""The time after which the pose of a frame is computed again while its motion is extrapolated."""
 
 _MIN_OUTDATED_POSES = 64
-"""The minimum number of outdated poses in a track's lists before the lists are copied without these poses."""
+"""While a track's lists have at most this many outdated poses, the lists are not copied without these poses."""
 
 
 class Placement(NamedTuple):
@@ -68,10 +68,10 @@ class Placement(NamedTuple):
 
 
 class Track:
-    """The stamped poses of one frame, each with its parent and motion at that time. Objects are immutable.
+    """The stamped poses of one frame. Each pose has a parent and a motion. Objects are immutable.
 
-    Tracks share their lists. A newer pose is appended to the shared lists, and the track without this pose reads the
-    lists only up to its own end. Any other change makes new lists.
+    Tracks share their lists. A newer pose is appended to the shared lists; tracks without this pose read the lists only
+    up to their own ends. Any other change makes new lists.
     """
 
     __slots__ = ("_end", "_motions", "_parents", "_poses", "_stamps_s", "_start")
@@ -141,8 +141,9 @@ class Track:
     def next_update_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
 
-        That is the earliest of three instants: `EXTRAPOLATION_PERIOD_S` later, while the motion is extrapolated; the
-        end of the extrapolation; the end of validity. It is infinite if the placement no longer changes.
+        This is the earliest of three instants: while the motion is extrapolated, the present instant plus
+        `EXTRAPOLATION_UPDATE_PERIOD_S`; the end of the extrapolation; the end of validity. If the placement no longer
+        changes, infinity is returned.
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf
@@ -157,7 +158,7 @@ class Track:
         if gap_s > motion.extrapolate_s or not is_moving:
             return stale_s
         extrapolation_end_s = _first_instant_s(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
-        return min(stale_s, extrapolation_end_s, instant_s + EXTRAPOLATION_PERIOD_S)
+        return min(stale_s, extrapolation_end_s, instant_s + EXTRAPOLATION_UPDATE_PERIOD_S)
 
     def parent_spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
         """Yield the parents in a half-open interval, each with the part of the interval in which it was the parent."""
@@ -191,7 +192,7 @@ class Track:
         return Placement(self._parents[position], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
 
     def _placement_after_pose(self, last: int, gap_s: float) -> Placement:
-        """Return the placement of the frame some time after its last pose in a parent."""
+        """Return the placement `gap_s` after a pose, if the next pose is missing or has another parent or motion."""
         parent, pose, motion = self._parents[last], self._poses[last], self._motions[last]
         if gap_s >= motion.valid_for_s:
             return Placement(parent, pose, Outcome.STALE, gap_s)

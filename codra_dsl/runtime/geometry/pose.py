@@ -76,7 +76,7 @@ class Pose:
 
     @classmethod
     def about(cls, axis: Sequence[float], angle_rad: float, translation_m: Sequence[float] = NO_TRANSLATION) -> Pose:
-        """Return the pose that turns about an axis, by the right-hand rule, and then translates.
+        """Return the pose of a rotation about an axis, by the right-hand rule, followed by a translation.
 
         Raises:
             ValueError: if the axis is almost zero, or a number is not finite.
@@ -231,13 +231,13 @@ def _normalized_quaternion(quaternion: Quaternion) -> Quaternion:
     return (w / norm, x / norm, y / norm, z / norm)
 
 
-def _finite_numbers(numbers: Sequence[float], count: int, what: str) -> list[float]:
+def _finite_numbers(numbers: Sequence[float], count: int, description: str) -> list[float]:
     try:
         floats = [float(number) for number in numbers]
     except (TypeError, ValueError, OverflowError):
         floats = []
     if len(floats) != count or not all(map(isfinite, floats)):
-        raise ValueError(f"{what} has {count} finite numbers, not {numbers!r}")
+        raise ValueError(f"{description} has {count} finite numbers, not {numbers!r}")
     return floats
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from codra_dsl.runtime.journal.event_log import DEFAULT_EVENT_LIMIT, EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.file_lock import create_locked_file, unlock
+from codra_dsl.runtime.journal.file_creation import create_locked_file, unlock
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.run_header import RunHeader
@@ -35,7 +35,7 @@ class Journal(EventLog):
         failure: why the file is no longer written; None while it is being written.
     """
 
-    takes_inputs = True
+    accepts_inputs = True
 
     def __init__(self, path: Path | str, limit: float = DEFAULT_EVENT_LIMIT) -> None:
         """Create the file; replace a finished journal at its path, and rename an unfinished one.
@@ -98,7 +98,7 @@ class Journal(EventLog):
 
 
 def _finish_file(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process_id: int) -> str | None:
-    """Finish a file, unless this process inherited it from its parent. If that fails, return the text of the error."""
+    """Finish a file, unless this process inherited it from its parent. If this fails, return the text of the error."""
     try:
         with stream:
             if os.getpid() == writing_process_id:

@@ -1,4 +1,4 @@
-"""The latest events up to an instant: for each subject, the events from which later questions are answered."""
+"""The latest events up to an instant: for each subject, the events that are needed to answer questions about it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class EventsAfterReading:
 
 
 class LatestEvents:
-    """The latest events, updated as events are taken in order. All attributes but `until_s` are mappings.
+    """The latest events. Events are added one by one, in order. All attributes except `until_s` are mappings.
 
     Attributes:
         until_s: the instant of the last event.
@@ -100,7 +100,7 @@ class LatestEvents:
         return other
 
     def add(self, event: Event) -> None:
-        """Take the next event."""
+        """Add the next event."""
         self.until_s = event.instant_s
         match event.kind:
             case Kind.VARIABLE:
@@ -156,5 +156,5 @@ class LatestEvents:
 
 
 def _with_latest_event(earlier_events: Mapping[str, Event], event: Event) -> Mapping[str, Event]:
-    """Add an event to the last events of each `what`, which are ordered by time; return the new mapping."""
+    """Return a mapping with the last event of each `what`, ordered by time, after `event` is added."""
     return {**{what: other for what, other in earlier_events.items() if what != event.what}, event.what: event}

@@ -2,7 +2,7 @@
 
 A file is torn if its writer was killed, its disk was full, or only a part of the file was copied. Other MCAP readers
 look for the end of the file first, and refuse a torn file. `JournalReader` reads the file from its start, as far as
-possible, and then the region with the records that were not in a chunk yet.
+possible, and then the region, which holds the records that are not in a chunk yet.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mcap.stream_reader import breakup_chunk
 
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
-from codra_dsl.runtime.journal.file_lock import MAGIC, is_being_written
+from codra_dsl.runtime.journal.file_creation import MAGIC, is_being_written
 from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK_OPCODE, RECORD_HEADER, parse_region
 from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
 from codra_dsl.runtime.journal.schemas import kind_of
@@ -54,7 +54,7 @@ class JournalError(Exception):
 
 @dataclass(slots=True)
 class Damage:
-    """Missing and unreadable parts of a journal. The list is complete once the journal has been read to its end.
+    """Missing and unreadable parts of a journal. They are all known once the journal has been read to its end.
 
     Attributes:
         is_torn: whether the end of the file is missing.
@@ -85,7 +85,7 @@ class JournalReader:
         metadata: metadata that tools show about the file. The key is the name of the metadata.
         files: the attached files. The key is the name of the file.
         damage: missing and unreadable parts, complete once the journal has been read to its end.
-        chunk_offset: the offset of the chunk of the last message. The messages can be read again from this offset on.
+        chunk_offset: the offset of the chunk with the last message. Messages can be read again from this offset on.
         is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 
@@ -197,7 +197,7 @@ class JournalReader:
                 raise JournalError(f"{message}{type(error).__name__} {error}".rstrip()) from error
 
     def _read_start_record(self, opcode: int, content: bytes) -> None:
-        """Take a record from the part of the file before the messages.
+        """Store a record from the part of the file before the messages.
 
         The region is read before the chunks. If a program writes the file meanwhile, all chunks that precede the chunk
         in the region already exist in the file. So there is no gap between the messages that are read.

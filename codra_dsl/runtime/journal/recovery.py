@@ -31,8 +31,8 @@ class Recovery:
 def recover(path: Path, target: Path) -> Recovery:
     """Write a complete journal with all content of another journal.
 
-    The result equals, byte for byte, the file that the writer of the other journal would have written if it had
-    finished after the last event in that journal.
+    The result equals, byte for byte, the file that the other journal would have become if its writer had finished it
+    after the last event that it holds.
 
     Args:
         path: the other journal, torn or not; it is not changed.

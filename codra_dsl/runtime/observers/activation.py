@@ -13,9 +13,9 @@
     16       if an observer of c' exists: StartObserver of it
 
 The running observers are the smallest set that contains the observers of C_E and, for each observer in it, the
-observers of the variables that it needs. The set is maintained by counts over the strongly connected components of
-this relation: a component runs while it has a declared variable or a running component needs it. So the cost of
-starting and stopping depends only on what changes, even with feedback.
+observers of the variables that this observer needs. The set is maintained by counts over the strongly connected
+components of this relation: a component runs while it has a declared variable or another running component needs it. So
+the cost of starting and stopping depends only on what changes, even with feedback.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class Activation:
         }
         self._components = strongly_connected(successors)
         self._index_by_name = {name: index for index, members in enumerate(self._components) for name in members}
-        self._needed = [self._successors(index, successors) for index in range(len(self._components))]
+        self._needed_components = [self._successors(index, successors) for index in range(len(self._components))]
         self._levels: list[int] = []
-        for needed in self._needed:
-            self._levels.append(1 + max((self._levels[index] for index in needed), default=0))
-        self._counts = [0] * len(self._components)
+        for needed_components in self._needed_components:
+            self._levels.append(1 + max((self._levels[index] for index in needed_components), default=0))
+        self._request_counts = [0] * len(self._components)
         self._start = start
         self._stop = stop
 
@@ -72,7 +72,10 @@ class Activation:
     def running(self) -> frozenset[str]:
         """Return the observers that run."""
         return frozenset(
-            name for count, members in zip(self._counts, self._components, strict=True) if count for name in members
+            name
+            for count, members in zip(self._request_counts, self._components, strict=True)
+            if count
+            for name in members
         )
 
     def declare(self, variable: str) -> None:
@@ -88,15 +91,15 @@ class Activation:
             self._change(self._index_by_name[observer], -1, self._stop)
 
     def _change(self, component: int, step: int, act: Callable[[str], None]) -> None:
-        pending = [component]
-        while pending:
-            index = pending.pop()
-            before = self._counts[index]
-            self._counts[index] += step
-            if (before == 0) != (self._counts[index] == 0):
+        pending_components = [component]
+        while pending_components:
+            index = pending_components.pop()
+            before = self._request_counts[index]
+            self._request_counts[index] += step
+            if (before == 0) != (self._request_counts[index] == 0):
                 for name in self._components[index]:
                     act(name)
-                pending.extend(reversed(self._needed[index]))
+                pending_components.extend(reversed(self._needed_components[index]))
 
     def _successors(self, index: int, successors: Mapping[str, Sequence[str]]) -> list[int]:
         successor_indices = {
@@ -121,8 +124,8 @@ def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str
         path = [(root, iter(successors[root]))]
         _enter(root, numbers, lows, stack, on_stack)
         while path:
-            name, remaining = path[-1]
-            successor = next(remaining, None)
+            name, remaining_successors = path[-1]
+            successor = next(remaining_successors, None)
             if successor is None:
                 path.pop()
                 if path:

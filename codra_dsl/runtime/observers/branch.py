@@ -17,10 +17,10 @@ from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, 
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
 SHORTEST_PERIOD_S = 0.01
-"""The shortest period. It lets time pass even if an algorithm takes no time and may look again at once."""
+"""The shortest period. So time passes even if an algorithm takes no time and may look again at once."""
 
-INSTANT_S = 1e-6
-"""A look that begins this long after a skill starts to act sees what the action changes."""
+INVALIDATION_DELAY_S = 1e-6
+"""How long after a skill starts to act a look for the changed variables may begin, so that its evidence counts."""
 
 
 class ObserverSchedule(Protocol):
@@ -80,14 +80,14 @@ class BranchObserver(Protocol):
         ...
 
     def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
-        """Keep an identified value until the end of the round; return whether its evidence counts."""
+        """Keep an identified value until the end of the round; return whether the evidence of the value counts."""
         ...
 
 
 class Branch:
     """One algorithm within an observer: its preconditions, its job, and the result.
 
-    The nodes of the tree use it. It makes no decision about variables.
+    The nodes of the observer's tree use the branch. A branch makes no decision about variables.
     """
 
     def __init__(self, algorithm: Algorithm, observer: BranchObserver) -> None:
@@ -96,7 +96,7 @@ class Branch:
         self.identifies: list[str] = []
         self.value_terms: dict[str, Term] = {}
         self._votes: dict[str, Votes] = {}
-        self.accepts: list[tuple[str, Term]] = []
+        self.acceptance_conditions: list[tuple[str, Term]] = []
         self.conditions: list[tuple[str, Term]] = []
         self.rivals: tuple[Branch, ...] = (self,)
         self.result: Result | None = None
@@ -113,15 +113,15 @@ class Branch:
         for name in algorithm.given:
             self.require(f"known({name})", known(name))
 
-    # When it may look
+    # When the branch may look
 
     def require(self, name: str, term: Term) -> None:
-        """Add a precondition, unless it is there already."""
+        """Add a precondition, unless the branch already has it."""
         if (name, repr(term)) not in ((other, repr(condition)) for other, condition in self.conditions):
             self.conditions.append((name, term))
 
     def blocking_condition(self, context: ContextNow) -> str | None:
-        """Return the first precondition that does not hold, or None."""
+        """Return the first precondition that does not hold; None if all hold."""
         return next((name for name, term in self.conditions if not term.holds(context)), None)
 
     def add_variable(self, variable: str, term: Term) -> None:
@@ -132,7 +132,7 @@ class Branch:
             self._votes[variable] = Votes(term.needed, term.among)
 
     def refresh(self) -> None:
-        """Look as soon as possible: the observer starts again, and earlier results no longer confirm a value."""
+        """Let the branch look as soon as possible after the start of its observer; earlier results confirm no value."""
         self._is_fresh = True
         for votes in self._votes.values():
             votes.clear()
@@ -140,7 +140,7 @@ class Branch:
     def next_start_s(self) -> float:
         """Return when the next job is due.
 
-        Return infinity if all variables of the branch have `refresh: on_event`, and none that is due is asked for.
+        Return infinity if all variables of the branch have `refresh: on_event`, and none is both due and asked for.
         """
         if self.is_on_event:
             return self._next_on_event_s()
@@ -178,11 +178,11 @@ class Branch:
         return self.observer.services.perception.working_job(self.algorithm) is not None
 
     def serves(self, variable: str) -> bool:
-        """Return whether a variable can be left to this algorithm: it can run, and its last job had a value for it."""
+        """Return whether this algorithm can run and identifies a variable, and its last job did not fail to do so."""
         can_run = not self.is_occupied and self.blocking_condition(self.observer.context_now()) is None
         return can_run and variable in self.identifies and variable not in self._variables_without_value
 
-    # Its job
+    # The job of the branch
 
     @property
     def is_busy(self) -> bool:
@@ -234,8 +234,8 @@ class Branch:
             self.observer.services.perception.void(job_run, condition)
             self._variables_without_value = set(self.identifies)
 
-    def take(self) -> bool:
-        """Take the outcome of the finished job; return whether it is a result."""
+    def take_outcome(self) -> bool:
+        """Store the outcome of the finished job, which ends; return whether the outcome is a result."""
         job_run = self._drop()
         if job_run is None or job_run.start_s is None:
             return False
@@ -265,14 +265,14 @@ class Branch:
             detail = f"a job that was cancelled does not end within {self.algorithm.timeout_s:g} s"
             self._add_failed_looks(self.identifies, Reason.TIMED_OUT, detail, job_run.start_s)
 
-    # Its result
+    # The result of the job
 
     def reject(self, condition: str) -> None:
         """Reject the result because a refinement does not hold for it (P1, Figure 4: refine the result)."""
         self._refuse(self.identifies, Reason.REJECTED, f"not {condition}")
 
     def identify(self, variable: str, term: Term) -> bool:
-        """Give a variable its value from the result (P1, Equation 6); return whether the variable has got one.
+        """Give a variable its value from the result (P1, Equation 6); return whether the variable received one.
 
         A result between `enter` and `leave` confirms the value that the variable had when the evidence was taken. If
         the variable was unknown at this instant, the result is rejected.
@@ -293,17 +293,17 @@ class Branch:
             return False
         start_s = self._interval.start_s
         if variable in self._votes:
-            first_s = self._confirmed_since_s(variable, content, self._votes[variable])
-            if first_s is None:
+            confirmed_start_s = self._confirmed_start_s(variable, content, self._votes[variable])
+            if confirmed_start_s is None:
                 return False
-            start_s = min(start_s, first_s)
+            start_s = min(start_s, confirmed_start_s)
         is_counted = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
         if is_counted and not self._is_accepted:
             self._is_accepted = True
             self._cost_meter.accepted += 1
         return is_counted
 
-    # Within
+    # Internal
 
     @property
     def _cost_meter(self) -> CostMeter:
@@ -331,7 +331,7 @@ class Branch:
         if not any(map(services.is_asked_for, self.due_variables())):
             return math.inf
         # evidence from the very instant of an invalidation does not count
-        invalidated_s = (services.cells[variable].invalidated_s + INSTANT_S for variable in self.identifies)
+        invalidated_s = (services.cells[variable].invalidated_s + INVALIDATION_DELAY_S for variable in self.identifies)
         return max(self._next_in_period_s(), *invalidated_s)
 
     def due_variables(self) -> list[str]:
@@ -364,8 +364,8 @@ class Branch:
         inner = term.term if isinstance(term, DebouncedCondition) else term
         return self.result is not None and isinstance(inner, Hysteresis) and inner.keeps_value(self.result)
 
-    def _confirmed_since_s(self, variable: str, content: Value, votes: Votes) -> float | None:
-        """Count a result. Return when the taking of the evidence for its value began; None if too few results agree.
+    def _confirmed_start_s(self, variable: str, content: Value, votes: Votes) -> float | None:
+        """Count a result. Return the start of the evidence for its value; None if too few results agree.
 
         An unconfirmed result is a failed look, like a rejected result. So `keep` and `forget` decide about the last
         value, and the algorithm does not give way to an alternative. An outlier has no effect while the last results
@@ -390,7 +390,7 @@ class Branch:
         """Return whether an earlier result still counts for a variable.
 
         It does not count if it is from before the last action that changed the variable, if it is no longer valid, or
-        if the variable is declared with `forget` and could not be observed for a moment since the result.
+        if the variable is declared with `forget` and could not be observed at some moment since the result.
         """
         services = self.observer.services
         model, cells = services.variables[variable], services.cells

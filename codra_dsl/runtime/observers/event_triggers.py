@@ -1,4 +1,4 @@
-"""How running skills affect observers: when variables with `refresh: on_event` are due, and which may be changing."""
+"""How skills affect observers: when variables with `refresh: on_event` are due, and which variables may be changing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class EventTriggers:
         self._monitor_counts.update(variables)
 
     def finish(self, number: int, variables: Iterable[str]) -> None:
-        """End a skill that monitored some variables, and its acting."""
+        """End a skill that monitored some variables. If the skill acts, its acting ends as well."""
         self._monitor_counts.subtract(variables)
         self._changed_variables.pop(number, None)
 
@@ -39,7 +39,7 @@ class EventTriggers:
         self._acted_s = now_s
 
     def may_be_changing(self, variable: str) -> bool:
-        """Return whether an acting skill changes a variable. Its value is then lost when it cannot be observed."""
+        """Return whether an acting skill changes a variable. Then its value is lost when it cannot be observed."""
         return any(variable in changes for changes in self._changed_variables.values())
 
     @property

@@ -32,7 +32,7 @@ def decisive_look(
 
     This is called when it is clear that no alternative delivers a value. A failure makes the variable unknown only if
     the failed algorithm wrote the present value: a newer value of another writer stays. A rejection makes the variable
-    unknown only if the variable forgets. A variable that is already unknown gets the latest reason.
+    unknown only if `does_forget`. A variable that is already unknown gets the latest reason.
     """
     latest_look: FailedLook | None = None
     for failed_look in failed_looks:

@@ -105,9 +105,9 @@ class Store:
 def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:
     """Return whether, between two readings with the same content, the variable stayed known, or stayed unknown."""
     if before.reason is not None and reading.reason is not None:
-        # evidence from before a value went stale changes the history
+        # evidence from before the last value became stale changes the history
         return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s
     if before.reason is not None or reading.reason is not None:
         return False
-    # evidence that began earlier may be from before the end of acting: then another look is due
+    # if the evidence began earlier than before, it may be from before the end of acting: then another look is due
     return before.expires_s > reading.identified_s and before.start_s <= reading.start_s

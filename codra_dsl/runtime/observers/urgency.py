@@ -62,9 +62,9 @@ class Urgencies:
 
         An observer that already has an urgency keeps it, because the most urgent needs are given first.
         """
-        pending = list(variables)
-        while pending:
-            observer = self._observer_by_variable.get(pending.pop())
+        pending_variables = list(variables)
+        while pending_variables:
+            observer = self._observer_by_variable.get(pending_variables.pop())
             if observer is not None and observer not in self._levels:
                 self._levels[observer] = urgency
-                pending.extend(self._needs[observer])
+                pending_variables.extend(self._needs[observer])

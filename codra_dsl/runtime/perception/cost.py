@@ -18,9 +18,9 @@ class Cost:
         voided: jobs whose evidence was discarded, because a precondition failed while the evidence was taken.
         failed: jobs that raised, timed out, or returned an invalid result.
         cancelled: jobs that were no longer needed, because their observer stopped or a precondition failed.
-        waiting_s: time from the request of each job to its start; the job waits for slots.
-        perception_s: time from the start of each job to its end.
-        slot_s: time from the start of each job to its end, times the number of slots that the job held.
+        waiting_s: the total time in which jobs waited for slots, from the request of each job to its start.
+        perception_s: the total time from the start of each job to its end.
+        slot_s: the same total, with the time of each job multiplied by the number of slots that the job held.
     """
 
     jobs: int = 0
@@ -39,7 +39,7 @@ class Cost:
 
 
 class CostMeter:
-    """Counts the costs and results of one algorithm.
+    """Adds up the costs and results of one algorithm.
 
     Attributes:
         judged: results that were evaluated.
@@ -60,7 +60,7 @@ class CostMeter:
         self._waiting_s += waiting_s
 
     def end(self, duration_s: float, slot_count: int) -> None:
-        """Count the time of a job that ends."""
+        """Add the time of a job that ends."""
         self._perception_s += duration_s
         self._slot_s += duration_s * slot_count
 

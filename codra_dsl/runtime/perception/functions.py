@@ -13,7 +13,7 @@ from codra_dsl.runtime.values.model import Algorithm, ResourceModel
 Function = Callable[..., object]
 """A perception function: it takes keyword arguments and returns a mapping that matches `returns` of the spec.
 
-It can also be a class. Its objects then have such a function as method `perceive` and, optionally, `setup` and `close`.
+It can also be a class. Its objects have such a function as method `perceive`, and optionally `setup` and `close`.
 """
 
 
@@ -42,7 +42,7 @@ class Executor(Protocol):
         ...
 
     def kill_job(self) -> None:
-        """End the running job if that is possible; it was cancelled, and its time is over. This never waits."""
+        """End the running job, if that is possible: it was cancelled, and its time is over. This method never waits."""
         ...
 
     def await_ready(self) -> None:
@@ -54,7 +54,7 @@ class Executor(Protocol):
         ...
 
     def begin_close(self) -> None:
-        """Let the process or the object of a class end; this never waits."""
+        """Begin to end the process, or to close the object of a class. This method never waits."""
         ...
 
     def close(self) -> None:

@@ -25,15 +25,15 @@ from codra_dsl.runtime.values.model import NotOfTypeError
 
 VERSION = 1
 
-Plain = dict[str, Any]
+PlainData = dict[str, Any]
 """A message, or a part of one: text, numbers, truth values, None, lists and mappings of these."""
 
-MOST_NAMES = 10_000
+MAX_NAMES = 10_000
 """The maximum number of names in one request."""
 
 
-LARGEST = sys.float_info.max
-"""The largest finite number; integers in JSON can be larger."""
+LARGEST_NUMBER = sys.float_info.max
+"""The largest finite number; integers in JSON can be larger than this."""
 
 
 class Field(StrEnum):
@@ -49,12 +49,12 @@ class Field(StrEnum):
 
     def holds(self, value: object) -> bool:
         """Return whether a value has this type."""
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
         match self:
             case Field.TEXT:
                 return isinstance(value, str)
             case Field.TEXTS:
-                is_list = isinstance(value, (list, tuple)) and len(value) <= MOST_NAMES
+                is_list = isinstance(value, (list, tuple)) and len(value) <= MAX_NAMES
                 return is_list and all(isinstance(name, str) for name in value)  # type: ignore[attr-defined]
             case Field.INTEGER:
                 return isinstance(value, int) and is_number
@@ -141,7 +141,7 @@ class Request:
 
     id: int | str | None
     ask: str
-    fields: Plain
+    fields: PlainData
 
 
 def request_of(message: object) -> Request:
@@ -168,18 +168,18 @@ def id_of(message: object) -> int | str | None:
     return message_id if isinstance(message_id, (int, str)) and not isinstance(message_id, bool) else None
 
 
-def answer_to(request_id: int | str | None, answer: Plain) -> Plain:
+def answer_to(request_id: int | str | None, answer: PlainData) -> PlainData:
     """Return the message that answers a request."""
     return {"codra": VERSION, "id": request_id, "answer": answer}
 
 
-def error_to(request_id: int | str | None, error: Exception) -> Plain:
+def error_to(request_id: int | str | None, error: Exception) -> PlainData:
     """Return the message that reports the error of a request."""
     kind = next(kind for kind, error_type in ERRORS.items() if isinstance(error, error_type))
     return {"codra": VERSION, "id": request_id, "error": {"kind": kind, "message": str(error)}}
 
 
-def notice(notice_kind: str, **fields: object) -> Plain:
+def notice(notice_kind: str, **fields: object) -> PlainData:
     """Return a message that is sent without a request."""
     return {"codra": VERSION, "notice": notice_kind, **fields}
 
@@ -193,8 +193,8 @@ REPORTED_ERRORS = tuple(ERRORS.values())
 """The errors that are caused by the sender of a request."""
 
 
-def plain_reading(reading: Reading[Any]) -> Plain:
-    """Return a reading as plain data; infinite and unknown values are None."""
+def plain_reading(reading: Reading[Any]) -> PlainData:
+    """Return a reading as plain data; infinite instants and an unknown value are None."""
     return {
         "variable": reading.name,
         "known": reading.known,
@@ -202,7 +202,7 @@ def plain_reading(reading: Reading[Any]) -> Plain:
         "reason": None if reading.reason is None else reading.reason.value,
         "detail": reading.detail,
         "source": reading.source,
-        **{name: _finite(getattr(reading, name)) for name in _INSTANTS},
+        **{name: _finite_or_none(getattr(reading, name)) for name in _INSTANTS},
     }
 
 
@@ -222,11 +222,11 @@ def reading_of(plain: Mapping[str, Any]) -> Reading[Any]:
 _INSTANTS = ("evidence_s", "start_s", "identified_s", "expires_s")
 
 
-def _finite(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _check_fields(ask: str, fields: Plain) -> None:
+def _check_fields(ask: str, fields: PlainData) -> None:
     shape = REQUESTS[ask]
     field_types = {**shape.required, **shape.optional}
     for name in shape.required:

@@ -23,7 +23,7 @@ from codra_dsl.runtime.remote.protocol import (
     REPORTED_ERRORS,
     LeaseError,
     MessageError,
-    Plain,
+    PlainData,
     Request,
     answer_to,
     error_to,
@@ -45,11 +45,11 @@ If there are more, the oldest decision is abandoned.
 LEASE_S = 5.0
 """How long a session lasts without a message, unless its main execution requests another time."""
 
-Send = Callable[[Plain], None]
+Send = Callable[[PlainData], None]
 
 
 def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
-    """Begin a session for one more main execution, which sends messages of plain data from wherever it is.
+    """Begin a session for a further main execution, which may run anywhere and sends messages of plain data.
 
     Args:
         codra: the context manager.
@@ -133,13 +133,13 @@ class Session:
 
     # Requests: the handler of request `NAME` is `_NAME`
 
-    def _handle_request(self, request: Request) -> Plain | None:
+    def _handle_request(self, request: Request) -> PlainData | None:
         if request.ask == "decide":
             return self._decide(request.id, **request.fields)
-        handler: Callable[..., Plain] = getattr(self, f"_{request.ask}")
+        handler: Callable[..., PlainData] = getattr(self, f"_{request.ask}")
         return handler(**request.fields)
 
-    def _hello(self, lease_s: float = LEASE_S) -> Plain:
+    def _hello(self, lease_s: float = LEASE_S) -> PlainData:
         self._lease_s = lease_s
         self._check_lease()
         return {
@@ -151,54 +151,56 @@ class Session:
             "skills": sorted(self._skills),
         }
 
-    def _keep(self) -> Plain:
+    def _keep(self) -> PlainData:
         return {"now_s": self._clock.now_s()}
 
-    def _declare(self, variable: str, value: object = None) -> Plain:
+    def _declare(self, variable: str, value: object = None) -> PlainData:
         content = None if value is None else self._variable(variable).type.convert(value)
         self._commands.declare(self._variable(variable).name, party=self.party)
         if content is not None:
             self._commands.write(variable, content, MAIN, None)
         return {}
 
-    def _withdraw(self, variable: str) -> Plain:
+    def _withdraw(self, variable: str) -> PlainData:
         self._commands.withdraw(self._variable(variable).name, party=self.party)
         return {}
 
-    def _expect(self, skills: list[str]) -> Plain:
+    def _expect(self, skills: list[str]) -> PlainData:
         self._commands.expect([self._skill(name) for name in skills], party=self.party)
         return {}
 
-    def _begin(self, skill: str) -> Plain:
+    def _begin(self, skill: str) -> PlainData:
         number = self._commands.begin(self._skill(skill), party=self.party)
         self._running_skills.add(number)
         return {"number": number}
 
-    def _act(self, number: int) -> Plain:
+    def _act(self, number: int) -> PlainData:
         self._check_begun(number)
         self._commands.act(number)
         return {}
 
-    def _acted(self, number: int) -> Plain:
+    def _acted(self, number: int) -> PlainData:
         self._check_begun(number)
         self._commands.acted(number)
         return {}
 
-    def _finish(self, number: int) -> Plain:
+    def _finish(self, number: int) -> PlainData:
         self._check_begun(number)
         self._running_skills.discard(number)
         self._commands.finish(number)
         return {}
 
-    def _get(self, variable: str) -> Plain:
+    def _get(self, variable: str) -> PlainData:
         return {"reading": plain_reading(self._codra.get(variable))}
 
-    def _set(self, variable: str, value: object, evidence_s: float | None = None, agent: str | None = None) -> Plain:
+    def _set(
+        self, variable: str, value: object, evidence_s: float | None = None, agent: str | None = None
+    ) -> PlainData:
         writer = self._codra if agent is None else self._agent(agent)
         writer.set(variable, value, evidence_s=evidence_s)
         return {}
 
-    def _subscribe(self, variables: list[str]) -> Plain:
+    def _subscribe(self, variables: list[str]) -> PlainData:
         names = list(dict.fromkeys(self._variable(name).name for name in variables))
         self._subscription_count += 1
         number = self._subscription_count
@@ -211,19 +213,19 @@ class Session:
         self._subscriptions[number] = self._codra.subscribe(names, send_reading)
         return {"subscription": number}
 
-    def _unsubscribe(self, subscription: int) -> Plain:
+    def _unsubscribe(self, subscription: int) -> PlainData:
         if subscription not in self._subscriptions:
             raise MessageError(f"there is no subscription {subscription}")
         self._subscriptions.pop(subscription).unsubscribe()
         return {}
 
-    def _leave(self) -> Plain:
+    def _leave(self) -> PlainData:
         self.close("the main execution has left")
         return {}
 
     # Decisions
 
-    def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> Plain | None:
+    def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> PlainData | None:
         decision = self._codra.ask(variable, **options)
         if decision.state is not DecisionState.WAITING:
             return self._decision_answer(decision)
@@ -245,7 +247,7 @@ class Session:
             wait.end()
             self._send(answer_to(wait.request_id, self._decision_answer(decision)))
 
-    def _decision_answer(self, decision: PendingDecision) -> Plain:
+    def _decision_answer(self, decision: PendingDecision) -> PlainData:
         if decision.state is DecisionState.LOOKING:
             self._looking_decisions[decision.number] = decision
             if len(self._looking_decisions) > MAX_LOOKING_DECISIONS:
@@ -253,7 +255,7 @@ class Session:
         answer = {"decision": decision.number, "answered": decision.state is DecisionState.ANSWERED}
         return {**answer, "reading": plain_reading(decision.reading)}
 
-    def _found(self, decision: int, value: object = None, raised: str | None = None) -> Plain:
+    def _found(self, decision: int, value: object = None, raised: str | None = None) -> PlainData:
         if decision not in self._looking_decisions:
             raise MessageError(f"no decision {decision} waits for an acquired value")
         looking_decision = self._looking_decisions.pop(decision)

@@ -2,7 +2,8 @@
 
 Evidence counts only if every precondition held, without a break, while the evidence was taken. This is checked with the
 histories when the result of the job has arrived. So a precondition that failed and held again between two ticks voids
-the evidence. A failure of a precondition that becomes known only later voids it too.
+the evidence. A failure that becomes known only after its instant has the same
+effect.
 """
 
 from __future__ import annotations
@@ -37,17 +38,17 @@ class ContextAt:
     """The context as it was at an instant, according to what is known today.
 
     Attributes:
-        replaced_reading: if a variable got several readings at the instant, a reading that another one replaced at
-            once. It is used instead of the last reading of the instant.
+        substitute_reading: if a variable received several readings at the instant, one of them. It is used instead of
+            the last reading of the instant. Otherwise None.
     """
 
     cells: Mapping[str, Cell]
     instant_s: float
-    replaced_reading: Reading[Value] | None = None
+    substitute_reading: Reading[Value] | None = None
 
     def _reading(self, name: str) -> Reading[Value]:
-        if self.replaced_reading is not None and self.replaced_reading.name == name:
-            return self.replaced_reading
+        if self.substitute_reading is not None and self.substitute_reading.name == name:
+            return self.substitute_reading
         return self.cells[name].at(self.instant_s)
 
     def value(self, name: str) -> Value | None:
@@ -101,7 +102,7 @@ def complete_from_s(term: Term, cells: Mapping[str, Cell]) -> float:
 
 
 def _contexts_of_changes(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
-    """Yield the moments, in order, at which the value of a condition can change."""
+    """Yield, in order, the context at each instant at which the value of a condition can change."""
     has_ages = reads_ages(term)
     names = sorted(term.variables())
     changes = [
@@ -113,11 +114,11 @@ def _contexts_of_changes(term: Term, cells: Mapping[str, Cell], start_s: float, 
     for instant_s, reading in changes:
         readings.setdefault(instant_s, []).extend(() if reading is None else (reading,))
     instants = sorted(readings)
-    for instant_s, next_s in pairwise([*instants, end_s]):
-        yield from (ContextAt(cells, instant_s, replaced_reading=reading) for reading in readings[instant_s])
+    for instant_s, next_instant_s in pairwise([*instants, end_s]):
+        yield from (ContextAt(cells, instant_s, substitute_reading=reading) for reading in readings[instant_s])
         yield ContextAt(cells, instant_s)
         if has_ages:
-            yield from _contexts_of_age_changes(term, cells, instant_s, next_s)
+            yield from _contexts_of_age_changes(term, cells, instant_s, next_instant_s)
 
 
 def _value_changes(
@@ -126,8 +127,8 @@ def _value_changes(
     """Yield each instant after `start_s` at which a variable got another value, with the reading that has this value.
 
     For the instant at which the validity of a value ends, None is yielded instead of a reading. If
-    `includes_new_evidence`, instants with new evidence for the same value are yielded too, because new evidence makes
-    the variable younger.
+    `includes_new_evidence`, instants with new evidence for the same value are yielded as well, because new evidence
+    changes the age of the variable.
     """
     previous_reading = cell.at(start_s)
     for reading in cell.between(start_s, end_s):
@@ -143,7 +144,7 @@ def _value_changes(
 def _contexts_of_age_changes(
     term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float
 ) -> Iterator[ContextAt]:
-    """Yield the moments between two instants at which the result of a comparison with an age changes."""
+    """Yield the context whenever, between two instants, the result of a comparison with an age changes."""
     instant_s = start_s
     while (wait_s := term.flips_s(ContextAt(cells, instant_s))) is not None and instant_s + wait_s < end_s:
         instant_s += wait_s
@@ -174,8 +175,8 @@ class ObservabilityMonitor:
             now_s: the present instant.
         """
         evidence = (reading.evidence_s, reading.source, sum(cells[name].late_reading_count for name in self._names))
-        # late readings change the past, so they are counted too: after such a change, the time since the evidence is
-        # checked again, so that the result does not depend on the instants of the checks
+        # late readings change the past, so their number is a part of this key: when it changes, the time since the
+        # evidence is checked again, so that the result does not depend on the instants of the checks
         if self._checked_evidence != evidence:
             self._checked_evidence = evidence
             self._checked_until_s, self._held_at_check = reading.evidence_s, is_own

@@ -12,7 +12,7 @@ KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
 
 _MAX_VERSION_STEPS = 32
-"""A reader of an old mapping looks at no more newer versions than this. The old mapping then gets its own entries."""
+"""If a reader of an old mapping needs more newer versions than about this number, the mapping gets its own entries."""
 
 _MAX_EXTRA_CHANGES = 1_000
 """A dictionary is copied when it has been changed more often than the number of its entries plus this number.

@@ -1,4 +1,4 @@
-"""Explain a course, parameter, metric or weight: the chain of causes, in sentences."""
+"""Explain a course, parameter, metric or weight: its chain of causes, in sentences."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
 
 
 def adaptation_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]:
-    """Yield the chain of the last decision or analysis behind a variable; nothing if no loop writes the variable.
+    """Yield the causes of the last decision or analysis that wrote a variable; nothing if no loop writes the variable.
 
-    For a weight, also yield the chains of the metrics from which the weight is computed.
+    For a weight, also yield the causes of the metrics from which the weight is computed.
     """
     events = latest_events.adaptations.get(f"context/{variable}", {})
     yield from _chain_lines(events)

@@ -29,13 +29,13 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     Args:
         summary: the spec summary.
         latest_events_at: returns the latest events up to an instant.
-        name: a variable of the spec; an element of the knowledge graph, that is a node, `node.attribute`, an edge as
-            `origin -edge-> target`, or a task; a course or parameter; or an action, which stands for its weight.
+        name: a variable of the spec; an element of the knowledge graph (a node, `node.attribute`, an edge as
+            `origin -edge-> target`, or a task); a course or parameter; or an action, to explain its weight.
         at_s: the instant.
 
     Raises:
-        UnknownNameError: if no variable has this name, and up to the instant there is no event about knowledge of this
-            name.
+        UnknownNameError: if the name is no variable and no course or parameter of a loop, and up to the instant no
+            event is about an element of the knowledge graph with this name.
     """
     node, _, attribute = name.rpartition(".")
     if node and summary.nodes.get(attribute) == node:
@@ -89,7 +89,7 @@ class _PastContext:
         if not reading.known:
             return reading
         expires_s = evidence_s + self.summary.variables[name].valid_for_s
-        return Reading(**{key: getattr(reading, key) for key in _KEPT}, expires_s=expires_s).at(self.at_s)
+        return Reading(**{key: getattr(reading, key) for key in _COPIED_FIELDS}, expires_s=expires_s).at(self.at_s)
 
     def value(self, name: str) -> Value | None:
         return self.reading(name).content
@@ -99,7 +99,7 @@ class _PastContext:
         return reading.age_s(self.at_s) if reading.known else None
 
 
-_KEPT = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
+_COPIED_FIELDS = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
 
 
 class _Explanation:
@@ -142,7 +142,7 @@ class _Explanation:
         return _PastContext(self._events_at[at_s], self._summary, at_s)
 
     def _look(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Look | None:
-        """Return the job that produced a value, with the preconditions when the job's evidence was taken."""
+        """Return the job that produced a value, with its preconditions at the end of its evidence, or None."""
         job, source = context.latest_events.basis.get(name), context.reading(name).source
         algorithm = self._summary.algorithms.get(source)
         if job is None or algorithm is None or name not in algorithm.identifies:
@@ -198,19 +198,19 @@ class _Explanation:
 
     def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[Missing]:
         """Yield the changes that an algorithm needs before it can look."""
-        failing_rules = [rule for rule in algorithm.preconditions if not rule.term.holds(context)]
+        unmet_preconditions = [rule for rule in algorithm.preconditions if not rule.term.holds(context)]
         values = (
             find_solution([rule.term for rule in algorithm.preconditions], context, self._summary.variables)
-            if failing_rules
+            if unmet_preconditions
             else {}
         )
         if values is not None:
             for name, value in values.items():
-                rule = next(failing_rule for failing_rule in failing_rules if name in failing_rule.term.variables())
+                rule = next(unmet for unmet in unmet_preconditions if name in unmet.term.variables())
                 unit = self._summary.variables[name].type.unit or ""
                 yield Missing(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return
-        for rule in failing_rules:
+        for rule in unmet_preconditions:
             flips_s = rule.term.flips_s(context)
             yield Missing(
                 variable=min(rule.term.variables(), default=""),
@@ -222,7 +222,8 @@ class _Explanation:
     def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[Missing]:
         """Yield the changes that are needed to observe a variable.
 
-        These are the change that its observer needs, and the changes of the algorithm that needs the fewest.
+        These are the change that the observer of the variable needs, and the changes that one of its algorithms needs:
+        the algorithm that needs the fewest changes.
         """
         observer = self._summary.find_observer(name)
         if observer is None:

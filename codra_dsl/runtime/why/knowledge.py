@@ -91,7 +91,7 @@ def _insertion_sort_key(entry: tuple[str, _ElementEvents]) -> tuple[float, int]:
 
 
 def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
-    """Return the name that events use for an element; an edge may be given by its label."""
+    """Return the name that events use for an element. `name` may have the label of an edge instead of its type."""
     origin, arrow, label_and_target = name.partition(" -")
     label, _, target = label_and_target.partition("-> ")
     task_events = latest_events.knowledge.get(target, {}) if label in _TASK_STAGES else {}
@@ -141,7 +141,7 @@ def _reading(name: str, events: _ElementEvents, latest_events: LatestEvents, at_
         return _attribute_reading(name, events["written"], latest_events, at_s)
     if state_events:
         return _known_reading(name, state_events[-1].what, state_events[-1])
-    change_events = [event for kind, event in events.items() if kind in (*_CHANGE_TEXTS, "placed")]
+    change_events = [event for what, event in events.items() if what in (*_CHANGE_TEXTS, "placed")]
     if not change_events:  # all events about the element are refusals
         return Reading(name=name, reason=Reason.NEVER_OBSERVED)
     return _known_reading(name, not change_events[-1].what.endswith("deleted"), change_events[-1])

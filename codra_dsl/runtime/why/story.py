@@ -17,7 +17,7 @@ MAIN = "main_execution"
 
 
 def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
-    """Yield how a variable got its reading, the later events, and the states of its observer and declarations."""
+    """Yield how a variable got its reading, what happened later, and the states of its observer and declarations."""
     if reading.known:
         yield from _value_lines(reading, summary)
     else:
@@ -44,19 +44,19 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
         yield f"determined by poses since {instant(reading.evidence_s)}{learned_text}"
     else:
         writer_text = reading.source if reading.source == MAIN else f"agent {reading.source}"
-        evidence_text = f", from evidence taken at {instant(reading.evidence_s)}"
-        evidence = "" if reading.evidence_s == reading.identified_s else evidence_text
-        yield f"written by {writer_text} at {instant(reading.identified_s)}{evidence}"
+        old_evidence_text = f", from evidence taken at {instant(reading.evidence_s)}"
+        evidence_text = "" if reading.evidence_s == reading.identified_s else old_evidence_text
+        yield f"written by {writer_text} at {instant(reading.identified_s)}{evidence_text}"
     if reading.expires_s < math.inf:
         yield f"valid until {instant(reading.expires_s)}"
 
 
 def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
-    name, since = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
+    name, since_text = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
     last_known_event = latest_events.known.get(name)
     match reading.reason:
         case _ if reading.source == POSES:
-            yield f"unknown from {since} on: {reading.detail}"
+            yield f"unknown from {since_text} on: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(summary.variables[name].sources)
             is_observed = summary.find_observer(name) is not None
@@ -67,13 +67,16 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
         case Reason.INVALIDATED:
             place = summary.places.get(f"skill/{reading.detail}")
             place_text = "" if place is None else f"  [{place}]"
-            yield f"skill {reading.detail}, which changes it, acted at {since}: only newer evidence counts{place_text}"
+            yield (
+                f"skill {reading.detail}, which changes it, acted at {since_text}: "
+                f"only newer evidence counts{place_text}"
+            )
         case Reason.FORGOTTEN:
-            yield f"forgotten at {since}, because this condition did not hold: {reading.detail}"
+            yield f"forgotten at {since_text}, because this condition did not hold: {reading.detail}"
         case Reason.WITHDRAWN:
-            yield f"its observer {reading.detail} stopped at {since}"
+            yield f"its observer {reading.detail} stopped at {since_text}"
         case _:
-            yield f"{reading.reason} at {since}: {reading.detail} ({reading.source})"
+            yield f"{reading.reason} at {since_text}: {reading.detail} ({reading.source})"
     if last_known_event is not None:
         value, source = shown(last_known_event.details.get("value")), last_known_event.details["source"]
         yield f"it was {value} before, from {source} at {instant(last_known_event.instant_s)}"

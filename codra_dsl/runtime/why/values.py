@@ -88,7 +88,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """An algorithm by which a variable can be observed, and the obstacles.
+    """An algorithm that can observe a variable, and the conditions that now prevent this.
 
     Attributes:
         algorithm: the algorithm.
@@ -121,12 +121,12 @@ class Why:
         unit: the unit of the variable's value.
         place: the place of the variable's declaration in the spec.
         story: the history of the reading, in sentences.
-        look: the job that produced the value, if one did.
-        poses: the explanations of the edges whose poses determine the value, if poses determine it.
+        look: the job that produced the value; None if no job did.
+        poses: the explanations of the edges whose poses determine the value; empty if there are none.
         ways: the algorithms that identify the variable, by rank; empty if other sources write it.
-        missing: the changes without which the variable cannot be observed at that instant, even if it is known. Of
-            several algorithms, only the changes of the one that needs the fewest are given.
-        is_told: whether the complete explanation explains this reading elsewhere; then the details are left out here.
+        missing: the changes without which the variable cannot be observed at that instant; a known variable can have
+            them as well. Of several algorithms, only the changes of the one that needs the fewest are given.
+        is_told: whether this reading is explained elsewhere in the same explanation; the details are then left out.
     """
 
     at_s: float

@@ -308,7 +308,7 @@ HANDLES: dict[str, tuple[Any, str]] = {
     ),
     "too large": (
         SimpleNamespace(frame=lambda *_, **__: bytes(70_000_000)),
-        "ValueError: the content of the handle: 70000037 bytes are more than the 67108864 that a process is sent",
+        "ValueError: the content of the handle: 70000037 bytes are more than the 67108864 that a process can receive",
     ),
 }
 

@@ -34,7 +34,7 @@ def create_locked_file(path: Path) -> BinaryIO:
             continue
         if _lock(stream) and _is_file_at(path, stream):
             return stream
-        stream.close()  # another program started at the same time and took this new file for an old journal
+        stream.close()  # another program started at the same time and treated this new file as an old journal
 
 
 def unlock(stream: BinaryIO) -> None:
