@@ -1,8 +1,8 @@
 """Messages between a program and the process of a perception algorithm, in frames of bounded size.
 
 A frame to the process is a pickle, so that handles can answer with any object that can be copied. A frame from the
-process is JSON of a few shapes, never a pickle. So a process can
-neither run code in the program nor fill the program's memory.
+process is JSON of a few shapes, never a pickle. So a process can neither run code in the program nor fill the program's
+memory.
 """
 
 from __future__ import annotations

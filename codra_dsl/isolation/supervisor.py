@@ -21,7 +21,7 @@ from pathlib import Path
 
 TERMINATE = b"T"
 WAIT_STATUS = struct.Struct("!i")
-"""How the process ended, as returned by `os.waitpid`."""
+"""The format of the status of the ended process, which `os.waitpid` returns."""
 
 EXIT_TIMEOUT_MS = 500
 """How long a process may take to end by itself after the program has closed its connection."""
@@ -39,8 +39,8 @@ def main(message_fd: int, control_fd: int, program_pid: int, call: str) -> None:
     """Start the process of an algorithm and supervise it until it has ended.
 
     Args:
-        message_fd: the connection between the process and the program.
-        control_fd: the connection between the supervisor and the program.
+        message_fd: the file descriptor of the connection between the process and the program.
+        control_fd: the file descriptor of the connection between the supervisor and the program.
         program_pid: the process ID of the program.
         call: the function or class that the process runs.
     """

@@ -47,7 +47,7 @@ class Subscription:
     def and_then(self, then: Callable[[], None]) -> None:
         """Call `then` once when the subscription ends; if the subscription has ended, call it at once.
 
-        This replaces the `then` of an earlier call.
+        A later call of this method replaces `then`.
         """
         with self._lock:
             if not self._is_over:
@@ -66,8 +66,8 @@ class CallbackQueue(Generic[ChangeT]):
     """The changes that wait for one callback, in order.
 
     The callback runs on a clock that holds no lock. In simulated time, it runs in a separate event at the same instant;
-    in real time, in a thread that exists while changes wait. So a callback that is slow or raises an error affects
-    neither the code that makes the changes nor other subscriptions.
+    in real time, it runs in a thread that exists while changes wait. So a slow or failing callback affects neither
+    the code that makes the changes nor other subscriptions.
     """
 
     def __init__(
@@ -191,7 +191,7 @@ class Subscriptions:
                 follower_queue.put(None)
 
     def notify_verdict(self, skill_number: int, verdict: object) -> None:
-        """Report the outcome of an expectation to the subscribers of its skill."""
+        """Report the outcome of an expectation to the subscribers of the skill."""
         for queue in self._skill_queues.get(skill_number, ()):
             queue.put(verdict)
 

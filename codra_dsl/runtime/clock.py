@@ -4,8 +4,8 @@ In simulated time, all events are in one heap, and they run while a program slee
 `sleep` or `wait_until`, this call runs every event up to the end of the sleep or wait, in the order of their instants
 and, at the same instant, in the order in which they were scheduled. Everything happens in one thread.
 
-In simulated time, a piece of work (a perception function) runs at once, with the values that its handles have at its
-start. Its sleeps add to its duration. Its outcome is delivered at its start plus its duration or, if the work is
+In simulated time, a piece of work (a perception function) runs at once, with the present values of its handles. The
+sleeps of the work add to its duration. The outcome is delivered at the end of this duration or, if the work is
 cancelled, at the time of the cancellation, as in real time. So blocking code is written once and runs in both kinds of
 time, and the same program gives the same events.
 
@@ -40,7 +40,7 @@ Outcome = TypeVar("Outcome")
 _LOGGER = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 3600.0
-"""The dispatcher checks its events at least this often."""
+"""The dispatcher waits at most this long before it checks its events again."""
 
 _LAST_EVENTS_OFFSET = 2**62
 """Added to the number of an event that runs after all other events of its instant; usual numbers are smaller."""
@@ -140,8 +140,8 @@ class Clock(ABC):
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Start a piece of work in parallel to the events. In a later event, `deliver` is called with the outcome.
 
-        The outcome is what `run` returns; `run` must not raise. The outcome of cancelled work is delivered too, to
-        report that the work has ended.
+        The outcome is what `run` returns; `run` must not raise. The outcome of cancelled work is delivered as
+        well, to report that the work has ended.
 
         Raises:
             RuntimeError: if the machine cannot start another piece of work.
@@ -231,7 +231,7 @@ class SimClock(Clock):
         """Do nothing: `wait_until` checks its condition after every event."""
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Run the work at once. Deliver its outcome at the present instant plus the sum of the sleeps of the work."""
+        """Run the work at once. Deliver the outcome later, after the total duration of the sleeps of the work."""
         work = _SimulatedWork(self)
         was_inside_event, self._is_inside_event = self._is_inside_event, True
         try:
@@ -301,7 +301,7 @@ class WallClock(Clock):
         self.close()
 
     def close(self) -> None:
-        """Run no more events; waiting calls return."""
+        """Run no more events, and let waiting calls return."""
         with self._condition:
             self._is_closed = True
             self._condition.notify_all()

@@ -11,7 +11,7 @@ class UnknownNameError(LookupError):
 
 
 class NotASourceError(PermissionError):
-    """An agent or program tried to write a variable, or an element of the knowledge graph, that it may not write."""
+    """An agent or program tried to write a variable or an element of the knowledge graph without permission."""
 
 
 class AgentTakenError(PermissionError):

@@ -134,13 +134,13 @@ def _state_text(why: Why) -> str:
 
 
 def _failure_of_observer(check: Running, at_s: float, record: EventLog) -> Failure | None:
-    last_event = record.latest_events(at_s).observers.get(check.observer)
+    last_event = record.latest_events(at_s).observer_events.get(check.observer)
     if (last_event is not None and last_event.what == "started") is check.is_running:
         return None
     expected_text = "should run" if check.is_running else "should not run"
     state = "it has not run" if last_event is None else f"it {last_event.what} at {instant(last_event.instant_s)}"
     declared_names = sorted(
-        name for name, event in record.latest_events(at_s).declared.items() if event.what == "declared"
+        name for name, event in record.latest_events(at_s).declaration_events.items() if event.what == "declared"
     )
     why = f"declared: {', '.join(declared_names) or 'none'}"
     return Failure(check.place, f"at {instant(at_s)} observer {check.observer} {expected_text}, but {state}", why)

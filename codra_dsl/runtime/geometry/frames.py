@@ -2,8 +2,8 @@
 
 Like a pose, the link from a frame to its parent has a stamp. So a transform at an instant follows the tree of this
 instant.
-Transforms are cached with the tracks that they were computed from. A cached transform is only used while these tracks
-are the same objects, so it always equals a newly computed one.
+Each cached transform is stored with the tracks from which it was computed. The transform is used only while these
+tracks are the same objects, so it always equals a newly computed one.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ EXTRAPOLATION_UPDATE_PERIOD_S = 0.01
 """The time after which the pose of a frame is computed again while its motion is extrapolated."""
 
 _MIN_OUTDATED_POSES = 64
-"""While a track's lists have at most this many outdated poses, the lists are not copied without these poses."""
+"""A track's lists are copied without their outdated poses only if more poses than this number are outdated."""
 
 
 class Placement(NamedTuple):
@@ -225,7 +225,7 @@ class Track:
         self._end = len(self._stamps_s)
 
     def _drop_old_poses(self) -> None:
-        """Drop poses that are older than the history, except the newest of them: it holds when the history begins."""
+        """Drop poses that are older than the history, except the last of them, which holds when the history begins."""
         begin_s = self._stamps_s[self._end - 1] - self._motions[self._end - 1].history_s
         self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)
         if self._start > _MIN_OUTDATED_POSES and self._start > self._end // 2:

@@ -171,7 +171,7 @@ def _new_pose(translation_m: Vector, rotation: Quaternion) -> Pose:
 
 
 def compose_poses(poses: Sequence[Pose]) -> Pose:
-    """Return the pose of the first frame in the last, given one or more poses, each in the frame of the next."""
+    """Return the composition of one or more poses, the innermost first; each is given in the frame of the next."""
     (x, y, z), rotation = poses[0].translation_m, poses[0].rotation
     for pose in poses[1:]:
         next_rotation, (tx, ty, tz) = pose.rotation, pose.translation_m

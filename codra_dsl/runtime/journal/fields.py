@@ -76,7 +76,7 @@ def reason_schema(description: str) -> JsonSchema:
 
 
 def value_schema(value_kind: str, description: str) -> JsonSchema:
-    """Return the schema of a field with a value of a kind of the spec language."""
+    """Return the schema of a field that holds a value of a type of the spec language."""
     return field_schema(_JSON_TYPES[value_kind], description)
 
 

@@ -1,4 +1,4 @@
-"""Algorithm 1 of P1, runtime control of observers. It also stops observers, which the paper leaves open.
+"""Algorithm 1 of P1, runtime control of observers. This module also stops observers; the paper leaves this open.
 
     1  procedure ActivateObservers(C_E, M)
     2    for all c in C_E:
@@ -12,8 +12,8 @@
     15       add c' to C_M(t)
     16       if an observer of c' exists: StartObserver of it
 
-The running observers are the smallest set that contains the observers of C_E and, for each observer in it, the
-observers of the variables that this observer needs. The set is maintained by counts over the strongly connected
+The running observers are the smallest set that contains the observers of C_E and, for each of its members, the
+observers of the variables that this member needs. The set is maintained by counts over the strongly connected
 components of this relation: a component runs while it has a declared variable or another running component needs it. So
 the cost of starting and stopping depends only on what changes, even with feedback.
 """
@@ -63,7 +63,7 @@ class Activation:
 
     @property
     def order(self) -> tuple[str, ...]:
-        """Return all observers: each one after the observers that it needs, and otherwise by name.
+        """Return all observers: each one after the observers that it needs, and otherwise in order of their names.
 
         An additional observer that no other observer needs does not change the order of the others.
         """

@@ -17,10 +17,10 @@ from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, 
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
 SHORTEST_PERIOD_S = 0.01
-"""The shortest period. So time passes even if an algorithm takes no time and may look again at once."""
+"""The shortest period, so that time passes even if an algorithm takes no time and may look again at once."""
 
 INVALIDATION_DELAY_S = 1e-6
-"""How long after a skill starts to act a look for the changed variables may begin, so that its evidence counts."""
+"""The delay from the start of acting to a look for the changed variables, so that the evidence of the look counts."""
 
 
 class ObserverSchedule(Protocol):
@@ -178,7 +178,7 @@ class Branch:
         return self.observer.services.perception.working_job(self.algorithm) is not None
 
     def serves(self, variable: str) -> bool:
-        """Return whether this algorithm can run and identifies a variable, and its last job did not fail to do so."""
+        """Return whether the algorithm can run, identifies a variable, and did not fail to do so in its last job."""
         can_run = not self.is_occupied and self.blocking_condition(self.observer.context_now()) is None
         return can_run and variable in self.identifies and variable not in self._variables_without_value
 
@@ -186,7 +186,7 @@ class Branch:
 
     @property
     def is_busy(self) -> bool:
-        """Return whether a job runs, or has an outcome that was not taken yet."""
+        """Return whether a job was requested and its outcome was not processed yet."""
         return self._job_run is not None
 
     @property
@@ -210,7 +210,7 @@ class Branch:
         )
 
     def violated_condition(self) -> str | None:
-        """Return a precondition that was broken, up to now, while the evidence was taken; None if there is none."""
+        """Return a precondition that, until now, did not always hold while the evidence was taken; None if all held."""
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         if interval is None:
             return None
@@ -235,7 +235,7 @@ class Branch:
             self._variables_without_value = set(self.identifies)
 
     def take_outcome(self) -> bool:
-        """Store the outcome of the finished job, which ends; return whether the outcome is a result."""
+        """Process the outcome of the finished job; return whether the outcome is a result."""
         job_run = self._drop()
         if job_run is None or job_run.start_s is None:
             return False

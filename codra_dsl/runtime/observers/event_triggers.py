@@ -10,7 +10,7 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 
 class EventTriggers:
-    """The variables that running skills monitor, those that acting skills change, and the last end of acting.
+    """The variables that running skills monitor, the variables that acting skills change, and the last end of acting.
 
     Callers that change this object hold the context manager's lock.
     """

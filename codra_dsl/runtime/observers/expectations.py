@@ -182,7 +182,7 @@ class Expectations:
             self._expectations_by_variable[expectation.model.variable] = other_entries
 
     def changed(self, variable: str) -> None:
-        """Judge the expectations of a variable that has another reading."""
+        """Judge the expectations of a variable that has a new reading."""
         for number, expectation in self._expectations_by_variable.get(variable, ()):
             self._judge(number, expectation, at_end=False)
 

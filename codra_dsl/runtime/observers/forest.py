@@ -1,9 +1,9 @@
 """The forest F: all observers, connected by the context that they share (P1, Equation 11), ticked after changes.
 
 The paper ticks every tree each second. Here a tree is ticked when it is due, when a variable that it reads has
-changed, when a job has ended, and when the result of a comparison with an age changes. The outcome is the same as if
-every tree were ticked at every instant, with less work; `tests/runtime/observers/test_by_change.py` compares the two. A
-variable has changed when it has another value. Newer evidence for the same value is a change only for the trees that
+changed, when a job has ended, and when the result of a comparison with an age changes. This is less work than a tick of
+every tree at every instant, and the outcome is the same: `tests/runtime/observers/test_by_change.py` compares the two.
+A variable has changed when it has another value. Newer evidence for the same value is a change only for the trees that
 read the age of the variable.
 """
 

@@ -58,7 +58,7 @@ class Executor(Protocol):
         ...
 
     def close(self) -> None:
-        """Wait for the end that `begin_close` has begun, but only for a short time."""
+        """Wait, but only for a short time, until the end that `begin_close` has started is reached."""
         ...
 
 

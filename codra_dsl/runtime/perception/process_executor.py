@@ -176,7 +176,7 @@ class ProcessExecutor:
 
 
 class _Exchange:
-    """The exchange of messages about one job. The requests of the process are answered until it reports the outcome."""
+    """The exchange of messages about one job. The requests of the process are answered until the outcome arrives."""
 
     def __init__(self, process: Process, job: RunningJob | None, handles: Mapping[str, object]) -> None:
         self.process = process

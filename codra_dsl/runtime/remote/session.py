@@ -266,7 +266,7 @@ class Session:
         return {}
 
     def _check_lease(self) -> None:
-        """End the session if its lease is over; otherwise check again when the lease of the last message ends."""
+        """End the session if its lease is over; otherwise check again when the lease after the last message ends."""
         with self._lock:
             if self._end_reason:
                 return

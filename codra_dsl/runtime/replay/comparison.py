@@ -56,7 +56,7 @@ class Comparison(EventLog):
     Attributes:
         may_continue: whether further events may follow the expected ones.
         spec_summary: the summary of the spec that is replayed; None before the replay begins.
-        accepts_inputs: whether the log accepts inputs; only the copy needs them.
+        accepts_inputs: whether the log accepts inputs; only `copy_log` needs them.
         position: the number of equal events so far.
         derived: the number of derived events by kind.
         difference: the first difference, if there is one so far.

@@ -2,8 +2,7 @@
 
 Evidence counts only if every precondition held, without a break, while the evidence was taken. This is checked with the
 histories when the result of the job has arrived. So a precondition that failed and held again between two ticks voids
-the evidence. A failure that becomes known only after its instant has the same
-effect.
+the evidence. A failure that becomes known only after its instant has the same effect.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ class ContextAt:
     """The context as it was at an instant, according to what is known today.
 
     Attributes:
-        substitute_reading: if a variable received several readings at the instant, one of them. It is used instead of
-            the last reading of the instant. Otherwise None.
+        substitute_reading: one of several readings that a variable received at the instant, to be used instead of the
+            last one; None to use the last readings.
     """
 
     cells: Mapping[str, Cell]
@@ -81,7 +80,7 @@ def _covers_interval(reading: Reading[Value], start_s: float, end_s: float) -> b
 def first_loss_s(
     term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float, held_before: bool = True
 ) -> float | None:
-    """Return the first instant from `start_s` to `end_s` at which a condition stopped holding, or None.
+    """Return the first instant from `start_s` to `end_s` at which a condition stopped holding; None if there is none.
 
     `held_before` states whether the condition is assumed to hold just before `start_s`.
     """
@@ -165,7 +164,7 @@ class ObservabilityMonitor:
         self._held_at_check = False
 
     def loss_s(self, cells: Mapping[str, Cell], reading: Reading[Value], *, is_own: bool, now_s: float) -> float | None:
-        """Return the instant since which the variable can no longer be observed, or None if it can be observed.
+        """Return the instant since which the variable can no longer be observed; None if it can still be observed.
 
         Args:
             cells: the cells of all variables.

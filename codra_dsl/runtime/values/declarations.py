@@ -1,4 +1,4 @@
-"""C_E(t) of P1, Equation 4: the variables that the main execution declares at this time, and who holds each of them."""
+"""C_E(t) of P1, Equation 4: the variables that the main execution declares at this time, with their holders."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def _to_term(operand: Operand) -> Term:
 
 @dataclass(frozen=True, slots=True)
 class Vote:
-    """The value of a variable in one result, and when its evidence was taken."""
+    """The value of a variable in one result, and when the evidence of this result was taken."""
 
     content: Value
     start_s: float
@@ -111,7 +111,7 @@ class Votes:
     def start_s(self, content: Value) -> float | None:
         """Return the start of the evidence for a value; None if fewer than `needed` results have the value.
 
-        The start is that of the first of the last `needed` results with the value.
+        The evidence starts with the oldest of the last `needed` results that have the value.
         """
         agreeing_votes = self._agreeing_votes(content)
         return agreeing_votes[-self.needed].start_s if len(agreeing_votes) >= self.needed else None

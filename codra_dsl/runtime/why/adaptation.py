@@ -24,7 +24,7 @@ _REASON_TEXTS = {
 
 def explain_course(latest_events: LatestEvents, name: str, at_s: float) -> Why | None:
     """Return the explanation of a decided or undecided course or parameter; None if no loop adapts this name."""
-    events = latest_events.adaptations.get(f"adaptation/{name}", {})
+    events = latest_events.adaptation_events.get(f"adaptation/{name}", {})
     last_event = events.get("chosen", events.get("set"))
     if last_event is None:
         return _explain_undecided(events, name, at_s)
@@ -57,7 +57,7 @@ def adaptation_lines(latest_events: LatestEvents, variable: str) -> Iterator[str
 
     For a weight, also yield the causes of the metrics from which the weight is computed.
     """
-    events = latest_events.adaptations.get(f"context/{variable}", {})
+    events = latest_events.adaptation_events.get(f"context/{variable}", {})
     yield from _chain_lines(events)
     if "analysed" in events:
         yield from _analysis_lines(latest_events, variable)
@@ -68,7 +68,7 @@ def _analysis_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]
     pending_variables, explained_variables = [variable], set[str]()
     while pending_variables:
         name = pending_variables.pop(0)
-        event = latest_events.adaptations.get(f"context/{name}", {}).get("analysed")
+        event = latest_events.adaptation_events.get(f"context/{name}", {}).get("analysed")
         if event is None:
             continue
         outputs_by_variable = {

@@ -54,8 +54,8 @@ def _resolve_action_name(summary: SpecSummary, latest_events: LatestEvents, name
     weight = f"weight_of_{name}"
     is_other = (
         name in summary.nodes.values()
-        or name in latest_events.knowledge
-        or f"adaptation/{name}" in latest_events.adaptations
+        or name in latest_events.knowledge_events
+        or f"adaptation/{name}" in latest_events.adaptation_events
     )
     return weight if weight in summary.variables and not is_other else name
 
@@ -70,7 +70,7 @@ class _PastContext:
 
     def reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable at the instant."""
-        event = self.latest_events.present.get(name)
+        event = self.latest_events.present_events.get(name)
         if event is None:
             return Reading(name=name, reason=Reason.NEVER_OBSERVED)
         details = event.details
@@ -114,7 +114,7 @@ class _Explanation:
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:
         """Explain a variable, as a cause of the variables on the path."""
         context = self._context_at(at_s)
-        reading, event = context.reading(name), context.latest_events.present.get(name)
+        reading, event = context.reading(name), context.latest_events.present_events.get(name)
         model = self._summary.variables[name]
         unit, place = model.type.unit or "", self._summary.places.get(f"context/{name}")
         if name in path or (name, id(event)) in self._explained_readings:
@@ -143,7 +143,7 @@ class _Explanation:
 
     def _look(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Look | None:
         """Return the job that produced a value, with its preconditions at the end of its evidence, or None."""
-        job, source = context.latest_events.basis.get(name), context.reading(name).source
+        job, source = context.latest_events.basis_jobs.get(name), context.reading(name).source
         algorithm = self._summary.algorithms.get(source)
         if job is None or algorithm is None or name not in algorithm.identifies:
             return None
@@ -168,7 +168,7 @@ class _Explanation:
         explanations: list[Why] = []
         for edge in pose_edges_between(context.latest_events, name):
             why = explain_knowledge(self._summary, context.latest_events, edge, context.at_s)
-            key = (edge, id(context.latest_events.knowledge[edge]["placed"]))
+            key = (edge, id(context.latest_events.knowledge_events[edge]["placed"]))
             explanations.append(replace(why, story=(), is_told=True) if key in self._explained_readings else why)
             self._explained_readings.add(key)
         return tuple(explanations)
@@ -231,7 +231,7 @@ class _Explanation:
                 sources = " or ".join(self._summary.variables[name].sources)
                 yield Missing(variable=name, condition=f"for {sources} to write")
             return
-        last_event = context.latest_events.observers.get(observer.name)
+        last_event = context.latest_events.observer_events.get(observer.name)
         if last_event is None or last_event.what != "started":
             has_failed = last_event is not None and last_event.what == "failed"
             retry_text = f"withdraw {name} and declare it again: {observer.name} failed and is stopped"

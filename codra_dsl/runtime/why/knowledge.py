@@ -40,7 +40,7 @@ def explain_knowledge(summary: SpecSummary, latest_events: LatestEvents, name: s
         UnknownNameError: if there is no event about the element up to the instant.
     """
     name = _name_in_events(summary, latest_events, name)
-    events = latest_events.knowledge[name]
+    events = latest_events.knowledge_events[name]
     reading = _reading(name, events, latest_events, at_s)
     unit = str(events["written"].details.get("unit") or "") if "written" in events else ""
     story = tuple(_story(events))
@@ -56,7 +56,7 @@ def pose_edges_between(latest_events: LatestEvents, condition: str) -> tuple[str
     """
     edge_by_target = {
         edge.partition("-> ")[2]: edge
-        for edge, events in sorted(latest_events.knowledge.items(), key=_insertion_sort_key)
+        for edge, events in sorted(latest_events.knowledge_events.items(), key=_insertion_sort_key)
         if _has_pose(events)
     }
     determining_edges: dict[str, None] = {}
@@ -94,18 +94,20 @@ def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str
     """Return the name that events use for an element. `name` may have the label of an edge instead of its type."""
     origin, arrow, label_and_target = name.partition(" -")
     label, _, target = label_and_target.partition("-> ")
-    task_events = latest_events.knowledge.get(target, {}) if label in _TASK_STAGES else {}
+    task_events = latest_events.knowledge_events.get(target, {}) if label in _TASK_STAGES else {}
     if any(stage in task_events for stage in _TASK_STAGES):
         return target  # events about the edge of a task carry the name of the task
-    if name in latest_events.knowledge:
+    if name in latest_events.knowledge_events:
         return name
-    for other_name, other_events in latest_events.knowledge.items():
+    for other_name, other_events in latest_events.knowledge_events.items():
         is_between = arrow and other_name.startswith(f"{origin} -") and other_name.endswith(f"-> {target}")
         if is_between and any(event.details.get("label") == label for event in other_events.values()):
             return other_name
-    kind_text = "variable, and until then no element of the graph, named" if latest_events.knowledge else "variable"
+    kind_text = (
+        "variable, and until then no element of the graph, named" if latest_events.knowledge_events else "variable"
+    )
     raise _pattern_error(latest_events, name) or unknown(
-        kind_text, name, (*summary.variables, *latest_events.knowledge)
+        kind_text, name, (*summary.variables, *latest_events.knowledge_events)
     )
 
 
@@ -116,7 +118,7 @@ def _pattern_error(latest_events: LatestEvents, name: str) -> UnknownNameError |
         return None
     nodes_of_type = [
         node
-        for node, events in latest_events.knowledge.items()
+        for node, events in latest_events.knowledge_events.items()
         if any(
             event.what == "node_inserted" and event.details.get("type") == type_match[1] for event in events.values()
         )
@@ -148,7 +150,7 @@ def _reading(name: str, events: _ElementEvents, latest_events: LatestEvents, at_
 
 
 def _attribute_reading(name: str, event: Event, latest_events: LatestEvents, at_s: float) -> Reading[Value]:
-    deletion = _deletion_after(latest_events.knowledge.get(name.rpartition(".")[0], {}), event)
+    deletion = _deletion_after(latest_events.knowledge_events.get(name.rpartition(".")[0], {}), event)
     if deletion is not None:
         detail = f"its {deletion.what.partition('_')[0]} was deleted"
         return Reading(name=name, reason=Reason.FORGOTTEN, detail=detail, evidence_s=deletion.instant_s)

@@ -25,11 +25,11 @@ def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summa
     yield from _later_event_lines(name, latest_events)
     observer = summary.find_observer(name)
     if observer is not None:
-        yield _observer_text(observer.name, latest_events.observers.get(observer.name))
-    declaration = latest_events.declared.get(name)
+        yield _observer_text(observer.name, latest_events.observer_events.get(observer.name))
+    declaration = latest_events.declaration_events.get(name)
     if declaration is not None and declaration.what == "declared":
         yield f"declared since {instant(declaration.instant_s)} for {declaration.details['holder']}"
-    expectation = latest_events.expected.get(name)
+    expectation = latest_events.expectation_events.get(name)
     if expectation is not None:
         yield _expectation_text(expectation, summary)
 
@@ -53,7 +53,7 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
 
 def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
     name, since_text = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
-    last_known_event = latest_events.known.get(name)
+    last_known_event = latest_events.last_value_events.get(name)
     match reading.reason:
         case _ if reading.source == POSES:
             yield f"unknown from {since_text} on: {reading.detail}"
@@ -84,7 +84,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
 
 def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
     """Yield the events after the present reading that did not replace it."""
-    superseded_events = latest_events.later.get(name)
+    superseded_events = latest_events.later_events.get(name)
     for what, last_event in () if superseded_events is None else superseded_events.last_events.items():
         count = superseded_events.event_counts[what] if superseded_events is not None else 0
         at_text = f"the last at {instant(last_event.instant_s)}" if count > 1 else f"at {instant(last_event.instant_s)}"
@@ -129,7 +129,7 @@ def _observer_text(name: str, last_event: Event | None) -> str:
 
 def job_text(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
     """Return a sentence about an algorithm's running or last job; empty if the algorithm never had a job."""
-    start_event, end_event = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
+    start_event, end_event = latest_events.job_starts.get(algorithm.name), latest_events.job_ends.get(algorithm.name)
     if start_event is not None and (end_event is None or end_event.details["index"] < start_event.details["index"]):
         return f"job {start_event.details['index']} has been looking since {instant(start_event.instant_s)}"
     if end_event is None:
