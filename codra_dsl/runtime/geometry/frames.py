@@ -247,12 +247,12 @@ class Frames:
         """Return whether, at any instant of a half-open interval, a frame is `ancestor` or one of its descendants."""
         pending_spans = [(start_s, end_s, name)]
         while pending_spans:
-            from_s, until_s, frame = pending_spans.pop()
+            span_start_s, span_end_s, frame = pending_spans.pop()
             if frame == ancestor:
                 return True
             track = self._tracks.get(frame)
             if track is not None:
-                pending_spans.extend(track.parent_spans(from_s, until_s))
+                pending_spans.extend(track.parent_spans(span_start_s, span_end_s))
         return False
 
 

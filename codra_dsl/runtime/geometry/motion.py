@@ -115,7 +115,9 @@ class Track:
             track._stamps_s.append(stamp_s)
             track._parents.append(parent)
             track._poses.append(pose)
-            track._motions.append(motion)  # last: the length of this list shows whether another track has appended
+            track._motions.append(
+                motion
+            )  # at the end, because the length of this list shows whether another track has appended
             track._end = self._end + 1
         else:
             track._copy(self)
@@ -128,15 +130,15 @@ class Track:
         stamps_s, start = self._stamps_s, self._start
         if start == self._end:
             return None
-        last = bisect_right(stamps_s, instant_s, start, self._end) - 1
-        if last < start:
+        last_position = bisect_right(stamps_s, instant_s, start, self._end) - 1
+        if last_position < start:
             return Placement(self._parents[start], self._poses[start], Outcome.CLAMPED, stamps_s[start] - instant_s)
-        gap_s = instant_s - stamps_s[last]
-        if gap_s == 0.0 or self._motions[last].is_static:
-            return Placement(self._parents[last], self._poses[last])
-        if last + 1 < self._end and self._has_same_edge_as_next(last):
-            return self._interpolated_placement(last, gap_s)
-        return self._placement_after_pose(last, gap_s)
+        gap_s = instant_s - stamps_s[last_position]
+        if gap_s == 0.0 or self._motions[last_position].is_static:
+            return Placement(self._parents[last_position], self._poses[last_position])
+        if last_position + 1 < self._end and self._has_same_edge_as_next(last_position):
+            return self._interpolated_placement(last_position, gap_s)
+        return self._placement_after_pose(last_position, gap_s)
 
     def next_update_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
@@ -147,13 +149,15 @@ class Track:
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf
-        last, motion, newest_s = self._end - 1, self.motion, self.newest_s
+        last_position, motion, newest_s = self._end - 1, self.motion, self.newest_s
         gap_s = instant_s - newest_s
         if gap_s >= motion.valid_for_s:
             return math.inf
         stale_s = math.inf if motion.valid_for_s == math.inf else _first_instant_s(newest_s, motion.valid_for_s)
         is_moving = (
-            last > self._start and self._has_same_edge_as_next(last - 1) and self._poses[last - 1] != self._poses[last]
+            last_position > self._start
+            and self._has_same_edge_as_next(last_position - 1)
+            and self._poses[last_position - 1] != self._poses[last_position]
         )
         if gap_s > motion.extrapolate_s or not is_moving:
             return stale_s
@@ -165,18 +169,18 @@ class Track:
         first = max(self._start, bisect_right(self._stamps_s, start_s, self._start, self._end) - 1)
         for position in range(first, self._end):
             parent = self._parents[position]
-            from_s = max(start_s, self._stamps_s[position] if position > self._start else -math.inf)
-            until_s = min(end_s, self._until_s(position))
-            if parent is not None and from_s < until_s:
-                yield from_s, until_s, parent
+            span_start_s = max(start_s, self._stamps_s[position] if position > self._start else -math.inf)
+            span_end_s = min(end_s, self._pose_end_s(position))
+            if parent is not None and span_start_s < span_end_s:
+                yield span_start_s, span_end_s, parent
 
     def affected_interval(self, stamp_s: float) -> tuple[float, float]:
         """Return the interval in which a pose with a given stamp would determine the placement of the frame."""
-        after, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
-        is_first = after == start or (after == start + 1 and self._stamps_s[start] == stamp_s)
-        return -math.inf if is_first else stamp_s, self._until_s(after - 1)
+        next_position, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
+        is_first = next_position == start or (next_position == start + 1 and self._stamps_s[start] == stamp_s)
+        return -math.inf if is_first else stamp_s, self._pose_end_s(next_position - 1)
 
-    def _until_s(self, position: int) -> float:
+    def _pose_end_s(self, position: int) -> float:
         return self._stamps_s[position + 1] if position + 1 < self._end else math.inf
 
     def _has_same_edge_as_next(self, position: int) -> bool:
@@ -191,16 +195,16 @@ class Track:
         pose = self._poses[position].towards(self._poses[position + 1], gap_s / span_s)
         return Placement(self._parents[position], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
 
-    def _placement_after_pose(self, last: int, gap_s: float) -> Placement:
+    def _placement_after_pose(self, last_position: int, gap_s: float) -> Placement:
         """Return the placement `gap_s` after a pose, if the next pose is missing or has another parent or motion."""
-        parent, pose, motion = self._parents[last], self._poses[last], self._motions[last]
+        parent, pose, motion = self._parents[last_position], self._poses[last_position], self._motions[last_position]
         if gap_s >= motion.valid_for_s:
             return Placement(parent, pose, Outcome.STALE, gap_s)
         if gap_s > motion.extrapolate_s:
             return Placement(parent, pose, Outcome.CLAMPED, gap_s)
-        if last > self._start and self._has_same_edge_as_next(last - 1):
-            span_s = self._stamps_s[last] - self._stamps_s[last - 1]
-            pose = self._poses[last - 1].towards(pose, 1.0 + gap_s / span_s)
+        if last_position > self._start and self._has_same_edge_as_next(last_position - 1):
+            span_s = self._stamps_s[last_position] - self._stamps_s[last_position - 1]
+            pose = self._poses[last_position - 1].towards(pose, 1.0 + gap_s / span_s)
         return Placement(parent, pose, Outcome.EXTRAPOLATED, gap_s)
 
     def _share_with(self, other: Track, start: int) -> None:

@@ -101,8 +101,8 @@ def _is_replaceable(path: Path, old_file: BinaryIO) -> bool:
 
 def _rename_unfinished(path: Path) -> None:
     """Rename an unfinished journal, so that it is not overwritten when a program starts again with the same path."""
-    numbers = range(1, 1_000_000)
-    candidate_paths = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
+    suffix_numbers = range(1, 1_000_000)
+    candidate_paths = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in suffix_numbers)
     new_path = next(candidate_path for candidate_path in candidate_paths if not candidate_path.exists())
     path.rename(new_path)
     _LOGGER.warning("the journal %s was not finished; it was renamed to %s", path, new_path.name)

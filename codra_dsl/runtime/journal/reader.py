@@ -227,7 +227,7 @@ class JournalReader:
             return
         try:
             chunk = Chunk.read(_stream(content))
-            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MAX_RECORD_BYTES:
+            if max(chunk.uncompressed_size, _decompressed_size(chunk)) > _MAX_RECORD_BYTES:
                 raise ValueError(f"{chunk.uncompressed_size} bytes are too many")
             records = breakup_chunk(chunk, validate_crc=True)
         except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
@@ -255,17 +255,19 @@ class JournalReader:
             offset = self._stream.tell()
             record_header = self._stream.read(RECORD_HEADER.size)
             opcode, length = RECORD_HEADER.unpack(record_header) if len(record_header) == RECORD_HEADER.size else (0, 0)
-            file_bytes = self.size()
-            remaining_bytes = file_bytes - offset - RECORD_HEADER.size
+            file_byte_count = self.size()
+            remaining_byte_count = file_byte_count - offset - RECORD_HEADER.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._stream.seek(-len(MAGIC), 2)
                 self.damage.is_torn = self._stream.read() != MAGIC
                 self._has_ended = True
-            elif opcode == 0 or length > remaining_bytes:
+            elif opcode == 0 or length > remaining_byte_count:
                 self.damage.is_torn = True
                 self._has_ended = True
-                if offset < file_bytes and not self.is_live:
-                    self.damage.unreadable_parts.append(f"the last {file_bytes - offset} bytes, from byte {offset} on")
+                if offset < file_byte_count and not self.is_live:
+                    self.damage.unreadable_parts.append(
+                        f"the last {file_byte_count - offset} bytes, from byte {offset} on"
+                    )
             elif opcode in _OPCODES_TO_READ and length <= _MAX_RECORD_BYTES:
                 yield opcode, offset, self._stream.read(length)
             else:
@@ -276,7 +278,7 @@ def _stream(content: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(content))
 
 
-def _decompressed_bytes(chunk: Chunk) -> int:
+def _decompressed_size(chunk: Chunk) -> int:
     """Return the decompressed size that a chunk declares, without decompressing it."""
     return zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
 

@@ -113,42 +113,44 @@ def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str
 
     Each component comes after its successors, and its members are sorted. Chains may have any length.
     """
-    numbers: dict[str, int] = {}
-    lows: dict[str, int] = {}
+    visit_numbers: dict[str, int] = {}
+    low_numbers: dict[str, int] = {}
     stack: list[str] = []
-    on_stack: set[str] = set()
+    names_on_stack: set[str] = set()
     components: list[list[str]] = []
     for root in successors:
-        if root in numbers:
+        if root in visit_numbers:
             continue
         path = [(root, iter(successors[root]))]
-        _enter(root, numbers, lows, stack, on_stack)
+        _enter(root, visit_numbers, low_numbers, stack, names_on_stack)
         while path:
             name, remaining_successors = path[-1]
             successor = next(remaining_successors, None)
             if successor is None:
                 path.pop()
                 if path:
-                    lows[path[-1][0]] = min(lows[path[-1][0]], lows[name])
-                if lows[name] == numbers[name]:
-                    components.append(_leave(name, stack, on_stack))
-            elif successor not in numbers:
-                _enter(successor, numbers, lows, stack, on_stack)
+                    low_numbers[path[-1][0]] = min(low_numbers[path[-1][0]], low_numbers[name])
+                if low_numbers[name] == visit_numbers[name]:
+                    components.append(_leave(name, stack, names_on_stack))
+            elif successor not in visit_numbers:
+                _enter(successor, visit_numbers, low_numbers, stack, names_on_stack)
                 path.append((successor, iter(successors[successor])))
-            elif successor in on_stack:
-                lows[name] = min(lows[name], numbers[successor])
+            elif successor in names_on_stack:
+                low_numbers[name] = min(low_numbers[name], visit_numbers[successor])
     return components
 
 
-def _enter(name: str, numbers: dict[str, int], lows: dict[str, int], stack: list[str], on_stack: set[str]) -> None:
-    numbers[name] = lows[name] = len(numbers)
+def _enter(
+    name: str, visit_numbers: dict[str, int], low_numbers: dict[str, int], stack: list[str], names_on_stack: set[str]
+) -> None:
+    visit_numbers[name] = low_numbers[name] = len(visit_numbers)
     stack.append(name)
-    on_stack.add(name)
+    names_on_stack.add(name)
 
 
-def _leave(name: str, stack: list[str], on_stack: set[str]) -> list[str]:
+def _leave(name: str, stack: list[str], names_on_stack: set[str]) -> list[str]:
     component: list[str] = []
     while not component or component[-1] != name:
         component.append(stack.pop())
-        on_stack.discard(component[-1])
+        names_on_stack.discard(component[-1])
     return sorted(component)

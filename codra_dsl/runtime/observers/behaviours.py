@@ -48,7 +48,7 @@ class Precondition(Behaviour):
         """Succeed while the condition holds, or while the evidence is complete but the job has no result yet."""
         truth = self._term.evaluate(self._branches[0].observer.context_now())
         self.feedback_message = "" if truth is True else "unknown" if truth is None else "does not hold"
-        is_waiting = truth is not True and any(branch.evidence_is_taken for branch in self._branches)
+        is_waiting = truth is not True and any(branch.is_evidence_taken for branch in self._branches)
         return Status.SUCCESS if truth is True or is_waiting else Status.FAILURE
 
 

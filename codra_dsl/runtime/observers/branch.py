@@ -101,9 +101,9 @@ class Branch:
         self.rivals: tuple[Branch, ...] = (self,)
         self.result: Result | None = None
         self._job_run: JobRun | None = None
-        self._pinned_s: float | None = None
+        self._pin_instant_s: float | None = None
         self._interval = Interval(0.0, 0.0)
-        self._index = 0
+        self._job_index = 0
         self.last_start_s = BEFORE_ALL_S
         self._is_fresh = True
         self.is_on_event = False
@@ -151,7 +151,7 @@ class Branch:
 
         With `refresh: on_event`, the end of acting also ends the pause.
         """
-        has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.acted_s
+        has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.last_acting_end_s
         is_at_once = self._is_fresh or has_new_cause
         period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
         return self.last_start_s + max(period_s, self.algorithm.min_interval_s)
@@ -195,7 +195,7 @@ class Branch:
         return self._job_run is not None and self._job_run.state is State.ENDED
 
     @property
-    def evidence_is_taken(self) -> bool:
+    def is_evidence_taken(self) -> bool:
         """Return whether the evidence is complete but its result is still awaited.
 
         From then on, preconditions are judged only for the interval of the evidence.
@@ -223,28 +223,28 @@ class Branch:
 
     def cancel(self) -> None:
         """Cancel the job."""
-        job_run = self._drop()
+        job_run = self._drop_job()
         if job_run is not None:
             self.observer.services.perception.cancel(job_run)
 
     def void(self, condition: str) -> None:
         """Drop the job because a precondition did not hold while its evidence was taken."""
-        job_run = self._drop()
+        job_run = self._drop_job()
         if job_run is not None:
             self.observer.services.perception.void(job_run, condition)
             self._variables_without_value = set(self.identifies)
 
     def take_outcome(self) -> bool:
         """Process the outcome of the finished job; return whether the outcome is a result."""
-        job_run = self._drop()
+        job_run = self._drop_job()
         if job_run is None or job_run.start_s is None:
             return False
         self._interval = job_run.evidence(self.observer.now_s) or Interval(job_run.start_s)
-        self._index = job_run.index
+        self._job_index = job_run.index
         if isinstance(job_run.outcome, Result):
             self.result, self._variables_without_value = job_run.outcome, set()
             self._is_accepted = False
-            self._cost_meter.judged += 1
+            self._cost_meter.evaluated_count += 1
             return True
         if isinstance(job_run.outcome, Failure):
             self._add_failed_looks(self.identifies, job_run.outcome.reason, job_run.outcome.message, job_run.start_s)
@@ -300,7 +300,7 @@ class Branch:
         is_counted = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
         if is_counted and not self._is_accepted:
             self._is_accepted = True
-            self._cost_meter.accepted += 1
+            self._cost_meter.accepted_count += 1
         return is_counted
 
     # Internal
@@ -321,7 +321,7 @@ class Branch:
         context = ContextNow(self.observer.services.cells, now_s)
         if self.blocking_condition(context) is not None:
             return None
-        self._pinned_s = now_s
+        self._pin_instant_s = now_s
         for cell in self._cells():
             cell.pin(now_s)
         return {name: context.value(name) for name in self.algorithm.given}
@@ -340,12 +340,12 @@ class Branch:
         readings = (services.cells[variable].reading.at(now_s) for variable in self.identifies)
         return [reading.name for reading in readings if services.event_triggers.is_due(reading)]
 
-    def _drop(self) -> JobRun | None:
+    def _drop_job(self) -> JobRun | None:
         job_run, self._job_run = self._job_run, None
-        if self._pinned_s is not None:
+        if self._pin_instant_s is not None:
             for cell in self._cells():
-                cell.unpin(self._pinned_s)
-            self._pinned_s = None
+                cell.unpin(self._pin_instant_s)
+            self._pin_instant_s = None
         if job_run is not None:
             self.observer.note_job_end()
             if job_run.start_s is not None:  # when a job has started, its branch is no longer due
@@ -361,8 +361,8 @@ class Branch:
 
     def _keeps_value(self, term: Term) -> bool:
         """Return whether the result lies between enter and leave."""
-        inner = term.term if isinstance(term, DebouncedCondition) else term
-        return self.result is not None and isinstance(inner, Hysteresis) and inner.keeps_value(self.result)
+        inner_term = term.term if isinstance(term, DebouncedCondition) else term
+        return self.result is not None and isinstance(inner_term, Hysteresis) and inner_term.keeps_value(self.result)
 
     def _confirmed_start_s(self, variable: str, content: Value, votes: Votes) -> float | None:
         """Count a result. Return the start of the evidence for its value; None if too few results agree.
@@ -374,7 +374,7 @@ class Branch:
         vote = Vote(content, self._interval.start_s, self._stamp_s())
         if not self.observer.services.cells[variable].admits(vote.start_s, vote.stamp_s):
             return vote.start_s  # evidence from before an action is not counted as a vote; `write` reports it
-        votes.add(vote, lambda before: self._still_counts(variable, before, vote))
+        votes.add(vote, lambda earlier_vote: self._still_counts(variable, earlier_vote, vote))
         start_s = votes.start_s(content)
         if start_s is None:
             count_text = f"{votes.count(content)} of the last {votes.among} results, {votes.needed} are needed"
@@ -386,7 +386,7 @@ class Branch:
                 self.observer.add_failed_look(variable, failed_look)
         return start_s
 
-    def _still_counts(self, variable: str, before: Vote, now: Vote) -> bool:
+    def _still_counts(self, variable: str, earlier_vote: Vote, newest_vote: Vote) -> bool:
         """Return whether an earlier result still counts for a variable.
 
         It does not count if it is from before the last action that changed the variable, if it is no longer valid, or
@@ -394,12 +394,18 @@ class Branch:
         """
         services = self.observer.services
         model, cells = services.variables[variable], services.cells
-        if before.start_s <= cells[variable].invalidated_s or before.stamp_s + model.valid_for_s <= now.stamp_s:
+        if (
+            earlier_vote.start_s <= cells[variable].invalidated_s
+            or earlier_vote.stamp_s + model.valid_for_s <= newest_vote.stamp_s
+        ):
             return False
         term = self.observer.observability_condition(variable) if model.when_unobservable == "forget" else None
         if term is None:
             return True
-        return first_loss_s(term, cells, max(before.stamp_s, complete_from_s(term, cells)), now.stamp_s) is None
+        return (
+            first_loss_s(term, cells, max(earlier_vote.stamp_s, complete_from_s(term, cells)), newest_vote.stamp_s)
+            is None
+        )
 
     def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
         """Record that a result has no value for some variables, and add a failed look for each."""
@@ -407,7 +413,7 @@ class Branch:
         self._add_failed_looks(variables, reason, detail, self._stamp_s())
 
     def _record_refusal(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
-        refusal_details = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
+        refusal_details = {"index": self._job_index, "variables": list(variables), "reason": reason, "message": detail}
         self.observer.services.event_writer.write(Kind.JOB, self.algorithm.name, "rejected", **refusal_details)
 
     def _add_failed_looks(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:

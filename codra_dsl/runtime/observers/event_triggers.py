@@ -18,7 +18,7 @@ class EventTriggers:
     def __init__(self) -> None:
         self._monitor_counts: Counter[str] = Counter()
         self._changed_variables: dict[int, frozenset[str]] = {}
-        self._acted_s = BEFORE_ALL_S
+        self._last_acting_end_s = BEFORE_ALL_S
 
     def begin(self, variables: Iterable[str]) -> None:
         """Begin a skill that monitors some variables."""
@@ -36,16 +36,16 @@ class EventTriggers:
     def acted(self, number: int, now_s: float) -> None:
         """Note that acting ends: the world may have changed."""
         self._changed_variables.pop(number, None)
-        self._acted_s = now_s
+        self._last_acting_end_s = now_s
 
     def may_be_changing(self, variable: str) -> bool:
         """Return whether an acting skill changes a variable. Then its value is lost when it cannot be observed."""
         return any(variable in changes for changes in self._changed_variables.values())
 
     @property
-    def acted_s(self) -> float:
+    def last_acting_end_s(self) -> float:
         """Return the last end of acting of any skill."""
-        return self._acted_s
+        return self._last_acting_end_s
 
     def is_due(self, reading: Reading[Value]) -> bool:
         """Return whether the variable of a reading is due to be observed because of events.
@@ -58,4 +58,4 @@ class EventTriggers:
             return True
         if self.may_be_changing(reading.name):
             return False
-        return not reading.known or reading.start_s < self._acted_s
+        return not reading.known or reading.start_s < self._last_acting_end_s

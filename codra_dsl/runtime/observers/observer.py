@@ -55,7 +55,7 @@ class Observer:
         self._context_now = ContextNow(services.cells, self.now_s)
         self._on_tick_request = on_tick_request
         self._branches: list[Branch] = []
-        self._writes: list[Reading[Value]] = []
+        self._written_readings: list[Reading[Value]] = []
         self._failed_looks: dict[str, list[FailedLook]] = {}
         self._has_job_ended = False
         self._failure: str | None = None
@@ -156,7 +156,9 @@ class Observer:
             return False
         expires_s = stamp_s + self.services.variables[variable].valid_for_s
         self._failed_looks.pop(variable, None)
-        self._writes.append(known_reading(variable, content, stamp_s, start_s, self.now_s, expires_s, algorithm))
+        self._written_readings.append(
+            known_reading(variable, content, stamp_s, start_s, self.now_s, expires_s, algorithm)
+        )
         return True
 
     def next_branch_in_turn(self, branch: Branch) -> Branch | None:
@@ -187,7 +189,7 @@ class Observer:
 
     def tick(self, now_s: float) -> list[Reading[Value]]:
         """Tick the tree once; return the readings of the variables that the tick has identified or made unknown."""
-        self.now_s, self._writes, self._has_job_ended = now_s, [], False
+        self.now_s, self._written_readings, self._has_job_ended = now_s, [], False
         self._context_now = ContextNow(self.services.cells, now_s)
         if self._failure is not None:
             return []
@@ -201,11 +203,11 @@ class Observer:
             self._decide_loss(variable)
         if self._has_job_ended and self._needs_another_tick():
             self.request_tick()
-        return self._writes
+        return self._written_readings
 
     def fail(self, message: str) -> list[Reading[Value]]:
         """Stop the observer until it is started again, because its tree failed; values that it wrote become unknown."""
-        self._writes, self._failure = [], message
+        self._written_readings, self._failure = [], message
         for branch in self._branches:
             branch.cancel()
         self._failed_looks.clear()
@@ -213,7 +215,7 @@ class Observer:
             reading = self._reading(variable)
             if not reading.known or self._is_own(reading):
                 self._make_unknown(variable, FailedLook(Reason.FAILED, message, self.now_s, self.name))
-        return self._writes
+        return self._written_readings
 
     def next_tick_s(self) -> float | None:
         """Return when a tick will next have an effect if nothing changes before; None if there is no such instant."""
@@ -253,8 +255,8 @@ class Observer:
     def _reading(self, variable: str) -> Reading[Value]:
         """Return the present reading of a variable. It can be a reading that was written in this tick."""
         present_reading = self.services.cells[variable].reading.at(self.now_s)
-        written_readings = (reading for reading in self._writes if reading.name == variable)
-        return sorted((present_reading, *written_readings), key=lambda reading: reading.evidence_s)[-1]
+        readings_of_variable = (reading for reading in self._written_readings if reading.name == variable)
+        return sorted((present_reading, *readings_of_variable), key=lambda reading: reading.evidence_s)[-1]
 
     def _is_own(self, reading: Reading[Value]) -> bool:
         return any(branch.algorithm.name == reading.source for branch in self._branches)
@@ -301,9 +303,11 @@ class Observer:
         loss_s = monitor.loss_s(cells, reading, is_own=self._is_own(reading), now_s=self.now_s)
         if loss_s is not None:
             since_s = max(loss_s, reading.evidence_s)
-            self._make_unknown(variable, FailedLook(Reason.FORGOTTEN, self._blocked_by(variable), since_s, self.name))
+            self._make_unknown(
+                variable, FailedLook(Reason.FORGOTTEN, self._blocking_conditions_text(variable), since_s, self.name)
+            )
 
-    def _blocked_by(self, variable: str) -> str:
+    def _blocking_conditions_text(self, variable: str) -> str:
         conditions = (branch.blocking_condition(self.context_now()) for branch in self._branches_by_variable[variable])
         return "; ".join(name or "a condition that did not hold for a moment" for name in conditions)
 
@@ -316,4 +320,4 @@ class Observer:
             identified_s=self.now_s,
             source=failed_look.algorithm,
         )
-        self._writes.append(reading)
+        self._written_readings.append(reading)

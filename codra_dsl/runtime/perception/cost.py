@@ -42,15 +42,15 @@ class CostMeter:
     """Adds up the costs and results of one algorithm.
 
     Attributes:
-        judged: results that were evaluated.
-        accepted: evaluated results that gave a variable a value.
-        voided: jobs whose evidence was discarded.
-        failed: jobs that raised, timed out, or returned an invalid result.
-        cancelled: jobs that were no longer needed.
+        evaluated_count: the number of results that were evaluated.
+        accepted_count: the number of evaluated results that gave a variable a value.
+        voided_count: the number of jobs whose evidence was discarded.
+        failed_count: the number of jobs that raised, timed out, or returned an invalid result.
+        cancelled_count: the number of jobs that were no longer needed.
     """
 
     def __init__(self) -> None:
-        self.judged = self.accepted = self.voided = self.failed = self.cancelled = 0
+        self.evaluated_count = self.accepted_count = self.voided_count = self.failed_count = self.cancelled_count = 0
         self._jobs = 0
         self._waiting_s = self._perception_s = self._slot_s = 0.0
 
@@ -68,11 +68,11 @@ class CostMeter:
         """Return the costs and results so far."""
         return Cost(
             jobs=self._jobs,
-            accepted=self.accepted,
-            rejected=self.judged - self.accepted,
-            voided=self.voided,
-            failed=self.failed,
-            cancelled=self.cancelled,
+            accepted=self.accepted_count,
+            rejected=self.evaluated_count - self.accepted_count,
+            voided=self.voided_count,
+            failed=self.failed_count,
+            cancelled=self.cancelled_count,
             waiting_s=self._waiting_s,
             perception_s=self._perception_s,
             slot_s=self._slot_s,

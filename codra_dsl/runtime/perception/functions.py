@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
 from codra_dsl.isolation.function_host import AbsentError, resolve_call
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.values.model import Algorithm, ResourceModel
 
@@ -88,6 +88,6 @@ def check_handles(resources: Iterable[ResourceModel], handles: Iterable[str]) ->
     slot_counts = {resource.name: resource.slots for resource in resources}
     for name in handles:
         if name not in slot_counts:
-            raise CallError(str(unknown("resource", name, slot_counts)))
+            raise CallError(str(unknown_name_error("resource", name, slot_counts)))
         if slot_counts[name] is not None:
             raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")

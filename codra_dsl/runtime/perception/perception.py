@@ -123,7 +123,7 @@ class Perception:
     def cancel(self, job_run: JobRun) -> None:
         """Cancel a job, because its result is no longer needed."""
         if job_run.start_s is not None and not isinstance(job_run.outcome, Failure):
-            self._cost_meters[job_run.algorithm.name].cancelled += 1
+            self._cost_meters[job_run.algorithm.name].cancelled_count += 1
         if job_run.state is not State.ENDED:
             self._write_job_event(job_run, "cancelled")
             self._abandon_job(job_run)
@@ -131,7 +131,7 @@ class Perception:
     def void(self, job_run: JobRun, condition: str) -> None:
         """Discard the present or future result of a job, because a condition failed while its evidence was taken."""
         if not isinstance(job_run.outcome, Failure):
-            self._cost_meters[job_run.algorithm.name].voided += 1
+            self._cost_meters[job_run.algorithm.name].voided_count += 1
         self._write_job_event(job_run, "voided", condition=condition)
         self._abandon_job(job_run)
 
@@ -227,7 +227,7 @@ class Perception:
     def _set_outcome(self, job_run: JobRun, outcome: Result | Failure) -> None:
         job_run.outcome = outcome
         if isinstance(outcome, Failure):
-            self._cost_meters[job_run.algorithm.name].failed += 1
+            self._cost_meters[job_run.algorithm.name].failed_count += 1
             self._write_job_event(job_run, "failed", reason=outcome.reason, message=outcome.message)
         else:
             evidence = job_run.evidence(self._clock.now_s())

@@ -18,7 +18,7 @@ from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.remote.protocol import (
     REPORTED_ERRORS,
     LeaseError,
@@ -291,12 +291,12 @@ class Session:
 
     def _variable(self, name: str) -> VariableModel:
         if name not in self._variables:
-            raise unknown("variable", name, self._variables)
+            raise unknown_name_error("variable", name, self._variables)
         return self._variables[name]
 
     def _skill(self, name: str) -> str:
         if name not in self._skills:
-            raise unknown("skill", name, self._skills)
+            raise unknown_name_error("skill", name, self._skills)
         return name
 
     def _check_begun(self, number: int) -> None:

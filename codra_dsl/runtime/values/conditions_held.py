@@ -78,20 +78,20 @@ def _covers_interval(reading: Reading[Value], start_s: float, end_s: float) -> b
 
 
 def first_loss_s(
-    term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float, held_before: bool = True
+    term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float, has_held_before: bool = True
 ) -> float | None:
     """Return the first instant from `start_s` to `end_s` at which a condition stopped holding; None if there is none.
 
-    `held_before` states whether the condition is assumed to hold just before `start_s`.
+    `has_held_before` states whether the condition is assumed to hold just before `start_s`.
     """
     names, has_ages = term.reads
     if not has_ages and all(_covers_interval(cells[name].reading, start_s, end_s) for name in names):
-        return start_s if held_before and not term.holds(ContextNow(cells, end_s)) else None
+        return start_s if has_held_before and not term.holds(ContextNow(cells, end_s)) else None
     for context in _contexts_of_changes(term, cells, start_s, end_s):
         is_held = term.holds(context)
-        if held_before and not is_held:
+        if has_held_before and not is_held:
             return context.instant_s
-        held_before = is_held
+        has_held_before = is_held
     return None
 
 
@@ -161,7 +161,7 @@ class ObservabilityMonitor:
         self._names = sorted(term.variables())
         self._checked_evidence: tuple[float, str, int] | None = None
         self._checked_until_s = BEFORE_ALL_S
-        self._held_at_check = False
+        self._has_held_at_check = False
 
     def loss_s(self, cells: Mapping[str, Cell], reading: Reading[Value], *, is_own: bool, now_s: float) -> float | None:
         """Return the instant since which the variable can no longer be observed; None if it can still be observed.
@@ -178,8 +178,8 @@ class ObservabilityMonitor:
         # evidence is checked again, so that the result does not depend on the instants of the checks
         if self._checked_evidence != evidence:
             self._checked_evidence = evidence
-            self._checked_until_s, self._held_at_check = reading.evidence_s, is_own
+            self._checked_until_s, self._has_held_at_check = reading.evidence_s, is_own
         start_s = max(self._checked_until_s, complete_from_s(self._term, cells))
-        loss_s = first_loss_s(self._term, cells, start_s, now_s, self._held_at_check)
-        self._checked_until_s, self._held_at_check = now_s, self._term.holds(ContextNow(cells, now_s))
+        loss_s = first_loss_s(self._term, cells, start_s, now_s, self._has_held_at_check)
+        self._checked_until_s, self._has_held_at_check = now_s, self._term.holds(ContextNow(cells, now_s))
         return loss_s

@@ -52,12 +52,12 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
 def _resolve_action_name(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
     """Return the variable of an action's weight if only an action has this name; otherwise return the name."""
     weight = f"weight_of_{name}"
-    is_other = (
+    has_other_meaning = (
         name in summary.nodes.values()
         or name in latest_events.knowledge_events
         or f"adaptation/{name}" in latest_events.adaptation_events
     )
-    return weight if weight in summary.variables and not is_other else name
+    return weight if weight in summary.variables and not has_other_meaning else name
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +206,7 @@ class _Explanation:
         )
         if values is not None:
             for name, value in values.items():
-                rule = next(unmet for unmet in unmet_preconditions if name in unmet.term.variables())
+                rule = next(condition for condition in unmet_preconditions if name in condition.term.variables())
                 unit = self._summary.variables[name].type.unit or ""
                 yield Missing(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return

@@ -7,12 +7,12 @@ import re
 from collections.abc import Iterator, Mapping
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.errors import UnknownNameError, unknown
+from codra_dsl.runtime.errors import UnknownNameError, unknown_name_error
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading, Reason
-from codra_dsl.runtime.why.values import Why, instant, shown
+from codra_dsl.runtime.why.values import Why, instant_text, value_text
 
 _TASK_STAGES = ("wants", "is", "finished", "aborted")
 _RULE_STATES = ("begun", "broken", "fulfilled", "unfulfilled")
@@ -60,8 +60,11 @@ def pose_edges_between(latest_events: LatestEvents, condition: str) -> tuple[str
         if _has_pose(events)
     }
     determining_edges: dict[str, None] = {}
-    for first, second in _POSE_COMPARISON_PATTERN.findall(condition):
-        first_chain, second_chain = _pose_edges_above(edge_by_target, first), _pose_edges_above(edge_by_target, second)
+    for first_node, second_node in _POSE_COMPARISON_PATTERN.findall(condition):
+        first_chain, second_chain = (
+            _pose_edges_above(edge_by_target, first_node),
+            _pose_edges_above(edge_by_target, second_node),
+        )
         determining_edges |= dict.fromkeys(
             edge for edge in (*first_chain, *second_chain) if not (edge in first_chain and edge in second_chain)
         )
@@ -106,7 +109,7 @@ def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str
     kind_text = (
         "variable, and until then no element of the graph, named" if latest_events.knowledge_events else "variable"
     )
-    raise _pattern_error(latest_events, name) or unknown(
+    raise _pattern_error(latest_events, name) or unknown_name_error(
         kind_text, name, (*summary.variables, *latest_events.knowledge_events)
     )
 
@@ -191,7 +194,7 @@ def _known_reading(name: str, content: Value, event: Event) -> Reading[Value]:
 def _story(events: _ElementEvents) -> Iterator[str]:
     """Yield the history of an element, in order of time."""
     for event in sorted(events.values(), key=_time_sort_key):
-        details, at_text = event.details, instant(event.instant_s)
+        details, at_text = event.details, instant_text(event.instant_s)
         writer_text = f"agent {details['agent']}" if details["agent"] else "the graph itself"
         change_text = f", change {details['version']}" if "version" in details else ""
         if event.what == "refused":
@@ -213,14 +216,14 @@ def _task_text(details: Mapping[str, object]) -> str:
     clauses += [f"result {details['result']}"] if details.get("result") else []
     clauses += [str(details["message"])] if details.get("message") else []
     deadline_s = details.get("deadline_s")
-    clauses += [f"until {instant(deadline_s)} at the latest"] if isinstance(deadline_s, float) else []
+    clauses += [f"until {instant_text(deadline_s)} at the latest"] if isinstance(deadline_s, float) else []
     return f" ({', '.join(clauses)})"
 
 
 def _change_text(event: Event) -> str:
     details = event.details
     if event.what == "written":
-        return "written as unknown" if details.get("value") is None else f"written as {shown(details['value'])}"
+        return "written as unknown" if details.get("value") is None else f"written as {value_text(details['value'])}"
     if event.what == "placed":
         return f"placed at ({', '.join(f'{coordinate:.6g}' for coordinate in details['translation_m'])}) m"
     return _CHANGE_TEXTS[event.what]
@@ -230,9 +233,9 @@ def _evidence_text(event: Event) -> str:
     text, details = "", event.details
     evidence_s, expires_s = details.get("evidence_s"), details.get("expires_s")
     if evidence_s is not None and evidence_s != event.instant_s:
-        text += f", from evidence taken at {instant(evidence_s)}"
+        text += f", from evidence taken at {instant_text(evidence_s)}"
     if expires_s is not None and expires_s < math.inf:
-        text += f", valid until {instant(expires_s)}"
+        text += f", valid until {instant_text(expires_s)}"
     return text
 
 
