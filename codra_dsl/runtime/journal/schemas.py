@@ -178,9 +178,7 @@ def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         value=value_schema(kind, "The value; left out when unknown."),
         reason=reason_schema("Why it is unknown; left out when known."),
         detail=field_schema("string", "The cause of an unknown value."),
-        evidence_s=field_schema(
-            "number", "When the evidence was taken; for an unknown variable, since when it is unknown."
-        ),
+        evidence_s=field_schema("number", "When the evidence was taken, or since when the variable is unknown."),
         source=field_schema("string", "The source of the value: an algorithm, an agent or the main execution."),
         present=field_schema("boolean", "Whether this is the present reading; false if there is newer evidence."),
     )
@@ -242,9 +240,7 @@ def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         asked_s=field_schema("number", "When the decision was requested."),
         found=value_schema(kind, "The value that the main execution acquired itself."),
         kept=field_schema("boolean", "Whether the acquired value was kept as evidence."),
-        agrees=field_schema(
-            "boolean", "Whether the acquired value equals the value in context; left out if none was acquired."
-        ),
+        agrees=field_schema("boolean", "Whether both values are equal; left out if no value was acquired."),
         shadow=field_schema("boolean", "Whether the main execution would have looked in any case."),
         skill=field_schema("string", "The skill in progress that began last; left out if none."),
         raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
@@ -305,7 +301,7 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
             "evidence": "a job reported when its evidence was taken",
             "late": "the next event happens now, long after its scheduled time",
             "graph": "an agent writes to the knowledge graph in one change",
-            "refused": "an agent tried a write or a begin that its permissions or its rule do not allow",
+            "refused": "an agent tried to write, or to begin an action, but its permissions or its rule forbid this",
             "rule": "the state of an agent's rule changed",
             "adapt": "a loop reports an adaptation",
         },
@@ -351,7 +347,7 @@ def _knowledge_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchem
             "is": "its executor has begun it",
             "finished": "its executor has finished it",
             "aborted": "it ended without being finished",
-            "refused": "an agent tried a write or a begin that its permissions or its rule do not allow",
+            "refused": "an agent tried to write, or to begin an action, but its permissions or its rule forbid this",
             **{what: f"the agent's rule: {meaning}" for what, meaning in RULE_EVENTS.items()},
         },
         agent=field_schema(
@@ -400,10 +396,10 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         because=field_schema(
             "string", "The reason: first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."
         ),
-        rule=field_schema(
-            "string", "The hard rule that decided, or the target of the parameter, as written in the spec."
+        rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
+        place=field_schema(
+            "string", "The place in the spec of the hard rule, of the course, or of the parameter's target."
         ),
-        place=field_schema("string", "The place in the spec of the hard rule or the target."),
         value=field_schema("string", "The value of the parameter, as JSON."),
         branch=field_schema("string", "The value of the tree's entry that selects the branch."),
         result=field_schema("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
