@@ -397,9 +397,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
             "string", "The reason: first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."
         ),
         rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
-        place=field_schema(
-            "string", "The place in the spec of the hard rule, of the course, or of the parameter's target."
-        ),
+        place=field_schema("string", "The place of the hard rule, the course, or the target in the spec."),
         value=field_schema("string", "The value of the parameter, as JSON."),
         branch=field_schema("string", "The value of the tree's entry that selects the branch."),
         result=field_schema("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
