@@ -19,8 +19,8 @@ _MAX_MARK_OFFSET_BYTES = 4096
 def create_locked_file(path: Path) -> BinaryIO:
     """Return a new, empty file at a path, locked for this program.
 
-    A finished journal at the path is replaced. An unfinished one is renamed to `NAME.unfinished-1.mcap`; if the program
-    that writes it is still running, the program continues to write to the renamed file.
+    A finished journal at the path is replaced. An unfinished journal is renamed to `NAME.unfinished-1.mcap`. If the
+    program that writes this journal is still running, it continues to write to the renamed file.
 
     Raises:
         OSError: if the file cannot be created, or the existing file is not a journal.

@@ -24,9 +24,9 @@ _LOGGER = logging.getLogger(__name__)
 class Journal(EventLog):
     """An event log that is written to a file, event by event: pass it to `start(..., record=Journal(path))`.
 
-    The file is in MCAP format. It is finished when the context manager is closed, or at the latest when the program
-    ends. If the program is killed, the end of the file is missing, and at most one event is lost: the event that was
-    being written. Repair such a file with `codra journal recover`.
+    The file is in MCAP format. The journal finishes the file when the context manager is closed, or at the latest when
+    the program ends. If the program is killed, the end of the file is missing, and at most one event is lost: the event
+    that was being written. Repair such a file with `codra journal recover`.
 
     If the file can no longer be written, the journal ends, but the run continues.
 
@@ -74,7 +74,7 @@ class Journal(EventLog):
         self._finalizer = weakref.finalize(self, _finish_file, self._stream, self._writer, self.path, os.getpid())
 
     def add(self, event: Event) -> None:
-        """Add an event; once this returns, the event survives the death of the process."""
+        """Add an event. After this call, the event survives the death of the process."""
         if event.kind is not Kind.INPUT:
             super().add(event)
         if self._writer is not None:

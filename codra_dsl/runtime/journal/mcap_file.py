@@ -81,7 +81,7 @@ class McapFile:
         return schema_id
 
     def add(self, channel_id: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
-        """Write a message; once this returns, the message survives the death of the process.
+        """Write a message. After this call, the message survives the death of the process.
 
         Raises:
             OSError: if the message cannot be written, or the file was removed.

@@ -1,4 +1,4 @@
-"""The kinds of journal events: their topics, their JSON schemas, and what tools show of a topic.
+"""The kinds of journal events: their topics, their JSON schemas, and what tools show about a topic.
 
 A new kind of event needs a member of `Kind`, a schema and an entry of `TOPICS`, all in this module. The rest of the
 journal, the commands and replay use the kinds that this module defines. The code that adds the events is elsewhere.
@@ -63,7 +63,7 @@ class Topic:
     """The topics to which the events of one kind are written, and descriptions of these topics.
 
     Attributes:
-        folder: the folder of the topics, which has one topic for each subject. If `is_shared`, it is the only topic.
+        folder: the folder of the topics, one for each subject. If `is_shared`, the folder itself is the only topic.
         schema: returns the name of the schema of a subject's events, and the schema.
         metadata: returns the metadata that tools show about a subject's topic: units, label.
         place: returns the place of a subject in the spec.

@@ -44,7 +44,7 @@ class Forest:
             models: the observers.
             services: the part of the context manager that observers use.
             clock: real or simulated time.
-            commit: called with each reading that observers wrote, after each round.
+            commit: called after each round, with each reading that observers wrote in this round.
             on_stop: called for each observer that has stopped.
         """
         self._clock = clock
@@ -81,7 +81,7 @@ class Forest:
 
     @property
     def observers(self) -> Mapping[str, Observer]:
-        """Return all observers by name."""
+        """Return a mapping from names to observers."""
         return self._observers
 
     def running(self) -> frozenset[str]:
@@ -208,7 +208,7 @@ class Forest:
         return readings
 
     def _schedule_tick(self, observer: Observer, instant_s: float | None) -> None:
-        """Schedule a tick of an observer. If an earlier tick is scheduled, keep it; it schedules the next one."""
+        """Schedule a tick of an observer. If an earlier tick is scheduled, keep that one, which schedules the next."""
         timer = self._timers.get(observer.name)
         if instant_s is not None and (timer is None or timer.instant_s > instant_s):
             if timer is not None:

@@ -96,7 +96,7 @@ class Observer:
     def watched_variables(self) -> tuple[str, ...]:
         """Return the variables whose changes cause a tick.
 
-        The observer needs these variables, or identifies them and they have `refresh: on_event`.
+        These are the variables that the observer needs, and its own variables with `refresh: on_event`.
         """
         return tuple(sorted({*self.needs(), *self.on_event_variables}))
 
@@ -166,7 +166,7 @@ class Observer:
 
         An algorithm is needed if at least one of its variables is not served by any algorithm of better rank. Among the
         needed algorithms, the one that has not run for the longest time goes first, so that no algorithm starves
-        another one. If this does not decide, rank decides.
+        another one. Among algorithms with equal times, the one with the best rank goes first.
         """
         if any(rival.is_busy for rival in branch.rivals):
             return None
@@ -236,9 +236,9 @@ class Observer:
         return [term for branch in self._branches for _, term in branch.conditions]
 
     def _rivals(self, branch: Branch) -> tuple[Branch, ...]:
-        """Return, by rank, a branch and the branches that share variables with it, directly or indirectly.
+        """Return a branch and the branches that share variables with it, directly or indirectly, in order of rank.
 
-        Only one of them runs at a time.
+        Only one of these branches runs at a time.
         """
         group = [branch]
         for member in group:

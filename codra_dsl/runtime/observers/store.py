@@ -1,4 +1,4 @@
-"""The central data structure of P1, section 3.3: it holds all context-variables, and makes every change of them."""
+"""The central data structure of P1, section 3.3: it holds all context-variables, and makes all changes to them."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Store:
     def write(self, reading: Reading[Value]) -> None:
         """Store a reading that is identified now.
 
-        If its evidence is older than that of the present reading, the reading is stored only in the history. Otherwise
-        it becomes the present reading.
+        If the present reading has newer evidence, the stored reading becomes a part of the history only. Otherwise it
+        becomes the present reading.
         """
         name = reading.name
         if reading.expires_s == FOREVER_S and reading.reason is None:

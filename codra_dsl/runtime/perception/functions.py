@@ -90,4 +90,4 @@ def check_handles(resources: Iterable[ResourceModel], handles: Iterable[str]) ->
         if name not in slot_counts:
             raise CallError(str(unknown_name_error("resource", name, slot_counts)))
         if slot_counts[name] is not None:
-            raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")
+            raise CallError(f"resource {name!r} has slots, so it needs no handle: leave it out of `resources`")

@@ -37,7 +37,7 @@ class ProcessExecutor:
             CallError: if the process cannot be started.
         """
         if algorithm.call.startswith("__main__:"):
-            raise call_error(algorithm, ", which its process cannot import: put it into a module")
+            raise call_error(algorithm, ", which its process cannot import: put the function into a module")
         self._algorithm = algorithm
         self._is_imported = self._is_set_up = False
         self._is_closed = False

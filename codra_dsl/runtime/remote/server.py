@@ -83,7 +83,7 @@ class Server:
                 peer, _ = self._socket.accept()
             except OSError as error:
                 if not self._close_event.is_set():
-                    _LOGGER.warning("no connection can be accepted for a while: %s", error)
+                    _LOGGER.warning("the server waits, because it could not accept a connection: %s", error)
                 self._close_event.wait(ACCEPT_PAUSE_S)
             else:
                 self._add_connection(peer)

@@ -173,7 +173,7 @@ class Cell:
     Attributes:
         reading: the present reading.
         invalidated_s: when a skill last changed the variable.
-        late_reading_count: how many readings were identified later than their evidence was taken.
+        late_reading_count: the number of readings that were identified after their evidence was taken.
     """
 
     __slots__ = (
@@ -204,7 +204,7 @@ class Cell:
         self._has_dropped_readings = False
 
     def admits(self, start_s: float, stamp_s: float) -> bool:
-        """Return whether evidence counts: it does not if the variable was invalidated while the evidence was taken."""
+        """Return whether evidence counts: false if the variable was invalidated while the evidence was taken."""
         return not start_s <= self.invalidated_s <= stamp_s
 
     def write(self, reading: Reading[Value]) -> bool:

@@ -1,4 +1,4 @@
-"""Explain a variable: the chain from its value to the evidence, or from unknown to the missing conditions."""
+"""Explain a variable: the chain from its value to the evidence, or from the unknown value to the missing conditions."""
 
 from __future__ import annotations
 

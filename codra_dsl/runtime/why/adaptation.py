@@ -99,7 +99,7 @@ def _chain_lines(events: Mapping[str, Event]) -> Iterator[str]:
 
 
 def _failure_lines(events: Mapping[str, Event]) -> Iterator[str]:
-    """Yield the error of a parameter's last setting, if that setting failed."""
+    """Yield the error of the last attempt to set a parameter, if this attempt failed."""
     failure_event = events.get("failed")
     is_of_parameter = failure_event is not None and "variable" in failure_event.details and "chosen" not in events
     if (

@@ -24,7 +24,7 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     """Return the explanation of a variable at an instant, with its chain of causes.
 
     For an element of the knowledge graph, the explanation states the last writer, the change, and refused writes. For a
-    course or parameter, it states the complete chain of the last decision about it.
+    course or parameter, the explanation states the complete chain of the last decision about this course or parameter.
 
     Args:
         summary: the spec summary.
@@ -112,7 +112,7 @@ class _Explanation:
         self._explained_readings: set[tuple[str, int]] = set()
 
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:
-        """Explain a variable, as a cause of the variables on the path."""
+        """Explain a variable, as a cause of the variables in `path`."""
         context = self._context_at(at_s)
         reading, event = context.reading(name), context.latest_events.present_events.get(name)
         model = self._summary.variables[name]

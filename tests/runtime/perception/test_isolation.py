@@ -357,7 +357,7 @@ CALLS = {
     "no.such.module:look": ": ModuleNotFoundError: No module named 'no'",
     "broken_on_import:look": ": SystemExit: 4",
     "deadly_on_import:look": ": its process ended with exit code 5",
-    "__main__:look": ", which its process cannot import: put it into a module",
+    "__main__:look": ", which its process cannot import: put the function into a module",
 }
 
 
