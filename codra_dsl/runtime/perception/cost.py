@@ -51,12 +51,12 @@ class CostMeter:
 
     def __init__(self) -> None:
         self.evaluated_count = self.accepted_count = self.voided_count = self.failed_count = self.cancelled_count = 0
-        self._jobs = 0
+        self._job_count = 0
         self._waiting_s = self._perception_s = self._slot_s = 0.0
 
     def begin(self, waiting_s: float) -> None:
         """Count a job that starts."""
-        self._jobs += 1
+        self._job_count += 1
         self._waiting_s += waiting_s
 
     def end(self, duration_s: float, slot_count: int) -> None:
@@ -67,7 +67,7 @@ class CostMeter:
     def cost(self) -> Cost:
         """Return the costs and results so far."""
         return Cost(
-            jobs=self._jobs,
+            jobs=self._job_count,
             accepted=self.accepted_count,
             rejected=self.evaluated_count - self.accepted_count,
             voided=self.voided_count,

@@ -152,8 +152,8 @@ class ReplayedClock(Clock):
         """Move to an instant, unless the clock shows a later one."""
         self._now_s = max(self._now_s, instant_s)
 
-    def next_s(self) -> float:
-        """Return when the next event is due."""
+    def next_event_s(self) -> float:
+        """Return when the next event is due; infinity if there is none."""
         return self._events[0][0] if self._events else math.inf
 
     def step(self) -> None:

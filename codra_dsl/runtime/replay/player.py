@@ -225,7 +225,7 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     try:
         _pass_inputs(player, clock, comparison, [event for event in inputs if "work" not in event.details])
         end_s = events[-1].instant_s if events else header.start_s
-        while not comparison.is_over and clock.next_s() <= end_s:
+        while not comparison.is_over and clock.next_event_s() <= end_s:
             clock.step()  # the journal may end in the middle of the run, after its last input
     except DivergedError as error:
         return manager, clock, str(error)
@@ -245,7 +245,7 @@ def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, 
     last_input = next((event for event in reversed(inputs) if event.what != "evidence"), None)
     for event in inputs:
         while clock.step_count < event.details["step"] and comparison.difference is None:
-            if clock.next_s() > event.instant_s:
+            if clock.next_event_s() > event.instant_s:
                 raise DivergedError
             clock.step()
         if comparison.difference is not None:
