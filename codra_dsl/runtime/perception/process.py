@@ -97,7 +97,7 @@ class Process:
             self._control_socket.send(TERMINATE, socket.MSG_DONTWAIT)
 
     def hang_up(self) -> None:
-        """Close the connection: the process ends itself or, a little later, its supervisor ends it. Do not wait."""
+        """Close the connections: the process ends itself or, a little later, its supervisor ends it. Do not wait."""
         self.is_ending = True
         self._shut_down_sockets()
 

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from codra_dsl.runtime.why.explanation import LatestEventsAt, explain
-from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
+from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
 
-__all__ = ["Condition", "LatestEventsAt", "Look", "Missing", "Way", "Why", "explain"]
+__all__ = ["Condition", "LatestEventsAt", "Look", "MissingChange", "Way", "Why", "explain"]

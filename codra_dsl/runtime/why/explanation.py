@@ -14,7 +14,7 @@ from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
 from codra_dsl.runtime.why.story import job_text, story
 from codra_dsl.runtime.why.unmet_conditions import find_solution
-from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
+from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
 
 LatestEventsAt = Callable[[float], LatestEvents]
 """Returns the latest events up to an instant."""
@@ -196,7 +196,7 @@ class _Explanation:
             place=algorithm.place,
         )
 
-    def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[Missing]:
+    def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[MissingChange]:
         """Yield the changes that an algorithm needs before it can look."""
         unmet_preconditions = [rule for rule in algorithm.preconditions if not rule.term.holds(context)]
         values = (
@@ -208,18 +208,18 @@ class _Explanation:
             for name, value in values.items():
                 rule = next(condition for condition in unmet_preconditions if name in condition.term.variables())
                 unit = self._summary.variables[name].type.unit or ""
-                yield Missing(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
+                yield MissingChange(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return
         for rule in unmet_preconditions:
             flips_s = rule.term.flips_s(context)
-            yield Missing(
+            yield MissingChange(
                 variable=min(rule.term.variables(), default=""),
                 condition=rule.text,
                 from_s=None if flips_s is None else context.at_s + flips_s,
                 place=rule.place,
             )
 
-    def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[Missing]:
+    def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[MissingChange]:
         """Yield the changes that are needed to observe a variable.
 
         These are the change that the observer of the variable needs, and the changes that one of its algorithms needs:
@@ -229,12 +229,12 @@ class _Explanation:
         if observer is None:
             if not context.reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)
-                yield Missing(variable=name, condition=f"for {sources} to write")
+                yield MissingChange(variable=name, condition=f"for {sources} to write")
             return
         last_event = context.latest_events.observer_events.get(observer.name)
         if last_event is None or last_event.what != "started":
             has_failed = last_event is not None and last_event.what == "failed"
             retry_text = f"withdraw {name} and declare it again: {observer.name} failed and is stopped"
             condition = retry_text if has_failed else f"declare {name}: {observer.name} is not running"
-            yield Missing(variable=name, condition=condition, place=observer.place)
+            yield MissingChange(variable=name, condition=condition, place=observer.place)
         yield from min((way.missing for way in ways), key=len, default=())

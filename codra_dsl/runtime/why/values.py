@@ -16,7 +16,7 @@ _LAST_DATE_S = 1e11
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Missing:
+class MissingChange:
     """A change without which a variable cannot be observed.
 
     Attributes:
@@ -102,7 +102,7 @@ class Way:
     algorithm: str
     conditions: tuple[Condition, ...]
     doing: str
-    missing: tuple[Missing, ...]
+    missing: tuple[MissingChange, ...]
     place: Place | None = None
 
     @property
@@ -137,7 +137,7 @@ class Why:
     look: Look | None = None
     poses: tuple[Why, ...] = ()
     ways: tuple[Way, ...] = ()
-    missing: tuple[Missing, ...] = ()
+    missing: tuple[MissingChange, ...] = ()
     is_told: bool = False
 
     @property
