@@ -36,7 +36,7 @@ LARGEST_NUMBER = sys.float_info.max
 """The largest finite number; integers in JSON can be larger than this."""
 
 
-class Field(StrEnum):
+class FieldType(StrEnum):
     """The type of a field of a request."""
 
     TEXT = "a text"
@@ -51,59 +51,61 @@ class Field(StrEnum):
         """Return whether a value has this type."""
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
         match self:
-            case Field.TEXT:
+            case FieldType.TEXT:
                 return isinstance(value, str)
-            case Field.TEXTS:
+            case FieldType.TEXTS:
                 is_list = isinstance(value, (list, tuple)) and len(value) <= MAX_NAMES
                 return is_list and all(isinstance(name, str) for name in value)  # type: ignore[attr-defined]
-            case Field.INTEGER:
+            case FieldType.INTEGER:
                 return isinstance(value, int) and is_number
-            case Field.NUMBER:
+            case FieldType.NUMBER:
                 return is_number
-            case Field.DURATION:
+            case FieldType.DURATION:
                 return is_number and value >= 0  # type: ignore[operator]
-            case Field.TRUTH:
+            case FieldType.TRUTH:
                 return isinstance(value, bool)
-            case Field.VALUE:
+            case FieldType.VALUE:
                 return is_number or isinstance(value, (bool, str))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class RequestShape:
     """The fields of one kind of request."""
 
-    required: Mapping[str, Field] = field(default_factory=dict)
-    optional: Mapping[str, Field] = field(default_factory=dict)
+    required: Mapping[str, FieldType] = field(default_factory=dict)
+    optional: Mapping[str, FieldType] = field(default_factory=dict)
 
 
-REQUESTS: Mapping[str, Shape] = {
-    "hello": Shape(optional={"lease_s": Field.DURATION}),
-    "keep": Shape(),
-    "declare": Shape(required={"variable": Field.TEXT}, optional={"value": Field.VALUE}),
-    "withdraw": Shape(required={"variable": Field.TEXT}),
-    "expect": Shape(required={"skills": Field.TEXTS}),
-    "begin": Shape(required={"skill": Field.TEXT}),
-    "act": Shape(required={"number": Field.INTEGER}),
-    "acted": Shape(required={"number": Field.INTEGER}),
-    "finish": Shape(required={"number": Field.INTEGER}),
-    "get": Shape(required={"variable": Field.TEXT}),
-    "set": Shape(
-        required={"variable": Field.TEXT, "value": Field.VALUE},
-        optional={"evidence_s": Field.NUMBER, "agent": Field.TEXT},
+REQUESTS: Mapping[str, RequestShape] = {
+    "hello": RequestShape(optional={"lease_s": FieldType.DURATION}),
+    "keep": RequestShape(),
+    "declare": RequestShape(required={"variable": FieldType.TEXT}, optional={"value": FieldType.VALUE}),
+    "withdraw": RequestShape(required={"variable": FieldType.TEXT}),
+    "expect": RequestShape(required={"skills": FieldType.TEXTS}),
+    "begin": RequestShape(required={"skill": FieldType.TEXT}),
+    "act": RequestShape(required={"number": FieldType.INTEGER}),
+    "acted": RequestShape(required={"number": FieldType.INTEGER}),
+    "finish": RequestShape(required={"number": FieldType.INTEGER}),
+    "get": RequestShape(required={"variable": FieldType.TEXT}),
+    "set": RequestShape(
+        required={"variable": FieldType.TEXT, "value": FieldType.VALUE},
+        optional={"evidence_s": FieldType.NUMBER, "agent": FieldType.TEXT},
     ),
-    "decide": Shape(
-        required={"variable": Field.TEXT},
+    "decide": RequestShape(
+        required={"variable": FieldType.TEXT},
         optional={
-            "max_age_s": Field.DURATION,
-            "since_s": Field.NUMBER,
-            "wait_up_to_s": Field.DURATION,
-            "shadow": Field.TRUTH,
+            "max_age_s": FieldType.DURATION,
+            "since_s": FieldType.NUMBER,
+            "wait_up_to_s": FieldType.DURATION,
+            "shadow": FieldType.TRUTH,
         },
     ),
-    "found": Shape(required={"decision": Field.INTEGER}, optional={"value": Field.VALUE, "raised": Field.TEXT}),
-    "subscribe": Shape(required={"variables": Field.TEXTS}),
-    "unsubscribe": Shape(required={"subscription": Field.INTEGER}),
-    "leave": Shape(),
+    "found": RequestShape(
+        required={"decision": FieldType.INTEGER}, optional={"value": FieldType.VALUE, "raised": FieldType.TEXT}
+    ),
+    "subscribe": RequestShape(required={"variables": FieldType.TEXTS}),
+    "unsubscribe": RequestShape(required={"subscription": FieldType.INTEGER}),
+    "leave": RequestShape(),
 }
 
 

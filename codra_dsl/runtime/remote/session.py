@@ -83,7 +83,7 @@ class Session:
         self._end_reason = ""
         self._running_skills: set[int] = set()
         self._looking_decisions: dict[int, PendingDecision] = {}
-        self._waiting_decisions: dict[int, _Wait] = {}
+        self._waiting_decisions: dict[int, _WaitingDecision] = {}
         self._subscriptions: dict[int, Subscription] = {}
         self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
@@ -119,10 +119,10 @@ class Session:
             self._lease.cancel()
             for subscription in self._subscriptions.values():
                 subscription.unsubscribe()
-            for wait in self._waiting_decisions.values():
-                wait.end()
+            for waiting_decision in self._waiting_decisions.values():
+                waiting_decision.end()
             for decision in (
-                *(wait.decision for wait in self._waiting_decisions.values()),
+                *(waiting_decision.decision for waiting_decision in self._waiting_decisions.values()),
                 *self._looking_decisions.values(),
             ):
                 decision.abandon(LeaseError.__name__)
@@ -229,7 +229,7 @@ class Session:
         decision = self._codra.ask(variable, **options)
         if decision.state is not DecisionState.WAITING:
             return self._decision_answer(decision)
-        self._waiting_decisions[decision.number] = _Wait(
+        self._waiting_decisions[decision.number] = _WaitingDecision(
             decision=decision,
             request_id=request_id,
             timer=self._clock.call_at(self._clock.now_s() + options["wait_up_to_s"], lambda: self._resume(decision)),
@@ -243,9 +243,9 @@ class Session:
         with self._lock:
             if decision.number not in self._waiting_decisions or decision.poll() is DecisionState.WAITING:
                 return
-            wait = self._waiting_decisions.pop(decision.number)
-            wait.end()
-            self._send(answer_to(wait.request_id, self._decision_answer(decision)))
+            waiting_decision = self._waiting_decisions.pop(decision.number)
+            waiting_decision.end()
+            self._send(answer_to(waiting_decision.request_id, self._decision_answer(decision)))
 
     def _decision_answer(self, decision: PendingDecision) -> PlainData:
         if decision.state is DecisionState.LOOKING:
@@ -305,7 +305,7 @@ class Session:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wait:
+class _WaitingDecision:
     """A decision that is answered later."""
 
     decision: PendingDecision
