@@ -144,7 +144,7 @@ def encode_result(result: object) -> object:
 
 
 def decode_result(encoded_result: object) -> object:
-    """Return the result that `encode_result` encoded. A value that was not plain is a placeholder with its type's name.
+    """Return the result that `encode_result` encoded. A placeholder with its type's name replaces any other value.
 
     Raises:
         GarbageError: if the message is not an encoded result.

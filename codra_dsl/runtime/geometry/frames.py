@@ -28,7 +28,7 @@ class Transform:
     """The pose of one frame in another at an instant.
 
     Attributes:
-        pose: the pose of the source in the target, which maps points of the source to points of the target.
+        pose: the pose of the source in the target; this pose maps points of the source to points of the target.
         outcome: the worst outcome along the chain.
         gap_s: the longest time along the chain between the instant and the nearest measured pose.
         weakest: the frame whose edge has the worst outcome; if there are several, the one with the longest gap. Empty

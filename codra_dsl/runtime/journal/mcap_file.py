@@ -6,8 +6,8 @@ as large as one chunk. When the chunk itself is written, the region is filled fr
 record. Its opcode is one of those that MCAP reserves for applications, so every reader skips the record. In a finished
 file, the region is empty.
 
-Before each record in the region are its length, a checksum, and the offset at which its chunk will be written. If the
-file holds a complete chunk at that offset, readers ignore the region.
+In the region, the length of a record, a checksum, and the offset at which the chunk will be written precede each
+record. If the file holds a complete chunk at that offset, readers ignore the region.
 """
 
 from __future__ import annotations

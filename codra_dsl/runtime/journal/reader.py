@@ -135,7 +135,7 @@ class JournalReader:
         try:
             if int(metadata["format_version"]) > FORMAT_VERSION:
                 raise JournalError(
-                    f"{self.path} was written by codra {metadata['codra']}, which is newer than this one"
+                    f"{self.path} was written by codra {metadata['codra']}, which is newer than this version"
                 )
             return RunHeader.from_data(metadata, summary_from_data(json.loads(self.files[SUMMARY_FILE])))
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:

@@ -196,7 +196,7 @@ class Branch:
 
     @property
     def is_evidence_taken(self) -> bool:
-        """Return whether the evidence is complete but its result is still awaited.
+        """Return whether the evidence is complete, but the job was not processed yet.
 
         From then on, preconditions are judged only for the interval of the evidence.
         """
@@ -210,7 +210,7 @@ class Branch:
         )
 
     def violated_condition(self) -> str | None:
-        """Return a precondition that, until now, did not always hold while the evidence was taken; None if all held."""
+        """Return a precondition that did not hold at some moment while the evidence was taken; None if all held."""
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         if interval is None:
             return None

@@ -92,7 +92,7 @@ class Store:
             self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
 
     def _expire(self, name: str) -> None:
-        """Make a variable unknown at the end of its validity, unless newer evidence has moved that end."""
+        """Make a variable unknown at the end of its validity, unless newer evidence has extended the validity."""
         self._expiring_names.discard(name)
         cell = self.cells[name]
         if cell.expire(self._clock.now_s()):

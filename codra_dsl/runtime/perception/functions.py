@@ -58,7 +58,7 @@ class Executor(Protocol):
         ...
 
     def close(self) -> None:
-        """Wait, but only for a short time, until the end that `begin_close` has started is reached."""
+        """Wait a short time for the end of the process or of the object's `close`, after `begin_close`."""
         ...
 
 

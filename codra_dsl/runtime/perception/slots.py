@@ -64,8 +64,8 @@ class Slots:
     job at a time, and T is their longest timeout, no request waits until it is older than n T.
 
     A request is granted before older requests only if each older request can still begin in time, even if all requests
-    before that one take their longest time. So the oldest request can always be granted, and a new request, with
-    n - 1 others before it, can be delayed by T.
+    before this older request take their longest time. So the oldest request can always be granted, and a new request,
+    with n - 1 others before it, can be delayed by T.
 
     Several slots are granted together or not at all, so that no job holds one slot while it waits for another. A
     waiting request for several slots reserves them. So no request of lower rank that needs only one of them is granted

@@ -88,7 +88,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
 
 
 def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
-    """Yield the events after the present reading that did not replace it."""
+    """Yield the later events that did not replace the present reading."""
     superseded_events = latest_events.later_events.get(name)
     for what, last_event in () if superseded_events is None else superseded_events.last_events.items():
         count = superseded_events.event_counts[what] if superseded_events is not None else 0

@@ -1,4 +1,4 @@
-"""Find values of variables with which conditions would hold."""
+"""Find values of variables that would make conditions hold."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _ChangedScope:
 def find_solution(
     terms: Sequence[Term], scope: Scope, variables: Mapping[str, VariableModel]
 ) -> dict[str, Value] | None:
-    """Return values with which all terms would hold, for as few variables as possible.
+    """Return values, for as few variables as possible, that would make all terms hold.
 
     Args:
         terms: the conditions.
