@@ -344,7 +344,7 @@ def made_folder(folder: Path) -> Path:
 
 def writable_journal(journal: Path) -> Path:
     """Return the path of a journal. Before the run, report a journal that cannot be written as a usage error."""
-    from codra_dsl.runtime.journal.file_lock import create_locked_file
+    from codra_dsl.runtime.journal.file_creation import create_locked_file
 
     try:
         create_locked_file(journal).close()

@@ -121,17 +121,19 @@ def show_command(
 
 def _event_text(event: Event) -> str:
     from codra_dsl.runtime.journal.encoding import json_text
-    from codra_dsl.runtime.why.values import instant
+    from codra_dsl.runtime.why.values import instant_text
 
     details = {key: detail for key, detail in event.details.items() if detail != ""}
-    return f"{instant(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}\n"
+    return f"{instant_text(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}\n"
 
 
 def _recovery_text(recovery: Recovery) -> str:
-    from codra_dsl.runtime.why.values import instant
+    from codra_dsl.runtime.why.values import instant_text
 
     damage = recovery.damage
-    lines = [f"{recovery.message_count} messages from {instant(recovery.start_s)} to {instant(recovery.end_s)}"]
+    lines = [
+        f"{recovery.message_count} messages from {instant_text(recovery.start_s)} to {instant_text(recovery.end_s)}"
+    ]
     if not damage.is_torn and not damage.unreadable_parts:
         lines.append("the journal was complete: nothing was lost")
     if damage.regained_message_count:

@@ -35,10 +35,10 @@ def open_journal(path: Path) -> Iterator[JournalReader]:
 
 def report_damage(reader: JournalReader, end_s: float) -> None:
     """Report the damage of a journal that has been read up to an instant."""
-    from codra_dsl.runtime.why.values import instant
+    from codra_dsl.runtime.why.values import instant_text
 
     if reader.damage.is_torn:
         state = "is still being written" if reader.is_live else "lacks its end"
-        say(f"codra: '{reader.path}' {state}: it holds what happened up to {instant(end_s)}")
+        say(f"codra: '{reader.path}' {state}: it holds what happened up to {instant_text(end_s)}")
     for part in reader.damage.unreadable_parts:
         say(f"codra: '{reader.path}': cannot be read: {part}")

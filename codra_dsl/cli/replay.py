@@ -224,14 +224,14 @@ def _replay_result_text(replay_result: Replayed, header: RunHeader) -> str:
 
 
 def _difference_text(difference: Difference, header: RunHeader) -> str:
-    from codra_dsl.runtime.why.values import instant
+    from codra_dsl.runtime.why.values import instant_text
 
     event = difference.recorded or difference.replayed
     if event is None:
         return ""
     place = _event_place(event, header.summary)
     lines = [
-        f"differs at event {difference.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
+        f"differs at event {difference.position}, {instant_text(event.instant_s)}: {event.kind} {event.name}"
         f"{_variables_text(event, header.summary)}{f'  [{place}]' if place else ''}",
         f"  journal: {_event_text(difference.recorded)}",
         f"  replay:  {_event_text(difference.replayed)}",

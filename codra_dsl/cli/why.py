@@ -65,7 +65,7 @@ def why_command(
     """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
     from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.journal.checkpoints import Checkpoints
-    from codra_dsl.runtime.why.values import instant
+    from codra_dsl.runtime.why.values import instant_text
 
     existing([journal])
     with open_journal(journal) as reader:
@@ -75,7 +75,9 @@ def why_command(
         end_s = header.start_s if checkpoints.end_s is None else checkpoints.end_s
         report_damage(reader, end_s)
         if at_s is not None and not header.start_s <= at_s <= end_s:
-            message = f"the journal holds {instant(header.start_s)} to {instant(end_s)}, not {instant(at_s)}"
+            message = (
+                f"the journal holds {instant_text(header.start_s)} to {instant_text(end_s)}, not {instant_text(at_s)}"
+            )
             raise typer.BadParameter(message, param_hint="--at")
         explanation = _explain(header, checkpoints, variable, end_s if at_s is None else at_s, journal)
     write_result(f"{explanation}\n" if format_ is WhyFormat.TEXT else _explanation_json(explanation))

@@ -1,1 +1,1 @@
-"""The code in the process of an isolated perception algorithm. To start fast, it imports no other codra modules."""
+"""The code in the process of an isolated perception algorithm. It imports no other codra modules, to start fast."""

@@ -56,7 +56,7 @@ class FunctionHost:
         return self._instance is not None
 
     def setup(self, arguments: Mapping[str, object]) -> None:
-        """Create the object, and call its `setup` with those values of `with` and handles that `setup` declares."""
+        """Create the object, and call its `setup` with the values of `with` and the handles that `setup` declares."""
         if self._class is None or self._function is not None:
             return
         instance = self._class()
@@ -68,7 +68,7 @@ class FunctionHost:
     def perceive(self, **arguments: object) -> object:
         """Execute one job."""
         if self._function is None:
-            raise RuntimeError("it is not set up")
+            raise RuntimeError("the object is not set up")
         return self._function(**arguments)
 
     def close(self) -> None:
@@ -82,7 +82,7 @@ class FunctionHost:
 
 
 def _declared_arguments(function: Callable[..., object], arguments: Mapping[str, object]) -> dict[str, object]:
-    """Return those of some arguments that a function declares, or all of them if it accepts `**kwargs`."""
+    """Return the arguments that a function declares as parameters; all arguments if it accepts `**kwargs`."""
     parameters = inspect.signature(function).parameters.values()
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return dict(arguments)

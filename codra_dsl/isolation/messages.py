@@ -1,7 +1,8 @@
 """Messages between a program and the process of a perception algorithm, in frames of bounded size.
 
 A frame to the process is a pickle, so that handles can answer with any object that can be copied. A frame from the
-process is JSON of a few shapes, never a pickle: a process cannot run code in the program, or fill its memory.
+process is JSON of a few shapes, never a pickle. So a process can neither run code in the program nor fill the program's
+memory.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Connection:
         except Exception as error:
             raise TypeError(f"cannot be copied to another process: {described(error)}") from error
         if len(data) > MAX_BYTES_TO_PROCESS:
-            raise ValueError(f"{len(data)} bytes are more than the {MAX_BYTES_TO_PROCESS} that a process is sent")
+            raise ValueError(f"{len(data)} bytes are more than the {MAX_BYTES_TO_PROCESS} that a process can receive")
         self.socket.sendall(_FRAME_HEADER.pack(len(data)))
         self.socket.sendall(data)
 
@@ -104,12 +105,12 @@ class Connection:
         unfilled_buffer = memoryview(data)
         while unfilled_buffer:
             try:
-                received_bytes = self.socket.recv_into(unfilled_buffer)
+                received_byte_count = self.socket.recv_into(unfilled_buffer)
             except ConnectionError:
-                received_bytes = 0
-            if not received_bytes:
+                received_byte_count = 0
+            if not received_byte_count:
                 raise EOFError("the other end is closed")
-            unfilled_buffer = unfilled_buffer[received_bytes:]
+            unfilled_buffer = unfilled_buffer[received_byte_count:]
         return data
 
 
@@ -131,7 +132,7 @@ class _LongText(str):
 
 
 def encode_result(result: object) -> object:
-    """Return a perception function's result as plain values; of a value of another type, the name of the type."""
+    """Return a perception function's result as plain values; the name of the type replaces any other value."""
     if not isinstance(result, Mapping):
         return _encode_value(result)
     pairs: list[object] = []
@@ -143,7 +144,7 @@ def encode_result(result: object) -> object:
 
 
 def decode_result(encoded_result: object) -> object:
-    """Return the result that `encode_result` encoded. A value of another type is a placeholder with the type's name.
+    """Return the result that `encode_result` encoded. A placeholder with its type's name replaces any other value.
 
     Raises:
         GarbageError: if the message is not an encoded result.
@@ -203,7 +204,7 @@ def encode_argument(value: object) -> object:
     if isinstance(plain_value, dict) and all(isinstance(name, str) for name in plain_value):
         return {name: encode_argument(element) for name, element in plain_value.items()}
     raise TypeError(
-        f"a handle takes numbers, texts, lists and mappings from a process, not a {type(plain_value).__name__}"
+        f"a handle accepts numbers, texts, lists and mappings from a process, not a {type(plain_value).__name__}"
     )
 
 

@@ -1,8 +1,9 @@
-"""The supervisor of a perception process: it ends the process and all its descendants, and reports how it ended.
+"""The supervisor of a perception process: it ends the process with all descendants, and reports how the process ended.
 
-The supervisor runs no user code, so it never gets stuck. It is the parent of the process and adopts its orphans, so no
-descendant escapes. It watches a connection to the program. `TERMINATE` on this connection ends the process at once. If
-the program ends, for any reason, the process has a short time to end by itself, and is then ended too.
+The supervisor runs no user code, so it never gets stuck. It is the parent of the process and adopts orphaned
+descendants of the process, so no descendant escapes. It watches a connection to the program. When it receives
+`TERMINATE` on this connection, it ends the process at once. If the program ends, for any reason, the process has a
+short time to end by itself; then the supervisor ends it.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from pathlib import Path
 
 TERMINATE = b"T"
 WAIT_STATUS = struct.Struct("!i")
-"""How the process ended, as returned by `os.waitpid`."""
+"""The format of the status of the ended process, which `os.waitpid` returns."""
 
 EXIT_TIMEOUT_MS = 500
-"""How long a process may take to end by itself once the program hangs up."""
+"""How long a process may take to end by itself after the program has closed its connection."""
 
 SIGTERM_TIMEOUT_MS = 300
 """How long a process may take to end after SIGTERM."""
@@ -38,8 +39,8 @@ def main(message_fd: int, control_fd: int, program_pid: int, call: str) -> None:
     """Start the process of an algorithm and supervise it until it has ended.
 
     Args:
-        message_fd: the connection between the process and the program.
-        control_fd: the connection between the supervisor and the program.
+        message_fd: the file descriptor of the connection between the process and the program.
+        control_fd: the file descriptor of the connection between the supervisor and the program.
         program_pid: the process ID of the program.
         call: the function or class that the process runs.
     """
@@ -65,7 +66,7 @@ def main(message_fd: int, control_fd: int, program_pid: int, call: str) -> None:
 
 
 def _become_worker(message_fd: int, supervisor_pid: int, call: str) -> None:
-    """Become the process, in a separate process group."""
+    """Run the algorithm in this process, in a separate process group."""
     from codra_dsl.isolation.worker import run_worker  # noqa: PLC0415 - the supervisor does not need it
 
     with contextlib.suppress(OSError):
@@ -86,7 +87,7 @@ def _become_worker(message_fd: int, supervisor_pid: int, call: str) -> None:
 
 
 def _await_end(worker_pid: int, control_socket: socket.socket, program_pid: int) -> None:
-    """Return once the process has ended, by itself or after an order, or once the last signal was sent to it."""
+    """Wait until the process has ended by itself or by SIGTERM, or until SIGKILL was sent to it."""
     worker_pidfd = os.pidfd_open(worker_pid)
     while not (ready := _ready_descriptors(worker_pidfd, control_socket, _POLL_PERIOD_MS)):
         if os.getppid() != program_pid:
@@ -115,7 +116,7 @@ def _signal_group(worker_pid: int, signal_number: signal.Signals) -> None:
 
 
 def _kill_orphans() -> None:
-    """End the orphans of the process in any process group. They are now the supervisor's children."""
+    """End the orphaned descendants of the process, which are now the supervisor's children, in any process group."""
     children = Path(f"/proc/self/task/{os.getpid()}/children")  # Linux can be built without this file
     with contextlib.suppress(OSError):
         while True:

@@ -41,13 +41,13 @@ class Subscription:
         """End the subscription. If the callback is running, it runs to its end."""
         self._end()
         with self._lock:
-            then, self._on_end, self._is_over = self._on_end, _no_op, True
-        then()
+            on_end, self._on_end, self._is_over = self._on_end, _no_op, True
+        on_end()
 
     def and_then(self, then: Callable[[], None]) -> None:
         """Call `then` once when the subscription ends; if the subscription has ended, call it at once.
 
-        This replaces the `then` of an earlier call.
+        A later call of this method replaces `then`.
         """
         with self._lock:
             if not self._is_over:
@@ -66,8 +66,8 @@ class CallbackQueue(Generic[ChangeT]):
     """The changes that wait for one callback, in order.
 
     The callback runs on a clock that holds no lock. In simulated time, it runs in a separate event at the same instant;
-    in real time, in a thread that exists while changes wait. So a callback that is slow or raises an error affects
-    neither the code that makes the changes nor other subscriptions.
+    in real time, it runs in a thread that exists while changes wait. So a slow or failing callback affects neither
+    the code that makes the changes nor other subscriptions.
     """
 
     def __init__(
@@ -153,7 +153,7 @@ class Subscriptions:
         self._skill_queues: dict[int, list[CallbackQueue[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
-        """Call `callback` with the present readings of some variables, then with each changed reading of them."""
+        """Call `callback` with the present readings of some variables, then whenever a value or a reason changes."""
         present_readings = tuple(readings)
         queue = CallbackQueue(self._clock, callback, self._remove_queue)
         for reading in present_readings:
@@ -191,7 +191,7 @@ class Subscriptions:
                 follower_queue.put(None)
 
     def notify_verdict(self, skill_number: int, verdict: object) -> None:
-        """Report the outcome of an expectation to the subscribers of its skill."""
+        """Report the outcome of an expectation to the subscribers of the skill."""
         for queue in self._skill_queues.get(skill_number, ()):
             queue.put(verdict)
 

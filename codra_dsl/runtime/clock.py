@@ -4,8 +4,8 @@ In simulated time, all events are in one heap, and they run while a program slee
 `sleep` or `wait_until`, this call runs every event up to the end of the sleep or wait, in the order of their instants
 and, at the same instant, in the order in which they were scheduled. Everything happens in one thread.
 
-In simulated time, a piece of work (a perception function) runs at once, with the values that its handles have at its
-start. Its sleeps add to its duration. Its outcome is delivered at its start plus its duration or, if the work is
+In simulated time, a piece of work (a perception function) runs at once, with the present values of its handles. The
+sleeps of the work add to its duration. The outcome is delivered at the end of this duration or, if the work is
 cancelled, at the time of the cancellation, as in real time. So blocking code is written once and runs in both kinds of
 time, and the same program gives the same events.
 
@@ -40,10 +40,10 @@ Outcome = TypeVar("Outcome")
 _LOGGER = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 3600.0
-"""The dispatcher checks its events at least this often."""
+"""The dispatcher waits at most this long before it checks its events again."""
 
 _LAST_EVENTS_OFFSET = 2**62
-"""Larger than the number of any usual event. An event with this number or more runs after all others of its instant."""
+"""Added to the number of an event that runs after all other events of its instant; usual numbers are smaller."""
 
 PUNCTUALITY_TOLERANCE_S = 0.01
 """An event that begins at most this long after its time counts as happening at its time.
@@ -138,10 +138,10 @@ class Clock(ABC):
 
     @abstractmethod
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Start a piece of work in parallel to the events. In a later event, `deliver` is called with its outcome.
+        """Start a piece of work in parallel to the events. In a later event, `deliver` is called with the outcome.
 
-        The outcome is what `run` returns; `run` must not raise. The outcome of cancelled work is delivered too, to
-        report that the work has ended.
+        The outcome is what `run` returns; `run` must not raise. The outcome of cancelled work is delivered as
+        well, to report that the work has ended.
 
         Raises:
             RuntimeError: if the machine cannot start another piece of work.
@@ -149,7 +149,7 @@ class Clock(ABC):
 
 
 class _SimulatedWork(Work):
-    """A piece of work in simulated time. Its function has already run; the time that the work takes still passes."""
+    """A piece of work in simulated time. Its function has already run, but the end of the work is in the future."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__()
@@ -231,7 +231,7 @@ class SimClock(Clock):
         """Do nothing: `wait_until` checks its condition after every event."""
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Run the work at once. Deliver its outcome later: at its start plus the sum of its sleeps."""
+        """Run the work at once. Deliver the outcome later, after the total duration of the sleeps of the work."""
         work = _SimulatedWork(self)
         was_inside_event, self._is_inside_event = self._is_inside_event, True
         try:
@@ -273,7 +273,7 @@ class _RealWork(Work):
 
 
 class WallClock(Clock):
-    """A clock of real time, which it reads from a monotonic source.
+    """A clock of real time, based on the monotonic clock of the system.
 
     Events run one after another in a dispatcher thread. You may leave the clock open until the process ends, because
     its threads are daemons.
@@ -283,7 +283,7 @@ class WallClock(Clock):
         """Start the dispatcher.
 
         Args:
-            start_s: the time on the clock now; by default the seconds since 1970.
+            start_s: the instant that the clock shows now; by default the number of seconds since 1970.
         """
         self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
         self._condition = threading.Condition()
@@ -301,7 +301,7 @@ class WallClock(Clock):
         self.close()
 
     def close(self) -> None:
-        """Run no more events; waiting calls return."""
+        """Run no more events, and let waiting calls return."""
         with self._condition:
             self._is_closed = True
             self._condition.notify_all()
@@ -343,8 +343,8 @@ class WallClock(Clock):
     def notify(self) -> None:
         """Wake all waiting threads.
 
-        A waiting thread increases the count before it checks its condition. A notifying thread reads the count after
-        its change. So no change is missed.
+        A waiting thread increases `_waiter_count` before it checks its condition. A thread that changes something reads
+        `_waiter_count` after the change. So no change is missed.
         """
         if self._waiter_count:
             with self._condition:

@@ -11,14 +11,14 @@ class UnknownNameError(LookupError):
 
 
 class NotASourceError(PermissionError):
-    """An agent or program tried to write a variable, or an element of the knowledge graph, that it may not write."""
+    """An agent or program tried to write a variable or an element of the knowledge graph without permission."""
 
 
 class AgentTakenError(PermissionError):
     """The handle of an agent was requested, but another handle of this agent is open."""
 
 
-def unknown(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
+def unknown_name_error(kind: str, name: object, names: Iterable[str]) -> UnknownNameError:
     """Return the error for an undeclared name. `kind` is the kind of element, `names` are its declared names."""
     return UnknownNameError(f"the spec has no {kind} {name!r}{suggestion_text(str(name), names)}")
 

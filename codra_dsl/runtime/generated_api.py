@@ -1,4 +1,4 @@
-"""The only module of CoDRA DSL that generated code imports. It has exactly the names that the compiler can write.
+"""The only module of CoDRA DSL that generated code imports. It exports exactly the names that the compiler can write.
 
 Programs written by hand import `codra_dsl.runtime` and its packages. Names of loops, fuzzy engines and behavior trees
 are imported when they are first used. So a package without loops loads neither these modules nor numpy.

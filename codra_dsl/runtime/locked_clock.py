@@ -15,13 +15,13 @@ class LockedClock(Clock):
     """A clock whose events run while a lock is held; pieces of work run without this lock.
 
     Every change is made in a step. A step is an event, or the code in a `with clock:` statement, such as a command.
-    Within a step the time does not change, so the effect of a step depends only on its instant and on the steps before
-    it. Therefore a run in real time can be repeated from its journal as exactly as a run in simulated time.
+    Within a step the time does not change, so the effect of a step depends only on its instant and on earlier steps.
+    Therefore a run in real time can be repeated from its journal as exactly as a run in simulated time.
 
     Attributes:
         step_count: how many events have happened.
         work_count: how many pieces of work have been started.
-        on_late_event: called when an event happens later than its time by more than `PUNCTUALITY_TOLERANCE_S`.
+        on_late_event: called when an event happens more than `PUNCTUALITY_TOLERANCE_S` after its time.
     """
 
     def __init__(self, clock: Clock, lock: threading.RLock) -> None:
@@ -115,7 +115,7 @@ class LockedClock(Clock):
     def _run_next_event(self) -> None:
         """Run the first due event.
 
-        It counts as happening at its time, unless it is late by more than `PUNCTUALITY_TOLERANCE_S`.
+        The event counts as happening at its time, unless this time is over by more than `PUNCTUALITY_TOLERANCE_S`.
         """
         with self._lock:
             instant_s, _, timer = heapq.heappop(self._timers)

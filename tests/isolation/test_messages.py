@@ -97,5 +97,5 @@ def test_a_handle_is_given_plain_values(value: object) -> None:
 
 @pytest.mark.parametrize("value", [b"x", {1}, {1: 2}, np.zeros(3), [object()]])
 def test_a_handle_is_given_nothing_else(value: object) -> None:
-    with pytest.raises(TypeError, match="a handle takes numbers, texts, lists and mappings from a process"):
+    with pytest.raises(TypeError, match="a handle accepts numbers, texts, lists and mappings from a process"):
         encode_argument(value)

@@ -16,7 +16,7 @@ from codra_dsl.integrations.testing.timeline import Belief, Check, Moment, Outco
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.runtime import ContextManager, EventLog, Kind, Why
-from codra_dsl.runtime.why.values import instant, shown
+from codra_dsl.runtime.why.values import instant_text, value_text
 from codra_dsl.tooling.report.findings import visible_lines
 
 _TOLERANCE = 1e-9
@@ -54,7 +54,7 @@ def failures_of(
         record: the event log of the run.
     """
     if moment.checks and at_s > now_s:
-        yield Failure(moment.place, f"the run was over at {instant(now_s)}, before this moment")
+        yield Failure(moment.place, f"the run was over at {instant_text(now_s)}, before this moment")
         return
     for check in moment.checks:
         failure = _failure_of(check, at_s, codra, record)
@@ -91,7 +91,9 @@ def _failure_of(check: Check, at_s: float, codra: ContextManager[Any, Any], reco
             expected_text = _unmet_text(check, why)
             if expected_text is None:
                 return None
-            message = f"at {instant(at_s)} {check.variable} should be {expected_text}, but it is {_state_text(why)}"
+            message = (
+                f"at {instant_text(at_s)} {check.variable} should be {expected_text}, but it is {_state_text(why)}"
+            )
             return Failure(check.place, message, str(why))
         case RunningCheck():
             return _failure_of_observer(check, at_s, record)
@@ -105,8 +107,8 @@ def _unmet_text(check: Belief, why: Why) -> str | None:
         expected_text = "unknown" if check.reason is None else f"unknown ({check.reason})"
         is_met = not why.known and check.reason in (None, why.reading.reason)
     else:
-        within_text = "" if check.within is None else f" within {shown(check.within)}"
-        expected_text = f"{shown(check.value)}{_unit_text(why.unit)}{within_text}" if check.is_stated else "known"
+        within_text = "" if check.within is None else f" within {value_text(check.within)}"
+        expected_text = f"{value_text(check.value)}{_unit_text(why.unit)}{within_text}" if check.is_stated else "known"
         expected_text += f" from {check.source}" if check.source else ""
         is_met = why.known and _has_expected_value(check, why) and check.source in ("", why.reading.source)
     if check.because:
@@ -132,20 +134,20 @@ def _state_text(why: Why) -> str:
     reading = why.reading
     if not reading.known:
         return f"unknown ({reading.reason})"
-    return f"{shown(reading.content)}{_unit_text(why.unit)} from {reading.source}"
+    return f"{value_text(reading.content)}{_unit_text(why.unit)} from {reading.source}"
 
 
 def _failure_of_observer(check: RunningCheck, at_s: float, record: EventLog) -> Failure | None:
-    last_event = record.latest_events(at_s).observers.get(check.observer)
+    last_event = record.latest_events(at_s).observer_events.get(check.observer)
     if (last_event is not None and last_event.what == "started") is check.is_running:
         return None
     expected_text = "should run" if check.is_running else "should not run"
-    state = "it has not run" if last_event is None else f"it {last_event.what} at {instant(last_event.instant_s)}"
+    state = "it has not run" if last_event is None else f"it {last_event.what} at {instant_text(last_event.instant_s)}"
     declared_names = sorted(
-        name for name, event in record.latest_events(at_s).declared.items() if event.what == "declared"
+        name for name, event in record.latest_events(at_s).declaration_events.items() if event.what == "declared"
     )
     why = f"declared: {', '.join(declared_names) or 'none'}"
-    return Failure(check.place, f"at {instant(at_s)} observer {check.observer} {expected_text}, but {state}", why)
+    return Failure(check.place, f"at {instant_text(at_s)} observer {check.observer} {expected_text}, but {state}", why)
 
 
 def _failure_of_decision(
@@ -157,14 +159,16 @@ def _failure_of_decision(
     if decisions and decisions[-1].what == check.expected_outcome:
         return None
     expected_text = (
-        f"by {instant(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.expected_outcome]}"
+        f"by {instant_text(at_s)} the decision on {check.variable} should be {_OUTCOME_TEXTS[check.expected_outcome]}"
     )
     if not decisions:
         return Failure(check.place, f"{expected_text}, but there was no decision on it")
     decision_s = decisions[-1].instant_s
     why = str(codra.why(check.variable, at_s=decision_s))
     return Failure(
-        check.place, f"{expected_text}, but at {instant(decision_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}", why
+        check.place,
+        f"{expected_text}, but at {instant_text(decision_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}",
+        why,
     )
 
 

@@ -24,7 +24,7 @@ from codra_dsl.runtime.observers.expectations import Expectations
 from codra_dsl.runtime.observers.forest import Forest
 from codra_dsl.runtime.observers.store import Store
 from codra_dsl.runtime.observers.urgency import Urgencies, Urgency
-from codra_dsl.runtime.perception.slots import MAIN_EXECUTION, Slots, Ticket
+from codra_dsl.runtime.perception.slots import MAIN_EXECUTION_PRIORITY, Slots, Ticket
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.values.declarations import MAIN, OBSERVER, Declarations, expectation_holder, skill_holder
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
@@ -122,7 +122,7 @@ class Commands:
             number, skill = self._skill_count, self._skills[name]
             self._skills_under_way[number] = (caller, skill)
             self._event_triggers.begin(skill.monitor)
-            self.declarations.hold(skill_holder(skill.name, number), (*skill.preview, *skill.monitor))
+            self.declarations.declare_exactly(skill_holder(skill.name, number), (*skill.preview, *skill.monitor))
             self._hold_expected([other for other in self._expected_skills.get(caller, ()) if other != name], caller)
             self._forest.look_again()
             return number
@@ -167,7 +167,7 @@ class Commands:
                 self._finish(number)
             self._hold_expected([], caller)
             del self._expected_skills[caller]
-            self.declarations.hold(caller, ())
+            self.declarations.declare_exactly(caller, ())
 
     def close(self) -> None:
         """Withdraw all declarations."""
@@ -176,7 +176,7 @@ class Commands:
             self.is_closed = True
             self._expected_skills.clear()
             for holder in self.declarations.holders():
-                self.declarations.hold(holder, ())
+                self.declarations.declare_exactly(holder, ())
 
     # Values from programs
 
@@ -192,7 +192,7 @@ class Commands:
         """
         evidence_s = None if evidence_s is None else float(evidence_s)
         with self._clock:
-            if self._event_writer.takes_inputs:
+            if self._event_writer.accepts_inputs:
                 self._event_writer.write_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
             if model.pose_condition is not None:
@@ -217,7 +217,7 @@ class Commands:
             details: plain values; none of them is None.
         """
         with self._clock:
-            if self._event_writer.takes_inputs:
+            if self._event_writer.accepts_inputs:
                 adaptation_text = json_text({"name": name, "what": what, "details": details})
                 self._event_writer.write_input(agent, "adapt", told=adaptation_text)
             self._event_writer.write(Kind.ADAPTATION, name, what, agent=agent, **details)
@@ -283,7 +283,9 @@ class Commands:
         with self._clock:
             self._record_input("request", resources=list(resources))
             self._slot_request_count += 1
-            self._tickets[self._slot_request_count] = self._slots.request(resources, lambda: (MAIN_EXECUTION, 0), grant)
+            self._tickets[self._slot_request_count] = self._slots.request(
+                resources, lambda: (MAIN_EXECUTION_PRIORITY, 0), grant
+            )
             return self._slot_request_count
 
     def release_slots(self, number: int) -> None:
@@ -309,13 +311,13 @@ class Commands:
         _caller, skill = self._skills_under_way.pop(number)
         self._expectations.finish(number)
         self._event_triggers.finish(number, skill.monitor)
-        self.declarations.hold(skill_holder(skill.name, number), ())
+        self.declarations.declare_exactly(skill_holder(skill.name, number), ())
         self._forest.look_again()  # the skill may have acted until its end
 
     def _hold_expected(self, skills: list[str], caller: str) -> None:
         self._expected_skills[caller] = skills
         previews = (name for skill in skills for name in self._skills[skill].preview)
-        self.declarations.hold(expectation_holder(caller), previews)
+        self.declarations.declare_exactly(expectation_holder(caller), previews)
 
     def _begin_declaration(self, name: str, holder: str) -> None:
         self._event_writer.write(Kind.DECLARATION, name, "declared", holder=holder)

@@ -27,7 +27,7 @@ from codra_dsl.runtime.context.shared_acquisition import shared_declaration
 from codra_dsl.runtime.context.skills import Skill
 from codra_dsl.runtime.context.slots import MainExecutionSlots
 from codra_dsl.runtime.context.summarise import summarise_spec
-from codra_dsl.runtime.errors import NotASourceError, UnknownNameError, unknown
+from codra_dsl.runtime.errors import NotASourceError, UnknownNameError, unknown_name_error
 from codra_dsl.runtime.journal import EventLog
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
@@ -198,7 +198,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._lock:
             observers = self._forest.observers.items()
             return {
-                name: self._perception.spent(branch.algorithm for branch in observer.branches)
+                name: self._perception.total_cost(branch.algorithm for branch in observer.branches)
                 for name, observer in observers
             }
 
@@ -212,7 +212,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         try:
             reading = self._cells[name].reading
         except KeyError:
-            raise unknown("variable", name, self._cells) from None
+            raise unknown_name_error("variable", name, self._cells) from None
         if reading.expires_s != FOREVER_S and reading.expires_s <= (now_s := self._now_s()):
             reading = reading.at(now_s)
         return reading if reading.reason is None else self._components.with_obstacle(reading)
@@ -265,7 +265,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         try:
             content = self._store.variables[name].type.convert(value)
         except KeyError:
-            raise unknown("variable", name, self._cells) from None
+            raise unknown_name_error("variable", name, self._cells) from None
         self.commands.write(name, content, MAIN, evidence_s)
 
     def agent(self, name: str) -> Agent[VariableName, AgentHandle]:
@@ -285,7 +285,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             return Agent(name, self._write_as, self._knowledge, acquisition)
         names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
         if name not in names:
-            raise unknown("variable whose source is", name, sorted(names))
+            raise unknown_name_error("variable whose source is", name, sorted(names))
         return Agent(name, self._write_as)
 
     def _variables_of_wakes(self, agent: str, model: KnowledgeModel) -> list[str]:
@@ -476,16 +476,16 @@ class ContextManager(Generic[VariableName, SkillName]):
         try:
             return self._store.reading(name)
         except KeyError:
-            raise unknown("variable", name, self._store.cells) from None
+            raise unknown_name_error("variable", name, self._store.cells) from None
 
     def _model(self, name: str) -> VariableModel:
         if name not in self._store.variables:
-            raise unknown("variable", name, self._store.variables)
+            raise unknown_name_error("variable", name, self._store.variables)
         return self._store.variables[name]
 
     def _skill(self, name: str) -> SkillModel:
         if name not in self._skills:
-            raise unknown("skill", name, self._skills)
+            raise unknown_name_error("skill", name, self._skills)
         return self._skills[name]
 
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.why.values import instant, shown
+from codra_dsl.runtime.why.values import instant_text, value_text
 
 MAX_SHOWN_DISAGREEMENTS = 5
 """The text shows at most this many disagreements of each row, the newest ones."""
@@ -142,8 +142,11 @@ def _lines(rows: Iterable[ShadowRow]) -> Iterator[str]:
         if hidden_count > 0:
             yield f"  {hidden_count} earlier disagreements"
         for disagreement in row.disagreements[-MAX_SHOWN_DISAGREEMENTS:]:
-            context_text = f"context held {shown(disagreement.held)} ({disagreement.source})"
-            yield f"  {instant(disagreement.instant_s)}: {context_text}, the robot saw {shown(disagreement.seen)}"
+            context_text = f"context held {value_text(disagreement.held)} ({disagreement.source})"
+            yield (
+                f"  {instant_text(disagreement.instant_s)}: {context_text}, "
+                f"the robot saw {value_text(disagreement.seen)}"
+            )
 
 
 def _uncompared_texts(row: ShadowRow) -> Iterator[str]:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
-from codra_dsl.runtime.errors import UnknownNameError, unknown
+from codra_dsl.runtime.errors import UnknownNameError, unknown_name_error
 from codra_dsl.runtime.perception.slots import Slots
 
 
@@ -76,7 +76,7 @@ class MainExecutionSlots:
 
     def _check_resource(self, resource: str) -> None:
         if resource not in self._slots.free_slot_counts:
-            raise unknown("resource", resource, self._slots.free_slot_counts)
+            raise unknown_name_error("resource", resource, self._slots.free_slot_counts)
         if self._slots.free_slot_counts[resource] == math.inf:
             raise UnknownNameError(
                 f"resource {resource!r} has no slots: use its handle, or declare `slots: 1` for it in the spec"

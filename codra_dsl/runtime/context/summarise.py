@@ -68,7 +68,7 @@ def _algorithm_summary(branch: Branch, places: Mapping[str, Place]) -> Algorithm
     return AlgorithmSummary(
         name=algorithm.name,
         preconditions=_condition_rules(branch, key, places),
-        acceptance_conditions=_rules_with_places(branch.accepts, f"{key}/accept_when", places),
+        acceptance_conditions=_rules_with_places(branch.acceptance_conditions, f"{key}/accept_when", places),
         identifies=value_rules,
         returns=algorithm.returns,
         timeout_s=algorithm.timeout_s,

@@ -1,8 +1,9 @@
 """The tree of frames: RT edges with their history, and the transform between two frames at any instant (P2, 3.1).
 
-The link from a frame to its parent has a stamp as well, so a transform at an instant follows the tree of this instant.
-Transforms are cached with the tracks that they were computed from. A cached transform is only used while these tracks
-are the same objects, so it always equals a newly computed one.
+Like a pose, the link from a frame to its parent has a stamp. So a transform at an instant follows the tree of this
+instant.
+Each cached transform is stored with the tracks from which it was computed. The transform is used only while these
+tracks are the same objects, so it always equals a newly computed one.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Transform:
     """The pose of one frame in another at an instant.
 
     Attributes:
-        pose: the pose of the source in the target, which maps points of the source to points of the target.
+        pose: the pose of the source in the target; this pose maps points of the source to points of the target.
         outcome: the worst outcome along the chain.
         gap_s: the longest time along the chain between the instant and the nearest measured pose.
         weakest: the frame whose edge has the worst outcome; if there are several, the one with the longest gap. Empty
@@ -58,7 +59,7 @@ class Frames:
         self._cache: dict[tuple[str, str, float], _CachedTransform] = {}
 
     def with_pose(self, child: str, parent: str, pose: Pose, stamp_s: float, motion: Motion = ANY_MOTION) -> Frames:
-        """Return the frames with one more pose of a frame; it holds from an instant until the frame's next pose.
+        """Return the frames with one more pose of a frame; the pose holds from `stamp_s` until the frame's next pose.
 
         Args:
             child: the frame.
@@ -68,7 +69,7 @@ class Frames:
             motion: how the child moves in this parent.
 
         Raises:
-            FrameError: if the parent is a descendant of the child at that time.
+            FrameError: if the parent is the child itself, or its descendant during the time of this pose.
             ValueError: if the stamp is not finite, or the pose is not a rigid motion.
         """
         _check_instant(stamp_s)
@@ -90,7 +91,7 @@ class Frames:
         return self._with_tracks(tracks.with_entry(child, track.with_pose(stamp_s, parent, pose, motion)))
 
     def without_parent(self, child: str, stamp_s: float) -> Frames:
-        """Return the frames in which one frame has no parent from an instant until the frame's next pose.
+        """Return the frames in which one frame has no parent from `stamp_s` until the frame's next pose.
 
         Raises:
             FrameError: if the frame is unknown.
@@ -220,7 +221,7 @@ class Frames:
             gap_s=max([placement.gap_s for _, placement in chain], default=0.0),
             weakest=worst_outcome[2] if worst_outcome[0] else "",
         )
-        # The ancestors of the common frame do not matter.
+        # The transform does not depend on the ancestors of the common frame.
         return transform, tuple([(name, self._tracks[name]) for name, _ in chain])
 
     def _placements_to_root(self, name: str, instant_s: float) -> dict[str, Placement | None]:
@@ -243,15 +244,15 @@ class Frames:
         return track
 
     def _is_descendant(self, name: str, ancestor: str, start_s: float, end_s: float) -> bool:
-        """Return whether a frame is the other one, or its descendant, at any instant of a half-open interval."""
+        """Return whether, at any instant of a half-open interval, a frame is `ancestor` or one of its descendants."""
         pending_spans = [(start_s, end_s, name)]
         while pending_spans:
-            from_s, until_s, frame = pending_spans.pop()
+            span_start_s, span_end_s, frame = pending_spans.pop()
             if frame == ancestor:
                 return True
             track = self._tracks.get(frame)
             if track is not None:
-                pending_spans.extend(track.parent_spans(from_s, until_s))
+                pending_spans.extend(track.parent_spans(span_start_s, span_end_s))
         return False
 
 

@@ -15,7 +15,7 @@ from codra_dsl.runtime.geometry.pose import Pose
 class Outcome(IntEnum):
     """How a pose at an instant was determined; the most trustworthy outcome is first.
 
-    The outcome of a chain is the worst outcome of its parts.
+    The outcome of a chain of poses is the worst outcome of these poses.
     """
 
     EXACT = 0
@@ -44,11 +44,11 @@ class Motion:
 
 ANY_MOTION = Motion()
 
-EXTRAPOLATION_PERIOD_S = 0.01
-"""The period for computing the pose of a frame while its motion is extrapolated."""
+EXTRAPOLATION_UPDATE_PERIOD_S = 0.01
+"""The time after which the pose of a frame is computed again while its motion is extrapolated."""
 
 _MIN_OUTDATED_POSES = 64
-"""The minimum number of outdated poses in a track's lists before the lists are copied without these poses."""
+"""A track's lists are copied without their outdated poses only if more poses than this number are outdated."""
 
 
 class Placement(NamedTuple):
@@ -68,10 +68,10 @@ class Placement(NamedTuple):
 
 
 class Track:
-    """The stamped poses of one frame, each with its parent and motion at that time. Objects are immutable.
+    """The stamped poses of one frame. Each pose has a parent and a motion. Objects are immutable.
 
-    Tracks share their lists. A newer pose is appended to the shared lists, and the track without this pose reads the
-    lists only up to its own end. Any other change makes new lists.
+    Tracks share their lists. A newer pose is appended to the shared lists; tracks without this pose read the lists only
+    up to their own ends. Any other change makes new lists.
     """
 
     __slots__ = ("_end", "_motions", "_parents", "_poses", "_stamps_s", "_start")
@@ -115,7 +115,9 @@ class Track:
             track._stamps_s.append(stamp_s)
             track._parents.append(parent)
             track._poses.append(pose)
-            track._motions.append(motion)  # last: the length of this list shows whether another track has appended
+            track._motions.append(
+                motion
+            )  # at the end, because the length of this list shows whether another track has appended
             track._end = self._end + 1
         else:
             track._copy(self)
@@ -128,54 +130,57 @@ class Track:
         stamps_s, start = self._stamps_s, self._start
         if start == self._end:
             return None
-        last = bisect_right(stamps_s, instant_s, start, self._end) - 1
-        if last < start:
+        last_position = bisect_right(stamps_s, instant_s, start, self._end) - 1
+        if last_position < start:
             return Placement(self._parents[start], self._poses[start], Outcome.CLAMPED, stamps_s[start] - instant_s)
-        gap_s = instant_s - stamps_s[last]
-        if gap_s == 0.0 or self._motions[last].is_static:
-            return Placement(self._parents[last], self._poses[last])
-        if last + 1 < self._end and self._has_same_edge_as_next(last):
-            return self._interpolated_placement(last, gap_s)
-        return self._placement_after_pose(last, gap_s)
+        gap_s = instant_s - stamps_s[last_position]
+        if gap_s == 0.0 or self._motions[last_position].is_static:
+            return Placement(self._parents[last_position], self._poses[last_position])
+        if last_position + 1 < self._end and self._has_same_edge_as_next(last_position):
+            return self._interpolated_placement(last_position, gap_s)
+        return self._placement_after_pose(last_position, gap_s)
 
     def next_update_s(self, instant_s: float) -> float:
         """Return when to compute the present placement again, if no further poses arrive.
 
-        That is the earliest of three instants: `EXTRAPOLATION_PERIOD_S` later, while the motion is extrapolated; the
-        end of the extrapolation; the end of validity. It is infinite if the placement no longer changes.
+        This is the earliest of three instants: while the motion is extrapolated, the present instant plus
+        `EXTRAPOLATION_UPDATE_PERIOD_S`; the end of the extrapolation; the end of validity. If the placement no longer
+        changes, infinity is returned.
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf
-        last, motion, newest_s = self._end - 1, self.motion, self.newest_s
+        last_position, motion, newest_s = self._end - 1, self.motion, self.newest_s
         gap_s = instant_s - newest_s
         if gap_s >= motion.valid_for_s:
             return math.inf
         stale_s = math.inf if motion.valid_for_s == math.inf else _first_instant_s(newest_s, motion.valid_for_s)
         is_moving = (
-            last > self._start and self._has_same_edge_as_next(last - 1) and self._poses[last - 1] != self._poses[last]
+            last_position > self._start
+            and self._has_same_edge_as_next(last_position - 1)
+            and self._poses[last_position - 1] != self._poses[last_position]
         )
         if gap_s > motion.extrapolate_s or not is_moving:
             return stale_s
         extrapolation_end_s = _first_instant_s(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
-        return min(stale_s, extrapolation_end_s, instant_s + EXTRAPOLATION_PERIOD_S)
+        return min(stale_s, extrapolation_end_s, instant_s + EXTRAPOLATION_UPDATE_PERIOD_S)
 
     def parent_spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
         """Yield the parents in a half-open interval, each with the part of the interval in which it was the parent."""
         first = max(self._start, bisect_right(self._stamps_s, start_s, self._start, self._end) - 1)
         for position in range(first, self._end):
             parent = self._parents[position]
-            from_s = max(start_s, self._stamps_s[position] if position > self._start else -math.inf)
-            until_s = min(end_s, self._until_s(position))
-            if parent is not None and from_s < until_s:
-                yield from_s, until_s, parent
+            span_start_s = max(start_s, self._stamps_s[position] if position > self._start else -math.inf)
+            span_end_s = min(end_s, self._pose_end_s(position))
+            if parent is not None and span_start_s < span_end_s:
+                yield span_start_s, span_end_s, parent
 
     def affected_interval(self, stamp_s: float) -> tuple[float, float]:
         """Return the interval in which a pose with a given stamp would determine the placement of the frame."""
-        after, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
-        is_first = after == start or (after == start + 1 and self._stamps_s[start] == stamp_s)
-        return -math.inf if is_first else stamp_s, self._until_s(after - 1)
+        next_position, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
+        is_first = next_position == start or (next_position == start + 1 and self._stamps_s[start] == stamp_s)
+        return -math.inf if is_first else stamp_s, self._pose_end_s(next_position - 1)
 
-    def _until_s(self, position: int) -> float:
+    def _pose_end_s(self, position: int) -> float:
         return self._stamps_s[position + 1] if position + 1 < self._end else math.inf
 
     def _has_same_edge_as_next(self, position: int) -> bool:
@@ -190,16 +195,16 @@ class Track:
         pose = self._poses[position].towards(self._poses[position + 1], gap_s / span_s)
         return Placement(self._parents[position], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
 
-    def _placement_after_pose(self, last: int, gap_s: float) -> Placement:
-        """Return the placement of the frame some time after its last pose in a parent."""
-        parent, pose, motion = self._parents[last], self._poses[last], self._motions[last]
+    def _placement_after_pose(self, last_position: int, gap_s: float) -> Placement:
+        """Return the placement `gap_s` after a pose, if the next pose is missing or has another parent or motion."""
+        parent, pose, motion = self._parents[last_position], self._poses[last_position], self._motions[last_position]
         if gap_s >= motion.valid_for_s:
             return Placement(parent, pose, Outcome.STALE, gap_s)
         if gap_s > motion.extrapolate_s:
             return Placement(parent, pose, Outcome.CLAMPED, gap_s)
-        if last > self._start and self._has_same_edge_as_next(last - 1):
-            span_s = self._stamps_s[last] - self._stamps_s[last - 1]
-            pose = self._poses[last - 1].towards(pose, 1.0 + gap_s / span_s)
+        if last_position > self._start and self._has_same_edge_as_next(last_position - 1):
+            span_s = self._stamps_s[last_position] - self._stamps_s[last_position - 1]
+            pose = self._poses[last_position - 1].towards(pose, 1.0 + gap_s / span_s)
         return Placement(parent, pose, Outcome.EXTRAPOLATED, gap_s)
 
     def _share_with(self, other: Track, start: int) -> None:
@@ -224,7 +229,7 @@ class Track:
         self._end = len(self._stamps_s)
 
     def _drop_old_poses(self) -> None:
-        """Drop poses that are older than the history, except the newest of them: it holds when the history begins."""
+        """Drop poses that are older than the history, except the last of them, which holds when the history begins."""
         begin_s = self._stamps_s[self._end - 1] - self._motions[self._end - 1].history_s
         self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)
         if self._start > _MIN_OUTDATED_POSES and self._start > self._end // 2:

@@ -76,7 +76,7 @@ class Pose:
 
     @classmethod
     def about(cls, axis: Sequence[float], angle_rad: float, translation_m: Sequence[float] = NO_TRANSLATION) -> Pose:
-        """Return the pose that turns about an axis, by the right-hand rule, and then translates.
+        """Return the pose of a rotation about an axis, by the right-hand rule, followed by a translation.
 
         Raises:
             ValueError: if the axis is almost zero, or a number is not finite.
@@ -171,7 +171,7 @@ def _new_pose(translation_m: Vector, rotation: Quaternion) -> Pose:
 
 
 def compose_poses(poses: Sequence[Pose]) -> Pose:
-    """Return the pose of the first frame in the last, given one or more poses, each in the frame of the next."""
+    """Return the composition of one or more poses, the innermost first; each is given in the frame of the next."""
     (x, y, z), rotation = poses[0].translation_m, poses[0].rotation
     for pose in poses[1:]:
         next_rotation, (tx, ty, tz) = pose.rotation, pose.translation_m
@@ -231,13 +231,13 @@ def _normalized_quaternion(quaternion: Quaternion) -> Quaternion:
     return (w / norm, x / norm, y / norm, z / norm)
 
 
-def _finite_numbers(numbers: Sequence[float], count: int, what: str) -> list[float]:
+def _finite_numbers(numbers: Sequence[float], count: int, description: str) -> list[float]:
     try:
         floats = [float(number) for number in numbers]
     except (TypeError, ValueError, OverflowError):
         floats = []
     if len(floats) != count or not all(map(isfinite, floats)):
-        raise ValueError(f"{what} has {count} finite numbers, not {numbers!r}")
+        raise ValueError(f"{description} has {count} finite numbers, not {numbers!r}")
     return floats
 
 

@@ -1,7 +1,7 @@
-"""The latest events of a journal's file at any instant, without all events in memory.
+"""The latest events of a journal's file at any instant, without holding all events in memory.
 
 The file is read once, up to the latest instant of interest. At some offsets, the latest events are kept as a
-checkpoint. For an earlier instant, the file is read again from the last checkpoint before this instant.
+checkpoint. For an instant before the latest one, the file is read again from the last checkpoint before this instant.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _CLOSE_FIELD = b'"what":"close"'
 
 
 class Checkpoints:
-    """A journal's file, up to an instant. By default, this is the end of the run, before it stops the observers.
+    """A journal's file, up to an instant. By default, this is the end of the run, before the observers are stopped.
 
     Attributes:
         end_s: the instant of the last message that was read; None if the file has no event.

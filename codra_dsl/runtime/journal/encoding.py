@@ -37,7 +37,7 @@ def message_of(event: Event) -> bytes:
 
 
 def _make_uniform(kind: Kind, fields: dict[str, Any]) -> None:
-    """Give each field of the events on a shared topic one type, the same for all these events."""
+    """Change the fields of an event on a shared topic, so that a field has the same type in all events of the topic."""
     if "value" in fields:
         fields["value"] = json_text(fields["value"])
     if kind is Kind.INPUT and isinstance(fields.get("evidence_s"), float):

@@ -34,10 +34,10 @@ class EventLog:
 
     Attributes:
         limit: at least this many of the newest events are kept.
-        takes_inputs: whether the log takes events of `Kind.INPUT`.
+        accepts_inputs: whether the log accepts events of `Kind.INPUT`.
     """
 
-    takes_inputs = False
+    accepts_inputs = False
 
     def __init__(self, limit: float = DEFAULT_EVENT_LIMIT) -> None:
         self.limit = limit
@@ -78,7 +78,7 @@ class EventLog:
         return "".join(f"{event.as_json()}\n" for event in self)
 
     def copy(self) -> EventLog:
-        """Return the events in memory as a separate event log. The caller must prevent additions meanwhile."""
+        """Return the events in memory as a separate event log. Meanwhile, the caller must prevent additions."""
         event_log = EventLog(math.inf)
         event_log._events, event_log._latest_dropped_events = self._events.copy(), self._latest_dropped_events.copy()
         return event_log
@@ -106,7 +106,7 @@ class EventWriter:
     """Adds events to an event log, at the current instant of a clock.
 
     Attributes:
-        takes_inputs: whether the event log takes events of `Kind.INPUT`.
+        accepts_inputs: whether the event log accepts events of `Kind.INPUT`.
     """
 
     def __init__(
@@ -117,9 +117,9 @@ class EventWriter:
         Args:
             event_log: the event log.
             clock: gives the instants of the events.
-            find_position: returns the details that give an input's position in the order of all events.
+            find_position: returns the details that state an input's position in the order of all events.
         """
-        self.takes_inputs = event_log.takes_inputs
+        self.accepts_inputs = event_log.accepts_inputs
         self._add_reading = event_log.add_reading if type(event_log).add is EventLog.add else self._add_as_event
         self._event_log = event_log
         self._clock = clock
@@ -130,15 +130,15 @@ class EventWriter:
         self._event_log.add(Event(self._clock.now_s(), kind, name, what, details))
 
     def write_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
-        """Add a new reading of a variable, either as its present reading or only in its history."""
+        """Add a new reading of a variable: its present reading or, if not `is_present`, only a part of its history."""
         content, reason, detail = reading.content, reading.reason, reading.detail
         self._add_reading(
             (instant_s, reading.name, content, reason, detail, reading.evidence_s, reading.source, is_present)
         )
 
     def write_input(self, name: str, what: str, /, **details: object) -> None:
-        """Add an event for something that reached the context manager from outside, if the event log takes inputs."""
-        if self.takes_inputs:
+        """Add an event for something that reached the context manager from outside, if the event log accepts inputs."""
+        if self.accepts_inputs:
             self.write(Kind.INPUT, name, what, **self._find_position(), **details)
 
     def _add_as_event(self, reading: StoredReading) -> None:

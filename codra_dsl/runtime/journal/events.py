@@ -34,13 +34,13 @@ class Event:
 
     def as_json(self) -> str:
         """Return the event as one line of JSON; numbers that are not finite become null."""
-        plain = {"instant_s": self.instant_s, "kind": self.kind, "name": self.name, "what": self.what}
-        return json.dumps(plain | _finite(self.details), ensure_ascii=False, allow_nan=False)
+        plain_fields = {"instant_s": self.instant_s, "kind": self.kind, "name": self.name, "what": self.what}
+        return json.dumps(plain_fields | _replace_nonfinite(self.details), ensure_ascii=False, allow_nan=False)
 
 
-def _finite(value: Any) -> Any:
+def _replace_nonfinite(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {key: _finite(part) for key, part in value.items()}
+        return {key: _replace_nonfinite(element) for key, element in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(part) for part in value]
+        return [_replace_nonfinite(element) for element in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

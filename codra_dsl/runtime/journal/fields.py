@@ -41,7 +41,7 @@ def object_list_schema(description: str, **properties: JsonSchema) -> JsonSchema
 def event_schema(
     description: str, name_description: str, meanings: Mapping[str, str], **details: JsonSchema
 ) -> JsonSchema:
-    """Return the schema of an event: its instant, its name, what happened (one of the keys of `meanings`), details."""
+    """Return the schema of an event: its instant, its name, what happened (a key of `meanings`), and details."""
     meanings_text = ", ".join(f"{what}: {meaning}" for what, meaning in meanings.items())
     return {
         "type": "object",
@@ -76,7 +76,7 @@ def reason_schema(description: str) -> JsonSchema:
 
 
 def value_schema(value_kind: str, description: str) -> JsonSchema:
-    """Return the schema of a field with a value of a kind of the spec language."""
+    """Return the schema of a field that holds a value of a type of the spec language."""
     return field_schema(_JSON_TYPES[value_kind], description)
 
 

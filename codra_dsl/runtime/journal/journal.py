@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from codra_dsl.runtime.journal.event_log import DEFAULT_EVENT_LIMIT, EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.file_lock import create_locked_file, unlock
+from codra_dsl.runtime.journal.file_creation import create_locked_file, unlock
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.run_header import RunHeader
@@ -24,9 +24,9 @@ _LOGGER = logging.getLogger(__name__)
 class Journal(EventLog):
     """An event log that is written to a file, event by event: pass it to `start(..., record=Journal(path))`.
 
-    The file is in MCAP format. It is finished when the context manager is closed, or at the latest when the program
-    ends. If the program is killed, the end of the file is missing, and at most one event is lost: the event that was
-    being written. Repair such a file with `codra journal recover`.
+    The file is in MCAP format. The journal finishes the file when the context manager is closed, or at the latest when
+    the program ends. If the program is killed, the end of the file is missing, and at most one event is lost: the event
+    that was being written. Repair such a file with `codra journal recover`.
 
     If the file can no longer be written, the journal ends, but the run continues.
 
@@ -35,7 +35,7 @@ class Journal(EventLog):
         failure: why the file is no longer written; None while it is being written.
     """
 
-    takes_inputs = True
+    accepts_inputs = True
 
     def __init__(self, path: Path | str, limit: float = DEFAULT_EVENT_LIMIT) -> None:
         """Create the file; replace a finished journal at its path, and rename an unfinished one.
@@ -74,7 +74,7 @@ class Journal(EventLog):
         self._finalizer = weakref.finalize(self, _finish_file, self._stream, self._writer, self.path, os.getpid())
 
     def add(self, event: Event) -> None:
-        """Add an event; once this returns, the event survives the death of the process."""
+        """Add an event. After this call, the event survives the death of the process."""
         if event.kind is not Kind.INPUT:
             super().add(event)
         if self._writer is not None:
@@ -98,7 +98,7 @@ class Journal(EventLog):
 
 
 def _finish_file(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process_id: int) -> str | None:
-    """Finish a file, unless this process inherited it from its parent. If that fails, return the text of the error."""
+    """Finish a file, unless this process inherited it from its parent. If this fails, return the text of the error."""
     try:
         with stream:
             if os.getpid() == writing_process_id:

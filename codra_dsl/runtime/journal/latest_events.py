@@ -1,4 +1,4 @@
-"""The latest events up to an instant: for each subject, the events from which later questions are answered."""
+"""The latest events up to an instant: for each subject, the events that are needed to answer questions about it."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Self
 from codra_dsl.runtime.journal.events import Event, Kind
 
 _MAPPING_ATTRIBUTES = (
-    "present",
-    "known",
-    "basis",
-    "observers",
-    "started",
-    "ended",
-    "declared",
-    "expected",
-    "knowledge",
-    "adaptations",
+    "present_events",
+    "last_value_events",
+    "basis_jobs",
+    "observer_events",
+    "job_starts",
+    "job_ends",
+    "declaration_events",
+    "expectation_events",
+    "knowledge_events",
+    "adaptation_events",
 )
 
 _JOB_END_NAMES = frozenset({"returned", "failed", "voided", "cancelled"})
@@ -48,37 +48,37 @@ class EventsAfterReading:
 
 
 class LatestEvents:
-    """The latest events, updated as events are taken in order. All attributes but `until_s` are mappings.
+    """The latest events. Events are added one by one, in order. All attributes except `until_s` are mappings.
 
     Attributes:
         until_s: the instant of the last event.
-        present: for each variable, the event that gave the variable its present reading.
-        known: for each variable, the last event that gave the variable a value.
-        basis: for each variable whose last value a job produced, the event of this job.
-        later: for each variable, the events after its present reading.
-        observers: for each observer, its last start, stop or failure.
-        started: for each algorithm, the start of its last job.
-        ended: for each algorithm, the last end of a job.
-        declared: for each variable, its last declaration or withdrawal.
-        expected: for each variable, the last result of a skill's expectation about the variable.
-        knowledge: for each node, attribute, edge or task, its last event of each `what`.
-        adaptations: the last event of each `what`. The key is `adaptation/NAME` for a course or parameter, and
+        present_events: for each variable, the event that gave the variable its present reading.
+        last_value_events: for each variable, the last event that gave the variable a value.
+        basis_jobs: for each variable whose last value a job produced, the event that ended this job.
+        later_events: for each variable, the events after its present reading.
+        observer_events: for each observer, its last start, stop or failure.
+        job_starts: for each algorithm, the start of its last job.
+        job_ends: for each algorithm, the last end of a job.
+        declaration_events: for each variable, its last declaration or withdrawal.
+        expectation_events: for each variable, the last result of a skill's expectation about the variable.
+        knowledge_events: for each node, attribute, edge or task, its last event of each `what`.
+        adaptation_events: the last event of each `what`. The key is `adaptation/NAME` for a course or parameter, and
             `context/NAME` for the variable that holds a course, parameter, metric or weight.
     """
 
     def __init__(self) -> None:
         self.until_s = -math.inf
-        self.present: dict[str, Event] = {}
-        self.known: dict[str, Event] = {}
-        self.basis: dict[str, Event] = {}
-        self.later: dict[str, EventsAfterReading] = {}
-        self.observers: dict[str, Event] = {}
-        self.started: dict[str, Event] = {}
-        self.ended: dict[str, Event] = {}
-        self.declared: dict[str, Event] = {}
-        self.expected: dict[str, Event] = {}
-        self.knowledge: dict[str, Mapping[str, Event]] = {}
-        self.adaptations: dict[str, Mapping[str, Event]] = {}
+        self.present_events: dict[str, Event] = {}
+        self.last_value_events: dict[str, Event] = {}
+        self.basis_jobs: dict[str, Event] = {}
+        self.later_events: dict[str, EventsAfterReading] = {}
+        self.observer_events: dict[str, Event] = {}
+        self.job_starts: dict[str, Event] = {}
+        self.job_ends: dict[str, Event] = {}
+        self.declaration_events: dict[str, Event] = {}
+        self.expectation_events: dict[str, Event] = {}
+        self.knowledge_events: dict[str, Mapping[str, Event]] = {}
+        self.adaptation_events: dict[str, Mapping[str, Event]] = {}
 
     @classmethod
     def of(cls, events: Iterable[Event], until_s: float, earlier_events: LatestEvents | None = None) -> LatestEvents:
@@ -96,11 +96,11 @@ class LatestEvents:
         other.until_s = self.until_s
         for name in _MAPPING_ATTRIBUTES:
             setattr(other, name, dict(getattr(self, name)))
-        other.later = {name: later.copy() for name, later in self.later.items()}
+        other.later_events = {name: later_events.copy() for name, later_events in self.later_events.items()}
         return other
 
     def add(self, event: Event) -> None:
-        """Take the next event."""
+        """Add the next event."""
         self.until_s = event.instant_s
         match event.kind:
             case Kind.VARIABLE:
@@ -108,13 +108,13 @@ class LatestEvents:
             case Kind.JOB:
                 self._add_job_event(event)
             case Kind.OBSERVER:
-                self.observers[event.name] = event
+                self.observer_events[event.name] = event
             case Kind.DECLARATION:
-                self.declared[event.name] = event
+                self.declaration_events[event.name] = event
             case Kind.EXPECTATION:
-                self.expected[event.name] = event
+                self.expectation_events[event.name] = event
             case Kind.KNOWLEDGE:
-                self.knowledge[event.name] = _with_latest_event(self.knowledge.get(event.name, {}), event)
+                self.knowledge_events[event.name] = _with_latest_event(self.knowledge_events.get(event.name, {}), event)
             case Kind.ADAPTATION:
                 keys = [f"adaptation/{event.details.get('course', event.name)}"]
                 if "variable" in event.details:
@@ -124,7 +124,7 @@ class LatestEvents:
                     metrics_and_weights = (*event.details["metrics"], *event.details["weights"])
                     keys += [f"context/{metric_or_weight['variable']}" for metric_or_weight in metrics_and_weights]
                 for key in keys:
-                    self.adaptations[key] = _with_latest_event(self.adaptations.get(key, {}), event)
+                    self.adaptation_events[key] = _with_latest_event(self.adaptation_events.get(key, {}), event)
             case _:
                 pass
 
@@ -132,29 +132,29 @@ class LatestEvents:
         if not event.details.get("present"):
             self._add_later_event(event.name, event)
             return
-        self.present[event.name] = event
-        self.later.pop(event.name, None)
+        self.present_events[event.name] = event
+        self.later_events.pop(event.name, None)
         if event.what == "identified":
-            self.known[event.name] = event
-            job = self.ended.get(event.details["source"])
+            self.last_value_events[event.name] = event
+            job = self.job_ends.get(event.details["source"])
             if job is not None and job.what == "returned":
-                self.basis[event.name] = job
+                self.basis_jobs[event.name] = job
             else:
-                self.basis.pop(event.name, None)
+                self.basis_jobs.pop(event.name, None)
 
     def _add_job_event(self, event: Event) -> None:
         if event.what == "started":
-            self.started[event.name] = event
+            self.job_starts[event.name] = event
         elif event.what in _JOB_END_NAMES:
-            self.ended[event.name] = event
+            self.job_ends[event.name] = event
         elif event.what == "rejected":
             for variable in event.details["variables"]:
                 self._add_later_event(variable, event)
 
     def _add_later_event(self, variable: str, event: Event) -> None:
-        self.later.setdefault(variable, EventsAfterReading()).add(event)
+        self.later_events.setdefault(variable, EventsAfterReading()).add(event)
 
 
 def _with_latest_event(earlier_events: Mapping[str, Event], event: Event) -> Mapping[str, Event]:
-    """Add an event to the last events of each `what`, which are ordered by time; return the new mapping."""
+    """Return a mapping with the last event of each `what`, ordered by time, after `event` is added."""
     return {**{what: other for what, other in earlier_events.items() if what != event.what}, event.what: event}

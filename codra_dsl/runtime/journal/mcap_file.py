@@ -1,12 +1,13 @@
 """A file in MCAP format (https://mcap.dev/spec) that loses nothing when its writer is killed.
 
-Messages go into compressed chunks. A chunk that is not full yet exists only in memory. Therefore each record of this
-chunk is also put, by one write to the operating system, into a region of the file that lies before all chunks. The
-region is as large as one chunk. When the chunk itself is written, the region is filled from its start again. The region
-is one record whose opcode MCAP leaves to applications, so every reader skips it. In a finished file it is empty.
+Messages go into compressed chunks. Until a chunk is full, it exists only in memory. Therefore each record of this chunk
+is also written to a region of the file that lies before all chunks, by one call of the operating system. The region is
+as large as one chunk. When the chunk itself is written, the region is filled from its start again. The region is one
+record. Its opcode is one of those that MCAP reserves for applications, so every reader skips the record. In a finished
+file, the region is empty.
 
-In the region, each record is preceded by its length, a checksum, and the offset at which its chunk will be written. If
-the file holds a complete chunk at that offset, readers ignore the region.
+In the region, the length of a record, a checksum, and the offset at which the chunk will be written precede each
+record. If the file holds a complete chunk at that offset, readers ignore the region.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 from mcap.writer import Writer
 
-from codra_dsl.runtime.journal.file_lock import check_exists
+from codra_dsl.runtime.journal.file_creation import check_exists
 
 OPEN_CHUNK_OPCODE = 0x80
-"""The opcode of the region: the record that holds the chunk that is not full yet."""
+"""The opcode of the region. The region is a record that holds the chunk until it is full."""
 
 CHUNK_BYTES = 1 << 16
 """The maximum size of the records that are compressed together, and the size of the region."""
@@ -34,7 +35,7 @@ RECORD_HEADER = struct.Struct("<BQ")
 _FRAME_HEADER = struct.Struct("<IIQ")
 _MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 _MESSAGE_FIELDS_BYTES = _MESSAGE_HEADER.size - RECORD_HEADER.size
-_ALL_CHUNKS_BYTES = 1 << 62  # the writer never ends a chunk by itself
+_UNLIMITED_CHUNK_BYTES = 1 << 62  # so large that the MCAP writer never ends a chunk by itself
 
 
 class McapFile:
@@ -49,7 +50,7 @@ class McapFile:
             files: JSON texts to attach to the file. The key is the name of the attachment.
         """
         self._stream = stream
-        writer: Any = Writer(stream, chunk_size=_ALL_CHUNKS_BYTES)
+        writer: Any = Writer(stream, chunk_size=_UNLIMITED_CHUNK_BYTES)
         self._writer = writer
         self._writer.start(profile="")
         for name, metadata_entries in metadata.items():
@@ -64,10 +65,12 @@ class McapFile:
         self._used_region_bytes = 0
         self._chunk_message_count = 0
 
-    def open_channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
+    def open_channel(self, topic: str, schema_id: int, metadata: Mapping[str, str]) -> int:
         """Open a channel of JSON messages; return the number of the channel."""
-        channel_id: int = self._writer.register_channel(topic, "json", schema, dict(metadata))
-        record = Channel(id=channel_id, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema)
+        channel_id: int = self._writer.register_channel(topic, "json", schema_id, dict(metadata))
+        record = Channel(
+            id=channel_id, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema_id
+        )
         self._write_to_region(_record_bytes(record))
         return channel_id
 
@@ -77,21 +80,21 @@ class McapFile:
         self._write_to_region(_record_bytes(Schema(id=schema_id, data=text, encoding="jsonschema", name=name)))
         return schema_id
 
-    def add(self, channel: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
-        """Write a message; once this returns, the message survives the death of the process.
+    def add(self, channel_id: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
+        """Write a message. After this call, the message survives the death of the process.
 
         Raises:
             OSError: if the message cannot be written, or the file was removed.
         """
         record = (
             _MESSAGE_HEADER.pack(
-                Opcode.MESSAGE, _MESSAGE_FIELDS_BYTES + len(data), channel, sequence, log_ns, publish_ns
+                Opcode.MESSAGE, _MESSAGE_FIELDS_BYTES + len(data), channel_id, sequence, log_ns, publish_ns
             )
             + data
         )
         if not self._has_room(record) and self._chunk_message_count:
             self._end_chunk()
-        self._writer.add_message(channel, log_ns, data, publish_ns, sequence)
+        self._writer.add_message(channel_id, log_ns, data, publish_ns, sequence)
         self._chunk_message_count += 1
         self._write_to_region(record)
 
@@ -138,7 +141,7 @@ def _checksum(chunk_offset: int, record: bytes) -> int:
 
 
 def parse_region(region: bytes) -> tuple[int, bytes]:
-    """Return the content of a file's region: the offset at which its chunk will be written, and its records, joined."""
+    """Return the content of a file's region: the offset at which its chunk will be written, and its joined records."""
     records, position, chunk_offset = bytearray(), 0, None
     while position + _FRAME_HEADER.size <= len(region):
         length, checksum, offset = _FRAME_HEADER.unpack_from(region, position)

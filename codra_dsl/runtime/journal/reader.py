@@ -2,7 +2,7 @@
 
 A file is torn if its writer was killed, its disk was full, or only a part of the file was copied. Other MCAP readers
 look for the end of the file first, and refuse a torn file. `JournalReader` reads the file from its start, as far as
-possible, and then the region with the records that were not in a chunk yet.
+possible, and then the region, which holds the records that are not in a chunk yet.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mcap.stream_reader import breakup_chunk
 
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
-from codra_dsl.runtime.journal.file_lock import MAGIC, is_being_written
+from codra_dsl.runtime.journal.file_creation import MAGIC, is_being_written
 from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK_OPCODE, RECORD_HEADER, parse_region
 from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
 from codra_dsl.runtime.journal.schemas import kind_of
@@ -54,7 +54,7 @@ class JournalError(Exception):
 
 @dataclass(slots=True)
 class Damage:
-    """Missing and unreadable parts of a journal. The list is complete once the journal has been read to its end.
+    """Missing and unreadable parts of a journal. They are all known once the journal has been read to its end.
 
     Attributes:
         is_torn: whether the end of the file is missing.
@@ -85,7 +85,7 @@ class JournalReader:
         metadata: metadata that tools show about the file. The key is the name of the metadata.
         files: the attached files. The key is the name of the file.
         damage: missing and unreadable parts, complete once the journal has been read to its end.
-        chunk_offset: the offset of the chunk of the last message. The messages can be read again from this offset on.
+        chunk_offset: the offset of the chunk with the last message. Messages can be read again from this offset on.
         is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 
@@ -135,7 +135,7 @@ class JournalReader:
         try:
             if int(metadata["format_version"]) > FORMAT_VERSION:
                 raise JournalError(
-                    f"{self.path} was written by codra {metadata['codra']}, which is newer than this one"
+                    f"{self.path} was written by codra {metadata['codra']}, which is newer than this version"
                 )
             return RunHeader.from_data(metadata, summary_from_data(json.loads(self.files[SUMMARY_FILE])))
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -197,7 +197,7 @@ class JournalReader:
                 raise JournalError(f"{message}{type(error).__name__} {error}".rstrip()) from error
 
     def _read_start_record(self, opcode: int, content: bytes) -> None:
-        """Take a record from the part of the file before the messages.
+        """Store a record from the part of the file before the messages.
 
         The region is read before the chunks. If a program writes the file meanwhile, all chunks that precede the chunk
         in the region already exist in the file. So there is no gap between the messages that are read.
@@ -227,7 +227,7 @@ class JournalReader:
             return
         try:
             chunk = Chunk.read(_stream(content))
-            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MAX_RECORD_BYTES:
+            if max(chunk.uncompressed_size, _decompressed_size(chunk)) > _MAX_RECORD_BYTES:
                 raise ValueError(f"{chunk.uncompressed_size} bytes are too many")
             records = breakup_chunk(chunk, validate_crc=True)
         except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
@@ -255,17 +255,19 @@ class JournalReader:
             offset = self._stream.tell()
             record_header = self._stream.read(RECORD_HEADER.size)
             opcode, length = RECORD_HEADER.unpack(record_header) if len(record_header) == RECORD_HEADER.size else (0, 0)
-            file_bytes = self.size()
-            remaining_bytes = file_bytes - offset - RECORD_HEADER.size
+            file_byte_count = self.size()
+            remaining_byte_count = file_byte_count - offset - RECORD_HEADER.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._stream.seek(-len(MAGIC), 2)
                 self.damage.is_torn = self._stream.read() != MAGIC
                 self._has_ended = True
-            elif opcode == 0 or length > remaining_bytes:
+            elif opcode == 0 or length > remaining_byte_count:
                 self.damage.is_torn = True
                 self._has_ended = True
-                if offset < file_bytes and not self.is_live:
-                    self.damage.unreadable_parts.append(f"the last {file_bytes - offset} bytes, from byte {offset} on")
+                if offset < file_byte_count and not self.is_live:
+                    self.damage.unreadable_parts.append(
+                        f"the last {file_byte_count - offset} bytes, from byte {offset} on"
+                    )
             elif opcode in _OPCODES_TO_READ and length <= _MAX_RECORD_BYTES:
                 yield opcode, offset, self._stream.read(length)
             else:
@@ -276,7 +278,7 @@ def _stream(content: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(content))
 
 
-def _decompressed_bytes(chunk: Chunk) -> int:
+def _decompressed_size(chunk: Chunk) -> int:
     """Return the decompressed size that a chunk declares, without decompressing it."""
     return zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
 

@@ -31,8 +31,8 @@ class Recovery:
 def recover(path: Path, target: Path) -> Recovery:
     """Write a complete journal with all content of another journal.
 
-    The result equals, byte for byte, the file that the writer of the other journal would have written if it had
-    finished after the last event in that journal.
+    The result equals, byte for byte, the file that the other journal would have become if its writer had finished it
+    after the last event that it holds.
 
     Args:
         path: the other journal, torn or not; it is not changed.
@@ -67,8 +67,8 @@ def _copy(reader: JournalReader, file: McapFile) -> tuple[int, int, int]:
     message_count, first_ns, last_ns = 0, 0, 0
     for raw_message in reader.raw_messages():
         message = raw_message.message
-        channel = _ensure_channel(raw_message, file, schema_ids, channel_ids)
-        file.add(channel, message.log_time, message.publish_time, message.sequence, message.data)
+        channel_id = _ensure_channel(raw_message, file, schema_ids, channel_ids)
+        file.add(channel_id, message.log_time, message.publish_time, message.sequence, message.data)
         first_ns, last_ns = first_ns if message_count else message.log_time, message.log_time
         message_count += 1
     file.finish()

@@ -40,7 +40,7 @@ class RunHeader:
 
     @classmethod
     def of_run(cls, summary: SpecSummary, manifest: Mapping[str, Any], *, seed: int, start_s: float) -> Self:
-        """Return the header of a run that begins; `manifest` is that of the generated package."""
+        """Return the header of a run that begins; `manifest` is the manifest of the generated package."""
         file, model = str(manifest.get("spec", "")), str(manifest.get("model", ""))
         return cls(spec=summary.name, file=file, model=model, seed=seed, start_s=start_s, summary=summary)
 

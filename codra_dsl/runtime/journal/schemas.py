@@ -1,4 +1,4 @@
-"""The kinds of journal events: their topics, their JSON schemas, and what tools show of a topic.
+"""The kinds of journal events: their topics, their JSON schemas, and what tools show about a topic.
 
 A new kind of event needs a member of `Kind`, a schema and an entry of `TOPICS`, all in this module. The rest of the
 journal, the commands and replay use the kinds that this module defines. The code that adds the events is elsewhere.
@@ -40,7 +40,7 @@ RULE_EVENTS = {
 
 
 class Kind(StrEnum):
-    """The subject of an event.
+    """The kind of the subject of an event.
 
     An `INPUT` is an event that reaches the context manager from outside and does not follow from other events: a call
     by a program, or the end of a job's function. All other events follow from inputs and evidence. Only journals hold
@@ -63,7 +63,7 @@ class Topic:
     """The topics to which the events of one kind are written, and descriptions of these topics.
 
     Attributes:
-        folder: the folder of the topics, which has one topic for each subject. If `is_shared`, it is the only topic.
+        folder: the folder of the topics, one for each subject. If `is_shared`, the folder itself is the only topic.
         schema: returns the name of the schema of a subject's events, and the schema.
         metadata: returns the metadata that tools show about a subject's topic: units, label.
         place: returns the place of a subject in the spec.
@@ -104,7 +104,7 @@ def topic_metadata(kind: Kind, name: str, summary: SpecSummary) -> dict[str, str
 
 
 def place_of(kind: Kind, name: str, summary: SpecSummary) -> Place | None:
-    """Return the place in the spec of the subject of some events."""
+    """Return the place in the spec that declares the subject of some events; None if there is none."""
     return TOPICS[kind].place(name, summary)
 
 
@@ -178,7 +178,7 @@ def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         value=value_schema(kind, "The value; left out when unknown."),
         reason=reason_schema("Why it is unknown; left out when known."),
         detail=field_schema("string", "The cause of an unknown value."),
-        evidence_s=field_schema("number", "When the evidence was taken; if unknown, since when it is unknown."),
+        evidence_s=field_schema("number", "When the evidence was taken, or since when the variable is unknown."),
         source=field_schema("string", "The source of the value: an algorithm, an agent or the main execution."),
         present=field_schema("boolean", "Whether this is the present reading; false if there is newer evidence."),
     )
@@ -215,9 +215,9 @@ def _job_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
             "properties": returns,
             "additionalProperties": False,
         },
-        evidence_s=list_schema("number", "When the evidence was taken: start and end."),
+        evidence_s=list_schema("number", "When the evidence was taken: the start and the end."),
         variables=list_schema("string", "The variables that receive no value."),
-        reason=reason_schema("Why they receive none."),
+        reason=reason_schema("Why these variables receive no value."),
         message=field_schema("string", "The error, or the condition that the result does not meet."),
         condition=field_schema("string", "The precondition that did not hold."),
     )
@@ -239,8 +239,8 @@ def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         source=field_schema("string", "The source of the value in context."),
         asked_s=field_schema("number", "When the decision was requested."),
         found=value_schema(kind, "The value that the main execution acquired itself."),
-        kept=field_schema("boolean", "Whether that value was kept as evidence."),
-        agrees=field_schema("boolean", "Whether it equals the value in context; left out if nothing was acquired."),
+        kept=field_schema("boolean", "Whether the acquired value was kept as evidence."),
+        agrees=field_schema("boolean", "Whether both values are equal; left out if no value was acquired."),
         shadow=field_schema("boolean", "Whether the main execution would have looked in any case."),
         skill=field_schema("string", "The skill in progress that began last; left out if none."),
         raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
@@ -301,17 +301,17 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
             "evidence": "a job reported when its evidence was taken",
             "late": "the next event happens now, long after its scheduled time",
             "graph": "an agent writes to the knowledge graph in one change",
-            "refused": "an agent tried a write or a begin that its permissions or its rule do not allow",
+            "refused": "an agent tried to write, or to begin an action, but its permissions or its rule forbid this",
             "rule": "the state of an agent's rule changed",
             "adapt": "a loop reports an adaptation",
         },
         step=field_schema("integer", "The number of clock events before this input."),
         work=field_schema(
-            "integer", "In simulated time, the job that makes this call: its number, counted over all jobs."
+            "integer", "In simulated time, the number of the job that makes this call, counted over all jobs."
         ),
         variable=field_schema("string", "The variable."),
         value=field_schema("string", "The value, as JSON."),
-        evidence_s=list_schema("number", "When the evidence was taken: its end, or start and end."),
+        evidence_s=list_schema("number", "When the evidence was taken: the end, or the start and the end."),
         skill=field_schema("string", "The skill."),
         skills=list_schema("string", "The skills."),
         number=field_schema("integer", "The number of the skill, decision or slot request, counted from 1."),
@@ -347,7 +347,7 @@ def _knowledge_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchem
             "is": "its executor has begun it",
             "finished": "its executor has finished it",
             "aborted": "it ended without being finished",
-            "refused": "an agent tried a write or a begin that its permissions or its rule do not allow",
+            "refused": "an agent tried to write, or to begin an action, but its permissions or its rule forbid this",
             **{what: f"the agent's rule: {meaning}" for what, meaning in RULE_EVENTS.items()},
         },
         agent=field_schema(
@@ -397,7 +397,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
             "string", "The reason: first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."
         ),
         rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
-        place=field_schema("string", "The place of that rule or target in the spec."),
+        place=field_schema("string", "The place of the hard rule, the course, or the target in the spec."),
         value=field_schema("string", "The value of the parameter, as JSON."),
         branch=field_schema("string", "The value of the tree's entry that selects the branch."),
         result=field_schema("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
@@ -432,12 +432,12 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         weights=object_list_schema(
             "The weights of the actions, and the state of the filter.",
             **METRIC_AND_WEIGHT_FIELDS,
-            smoothed=field_schema("number", "The smoothed value, which decides."),
+            smoothed=field_schema("number", "The smoothed weight, which is used for the decision."),
             leads_since_s=field_schema("number", "Since when the action leads the course that was left."),
             cooldown_until_s=field_schema("number", "The instant before which the action cannot be chosen again."),
         ),
         kept_by=object_list_schema(
-            "Single changes that would have kept the course: the smallest change of each kind.",
+            "The smallest single change of each kind that would have kept the course.",
             kind=field_schema("string", "The kind of the change: of an input, or of a weight."),
             name=field_schema("string", "The variable, or the action."),
             value=field_schema("string", "The actual value, as JSON; left out when unknown."),
@@ -454,7 +454,7 @@ _ADAPTATION_EVENT_MEANINGS: Mapping[str, str] = {
     "chosen": "the course is another action",
     "explained": "changes that would have kept the previous course",
     "ended": "the branch of the previous course has ended",
-    "overdue": "that branch has not ended within its time limit",
+    "overdue": "the branch of the previous course has not ended within its time limit",
     "set": "the parameter has a new value",
     "failed": "an error occurred; the loop continues",
 }

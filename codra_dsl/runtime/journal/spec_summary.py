@@ -121,7 +121,7 @@ class SpecSummary:
 
 
 def place_from_data(data: Any) -> Place | None:
-    """Return the place in plain data; None if the data contains no place."""
+    """Return the place that plain data describes; None if the data contains no place."""
     if not isinstance(data, Mapping) or "file" not in data:
         return None
     return Place(file=str(data["file"]), line=int(data["line"]), use=place_from_data(data.get("use")))

@@ -39,7 +39,7 @@ def _rule_text(rule: Rule | None) -> str:
 def changes_by_distance(names: Iterable[str], before: SpecSummary, now: SpecSummary) -> tuple[Change, ...]:
     """Return the differences between two versions, ordered by their distance from some variables or algorithms.
 
-    `names` can also have observers. The differences in the elements of `names` come first. Then come the differences in
+    `names` can also contain observers. The differences in the elements of `names` come first, then the differences in
     the algorithms that identify a variable, then in the variables that these algorithms need, and so on up the
     dependency graph.
     """

@@ -88,10 +88,10 @@ def _finite_or_none(number: float) -> float | None:
 
 
 def summary_from_data(data: Mapping[str, Any]) -> SpecSummary:
-    """Return the summary in plain data.
+    """Return the summary that plain data describes.
 
     Raises:
-        ValueError, KeyError, TypeError, AttributeError: if the data is not a summary.
+        ValueError, KeyError, TypeError, AttributeError: if the data does not describe a summary.
     """
     return SpecSummary(
         name=str(data["name"]),

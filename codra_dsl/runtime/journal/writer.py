@@ -48,14 +48,14 @@ class JournalWriter:
         metadata = {FORMAT: {key: str(value) for key, value in data.items()}}
         self._file = McapFile(stream, metadata, {SUMMARY_FILE: summary_json})
         self._spec_summary: SpecSummary = header.summary
-        self._channels: dict[tuple[Kind, str], int] = {}
-        self._schemas: dict[str, int] = {}
+        self._channel_ids: dict[tuple[Kind, str], int] = {}
+        self._schema_ids: dict[str, int] = {}
         self._message_count = 0
         self._writing_process_id = os.getpid()
         self._lock = threading.RLock()  # reentrant: during a call, a signal handler may call this object again
         self._is_finished = False
-        channel = self._file.open_channel(RUN_TOPIC, self._ensure_schema(*run_schema()), {})
-        self._write(channel, json_text(data).encode(), header.start_s, header.start_s)
+        channel_id = self._file.open_channel(RUN_TOPIC, self._ensure_schema(*run_schema()), {})
+        self._write(channel_id, json_text(data).encode(), header.start_s, header.start_s)
 
     def add(self, event: Event) -> None:
         """Write an event.
@@ -83,29 +83,29 @@ class JournalWriter:
         kind, details = event.kind, event.details
         topic = TOPICS[kind]
         key = (kind, "" if topic.is_shared else event.name)
-        channel = self._channels.get(key)
-        if channel is None:
-            channel = self._channels[key] = self._open_channel(kind, event.name)
+        channel_id = self._channel_ids.get(key)
+        if channel_id is None:
+            channel_id = self._channel_ids[key] = self._open_channel(kind, event.name)
         evidence_s = details.get("evidence_s") if topic.has_evidence_time else None
         stamp_s = evidence_s[-1] if isinstance(evidence_s, (list, tuple)) and evidence_s else evidence_s
-        self._write(channel, message_of(event), event.instant_s, stamp_s if isinstance(stamp_s, float) else None)
+        self._write(channel_id, message_of(event), event.instant_s, stamp_s if isinstance(stamp_s, float) else None)
 
     def _open_channel(self, kind: Kind, name: str) -> int:
-        if len(self._channels) >= MAX_CHANNELS:
+        if len(self._channel_ids) >= MAX_CHANNELS:
             raise TooManyTopicsError(f"more than {MAX_CHANNELS} variables, observers and algorithms had events")
-        schema = self._ensure_schema(*schema_of(kind, name, self._spec_summary))
-        return self._file.open_channel(topic_of(kind, name), schema, topic_metadata(kind, name, self._spec_summary))
+        schema_id = self._ensure_schema(*schema_of(kind, name, self._spec_summary))
+        return self._file.open_channel(topic_of(kind, name), schema_id, topic_metadata(kind, name, self._spec_summary))
 
     def _ensure_schema(self, name: str, schema: JsonSchema) -> int:
-        if name not in self._schemas:
-            self._schemas[name] = self._file.add_schema(name, json.dumps(schema, ensure_ascii=False).encode())
-        return self._schemas[name]
+        if name not in self._schema_ids:
+            self._schema_ids[name] = self._file.add_schema(name, json.dumps(schema, ensure_ascii=False).encode())
+        return self._schema_ids[name]
 
-    def _write(self, channel: int, data: bytes, instant_s: float, evidence_s: float | None) -> None:
+    def _write(self, channel_id: int, data: bytes, instant_s: float, evidence_s: float | None) -> None:
         self._message_count += 1
         log_ns = _nanoseconds(instant_s)
         publish_ns = log_ns if evidence_s is None else _nanoseconds(evidence_s)
-        self._file.add(channel, log_ns, publish_ns, self._message_count & 0xFFFFFFFF, data)
+        self._file.add(channel_id, log_ns, publish_ns, self._message_count & 0xFFFFFFFF, data)
 
 
 def _nanoseconds(instant_s: float) -> int:

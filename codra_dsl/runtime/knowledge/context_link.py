@@ -53,7 +53,7 @@ class ContextLink:
 
     def write_input(self, agent: str, operations: Sequence[Operation]) -> None:
         """Record an agent's operations in the journal, before their effects become visible."""
-        if operations and self.event_writer.takes_inputs:
+        if operations and self.event_writer.accepts_inputs:
             self.event_writer.write_input(agent, "graph", operations=operations_text(operations))
 
     def commit(self, change_set: ChangeSet, version: int) -> None:
@@ -69,7 +69,7 @@ class ContextLink:
         The refusal is an input: a replay reads the refusal from the journal and does not derive it again.
         """
         subject, message, variable, value = refused_write
-        if self.event_writer.takes_inputs:
+        if self.event_writer.accepts_inputs:
             details = {"variable": variable, "value": value} if variable else {}
             self.event_writer.write_input(agent, "refused", subject=subject, message=message, **details)
         self.event_writer.write(Kind.KNOWLEDGE, subject, "refused", agent=agent, message=message)

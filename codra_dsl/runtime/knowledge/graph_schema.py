@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.knowledge.declarations import (
     CONTEXT,
     RT,
@@ -120,14 +120,14 @@ class GraphSchema:
         try:
             return self._node_types[name]
         except KeyError:
-            raise unknown("type of nodes", name, self._node_types) from None
+            raise unknown_name_error("type of nodes", name, self._node_types) from None
 
     def edge_type(self, name: str) -> EdgeType:
         """Return a type of edges; raise `UnknownNameError` if it is not declared."""
         try:
             return self._edge_types[name]
         except KeyError:
-            raise unknown("type of edges", name, self._edge_types) from None
+            raise unknown_name_error("type of edges", name, self._edge_types) from None
 
     def types_of_edges(self, name: str) -> frozenset[str]:
         """Return the names of the types of edges that a name in a path stands for.
@@ -141,7 +141,7 @@ class GraphSchema:
             return frozenset((name,))
         names = frozenset(edge_type.model.name for edge_type in self._edge_types.values() if edge_type.label == name)
         if not names:
-            raise unknown("type of edges", name, self._edge_types)
+            raise unknown_name_error("type of edges", name, self._edge_types)
         return names
 
     def edge_types_with_label(self, label: str) -> tuple[EdgeType, ...]:
@@ -159,14 +159,14 @@ class GraphSchema:
         attributes = entry[1] if entry is not None and entry[0] == node.type else self._node_types[node.type].attributes
         attribute = attributes.get(name)
         if attribute is None:
-            raise unknown(f"attribute of {node.type!r}", name, attributes)
+            raise unknown_name_error(f"attribute of {node.type!r}", name, attributes)
         return attribute
 
     def attribute_of_edge(self, edge: Edge, name: str) -> Attribute:
         """Return an attribute of an edge; raise `UnknownNameError` if it is not declared for the edge."""
         attribute = self._edge_types[edge.type].attributes.get(name)
         if attribute is None:
-            raise unknown(f"attribute of {edge.type!r}", name, self._edge_types[edge.type].attributes)
+            raise unknown_name_error(f"attribute of {edge.type!r}", name, self._edge_types[edge.type].attributes)
         return attribute
 
     def _node_attributes(

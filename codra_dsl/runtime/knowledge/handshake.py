@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.declarations import TaskModel, by
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema, Stage
@@ -66,7 +66,7 @@ def finish(change_set: ChangeSet, request: Request, result: str) -> None:
     model = _model_of_request(change_set.schema, request)
     Permissions(by(model.by)).check(change_set.agent, f"the result of {request.task}")
     if result not in model.results:
-        raise unknown(f"result of {request.task!r}", result, model.results)
+        raise unknown_name_error(f"result of {request.task!r}", result, model.results)
     before = _require_handover(change_set, request, Stage.IS)
     after = before._replace(stage=Stage.FINISHED, since_s=change_set.now_s, deadline_s=math.inf, result=str(result))
     _write(change_set, model, before, after)
@@ -90,7 +90,7 @@ def expire(change_set: ChangeSet, task: str) -> None:
 
 def _task_model(schema: GraphSchema, task: str) -> TaskModel:
     if task not in schema.tasks:
-        raise unknown("task", task, schema.tasks)
+        raise unknown_name_error("task", task, schema.tasks)
     return schema.tasks[task]
 
 

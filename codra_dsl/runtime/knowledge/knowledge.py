@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 from codra_dsl.logic import Value
 from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock
-from codra_dsl.runtime.errors import AgentTakenError, unknown
+from codra_dsl.runtime.errors import AgentTakenError, unknown_name_error
 from codra_dsl.runtime.geometry import Transform
 from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, raise_closed_error
@@ -117,7 +117,7 @@ class Knowledge:
             AgentTakenError: if a handle of the agent is open.
         """
         if name not in self._schema.agents:
-            raise unknown("agent", name, self._schema.agents)
+            raise unknown_name_error("agent", name, self._schema.agents)
         with self._handles_lock:
             if name not in self._handles:
                 handle = self._create_handle(name)
@@ -283,7 +283,7 @@ class Knowledge:
     def _prepare_rule(self, agent: str, check_open: Callable[[], None], name: str) -> RuleExecution[Transaction]:
         rules = {rule.name: rule for model in self.model.agents if model.name == agent for rule in model.rules}
         if name not in rules:
-            raise unknown(f"rule of {agent!r}", name, rules)
+            raise unknown_name_error(f"rule of {agent!r}", name, rules)
         return RuleExecution(
             rules[name],
             check_rule=partial(self._check_rule, agent, name),

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from codra_dsl.logic import Term, Value
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.geometry import FrameError, Outcome, Transform
 from codra_dsl.runtime.knowledge.change_set import AbsentError
 from codra_dsl.runtime.knowledge.declarations import Pattern
@@ -97,7 +97,7 @@ class Snapshot:
                 and name not in type_attributes
                 and not any(name in self._schema.attributes_of_node(node) for node in nodes)
             ):
-                raise unknown(f"attribute of {type_name!r}", name, type_attributes)
+                raise unknown_name_error(f"attribute of {type_name!r}", name, type_attributes)
 
     def edge(self, origin: str, edge: str, target: str) -> Edge:
         """Return an edge.
@@ -254,7 +254,7 @@ class Snapshot:
             UnknownNameError: if the task is not declared.
         """
         if task not in self._schema.tasks:
-            raise unknown("task", task, self._schema.tasks)
+            raise unknown_name_error("task", task, self._schema.tasks)
         return self._state.handovers.get(task) or Handover(task)
 
     # For matching paths

@@ -27,7 +27,7 @@ from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.package_files import package_folder, places_in
 from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, shared_declaration
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.loops.event_details import (
@@ -120,7 +120,7 @@ class Mape:
             UnknownNameError: if no loop has this name.
         """
         if name not in self._loops:
-            raise unknown("loop", name, self._loops)
+            raise unknown_name_error("loop", name, self._loops)
         return self._loops[name]
 
     def decisions(self, course: str) -> tuple[Decision, ...]:
@@ -135,7 +135,7 @@ class Mape:
         for loop in self._loops.values():
             if course in loop.planning.courses:
                 return loop
-        raise unknown("course", course, [course_model.name for course_model in self.model.courses])
+        raise unknown_name_error("course", course, [course_model.name for course_model in self.model.courses])
 
 
 class _AgentWriters:
@@ -486,4 +486,4 @@ def _check_names(model: MapeModel, loop: LoopModel) -> None:
     for kind, (used_names, declared_names) in used_and_declared_names.items():
         for name in used_names:
             if name not in declared_names:
-                raise unknown(kind, name, declared_names)
+                raise unknown_name_error(kind, name, declared_names)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.loops.analysis import Assessment, RuleActivation, assess
 from codra_dsl.runtime.loops.courses import hard_rule
 from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel
@@ -157,7 +157,7 @@ def sweep(
         UnknownNameError: if no stage and no hard rule reads the variable.
     """
     if variable not in known:
-        raise unknown("input", variable, known)
+        raise unknown_name_error("input", variable, known)
     sweeper = _Sweeper(model, course, _scene(known), variable)
     rows = tuple(sweeper.row(value) for value in values)
     switches = tuple(
@@ -188,7 +188,7 @@ def surface(
     """
     for name in (x_input[0], y_input[0]):
         if name not in known:
-            raise unknown("input", name, known)
+            raise unknown_name_error("input", name, known)
     sweepers = (_Sweeper(model, course, _scene({**known, y_input[0]: value}), x_input[0]) for value in y_input[1])
     return tuple(tuple(sweeper.row(value) for value in x_input[1]) for sweeper in sweepers)
 

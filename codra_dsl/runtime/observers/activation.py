@@ -1,4 +1,4 @@
-"""Algorithm 1 of P1, runtime control of observers. It also stops observers, which the paper leaves open.
+"""Algorithm 1 of P1, runtime control of observers. This module also stops observers; the paper leaves this open.
 
     1  procedure ActivateObservers(C_E, M)
     2    for all c in C_E:
@@ -12,10 +12,10 @@
     15       add c' to C_M(t)
     16       if an observer of c' exists: StartObserver of it
 
-The running observers are the smallest set that contains the observers of C_E and, for each observer in it, the
-observers of the variables that it needs. The set is maintained by counts over the strongly connected components of
-this relation: a component runs while it has a declared variable or a running component needs it. So the cost of
-starting and stopping depends only on what changes, even with feedback.
+The running observers are the smallest set that contains the observers of C_E and, for each of its members, the
+observers of the variables that this member needs. The set is maintained by counts over the strongly connected
+components of this relation: a component runs while it has a declared variable or another running component needs it. So
+the cost of starting and stopping depends only on what changes, even with feedback.
 """
 
 from __future__ import annotations
@@ -53,17 +53,17 @@ class Activation:
         }
         self._components = strongly_connected(successors)
         self._index_by_name = {name: index for index, members in enumerate(self._components) for name in members}
-        self._needed = [self._successors(index, successors) for index in range(len(self._components))]
+        self._needed_components = [self._successors(index, successors) for index in range(len(self._components))]
         self._levels: list[int] = []
-        for needed in self._needed:
-            self._levels.append(1 + max((self._levels[index] for index in needed), default=0))
-        self._counts = [0] * len(self._components)
+        for needed_components in self._needed_components:
+            self._levels.append(1 + max((self._levels[index] for index in needed_components), default=0))
+        self._request_counts = [0] * len(self._components)
         self._start = start
         self._stop = stop
 
     @property
     def order(self) -> tuple[str, ...]:
-        """Return all observers: each one after the observers that it needs, and otherwise by name.
+        """Return all observers: each one after the observers that it needs, and otherwise in order of their names.
 
         An additional observer that no other observer needs does not change the order of the others.
         """
@@ -72,7 +72,10 @@ class Activation:
     def running(self) -> frozenset[str]:
         """Return the observers that run."""
         return frozenset(
-            name for count, members in zip(self._counts, self._components, strict=True) if count for name in members
+            name
+            for count, members in zip(self._request_counts, self._components, strict=True)
+            if count
+            for name in members
         )
 
     def declare(self, variable: str) -> None:
@@ -88,15 +91,15 @@ class Activation:
             self._change(self._index_by_name[observer], -1, self._stop)
 
     def _change(self, component: int, step: int, act: Callable[[str], None]) -> None:
-        pending = [component]
-        while pending:
-            index = pending.pop()
-            before = self._counts[index]
-            self._counts[index] += step
-            if (before == 0) != (self._counts[index] == 0):
+        pending_components = [component]
+        while pending_components:
+            index = pending_components.pop()
+            before = self._request_counts[index]
+            self._request_counts[index] += step
+            if (before == 0) != (self._request_counts[index] == 0):
                 for name in self._components[index]:
                     act(name)
-                pending.extend(reversed(self._needed[index]))
+                pending_components.extend(reversed(self._needed_components[index]))
 
     def _successors(self, index: int, successors: Mapping[str, Sequence[str]]) -> list[int]:
         successor_indices = {
@@ -110,42 +113,44 @@ def strongly_connected(successors: Mapping[str, Sequence[str]]) -> list[list[str
 
     Each component comes after its successors, and its members are sorted. Chains may have any length.
     """
-    numbers: dict[str, int] = {}
-    lows: dict[str, int] = {}
+    visit_numbers: dict[str, int] = {}
+    low_numbers: dict[str, int] = {}
     stack: list[str] = []
-    on_stack: set[str] = set()
+    names_on_stack: set[str] = set()
     components: list[list[str]] = []
     for root in successors:
-        if root in numbers:
+        if root in visit_numbers:
             continue
         path = [(root, iter(successors[root]))]
-        _enter(root, numbers, lows, stack, on_stack)
+        _enter(root, visit_numbers, low_numbers, stack, names_on_stack)
         while path:
-            name, remaining = path[-1]
-            successor = next(remaining, None)
+            name, remaining_successors = path[-1]
+            successor = next(remaining_successors, None)
             if successor is None:
                 path.pop()
                 if path:
-                    lows[path[-1][0]] = min(lows[path[-1][0]], lows[name])
-                if lows[name] == numbers[name]:
-                    components.append(_leave(name, stack, on_stack))
-            elif successor not in numbers:
-                _enter(successor, numbers, lows, stack, on_stack)
+                    low_numbers[path[-1][0]] = min(low_numbers[path[-1][0]], low_numbers[name])
+                if low_numbers[name] == visit_numbers[name]:
+                    components.append(_leave(name, stack, names_on_stack))
+            elif successor not in visit_numbers:
+                _enter(successor, visit_numbers, low_numbers, stack, names_on_stack)
                 path.append((successor, iter(successors[successor])))
-            elif successor in on_stack:
-                lows[name] = min(lows[name], numbers[successor])
+            elif successor in names_on_stack:
+                low_numbers[name] = min(low_numbers[name], visit_numbers[successor])
     return components
 
 
-def _enter(name: str, numbers: dict[str, int], lows: dict[str, int], stack: list[str], on_stack: set[str]) -> None:
-    numbers[name] = lows[name] = len(numbers)
+def _enter(
+    name: str, visit_numbers: dict[str, int], low_numbers: dict[str, int], stack: list[str], names_on_stack: set[str]
+) -> None:
+    visit_numbers[name] = low_numbers[name] = len(visit_numbers)
     stack.append(name)
-    on_stack.add(name)
+    names_on_stack.add(name)
 
 
-def _leave(name: str, stack: list[str], on_stack: set[str]) -> list[str]:
+def _leave(name: str, stack: list[str], names_on_stack: set[str]) -> list[str]:
     component: list[str] = []
     while not component or component[-1] != name:
         component.append(stack.pop())
-        on_stack.discard(component[-1])
+        names_on_stack.discard(component[-1])
     return sorted(component)

@@ -15,7 +15,7 @@ from codra_dsl.runtime.observers.ticking import leaf_stop, leaf_tick
 
 
 class ControlFlag(Behaviour):
-    """Checks, first at each tick, whether the context manager wants the observer to run (P1, section 3.3)."""
+    """The first node at each tick: checks whether the context manager wants the observer to run (P1, section 3.3)."""
 
     tick, stop = leaf_tick, leaf_stop
 
@@ -45,17 +45,17 @@ class Precondition(Behaviour):
             branch.require(name, term)
 
     def update(self) -> Status:
-        """Succeed while the condition holds, or while complete evidence waits for its result."""
+        """Succeed while the condition holds, or while the evidence is complete but the job has no result yet."""
         truth = self._term.evaluate(self._branches[0].observer.context_now())
         self.feedback_message = "" if truth is True else "unknown" if truth is None else "does not hold"
-        is_waiting = truth is not True and any(branch.evidence_is_taken for branch in self._branches)
+        is_waiting = truth is not True and any(branch.is_evidence_taken for branch in self._branches)
         return Status.SUCCESS if truth is True or is_waiting else Status.FAILURE
 
 
 class DueOrRunning(Behaviour):
     """Checks whether it is time to look again, so that perception does not repeat at each tick.
 
-    While the node waits, its status is RUNNING. It is FAILURE only to let an alternative look instead. So a `Selector`
+    While the node waits, its status is RUNNING; it is FAILURE only if an alternative looks instead. So a `Selector`
     switches to another branch because of the situation, not because of the period.
     """
 
@@ -86,7 +86,7 @@ class Perceive(Behaviour):
         self._branch = branch
 
     def update(self) -> Status:
-        """Start a job, wait for it, and take its result if its evidence counts."""
+        """Start a job, wait for it, and use its result if its evidence counts."""
         branch = self._branch
         if not branch.is_busy:
             branch.start()
@@ -97,7 +97,7 @@ class Perceive(Behaviour):
             return Status.FAILURE
         if not branch.is_finished:
             return Status.RUNNING
-        return Status.SUCCESS if branch.take() else Status.FAILURE
+        return Status.SUCCESS if branch.take_outcome() else Status.FAILURE
 
     def terminate(self, new_status: Status) -> None:
         """Cancel the job if the tree stops this node: the observer stops, or the evidence can no longer count."""
@@ -114,7 +114,7 @@ class Accept(Behaviour):
         super().__init__(name)
         self._term = term
         self._branch = branch
-        branch.accepts.append((name, term))
+        branch.acceptance_conditions.append((name, term))
 
     def update(self) -> Status:
         """Fail unless the condition is known to hold for the result."""
@@ -137,7 +137,7 @@ class Identify(Behaviour):
         branch.add_variable(variable, term)
 
     def update(self) -> Status:
-        """Succeed in any case: if the result has no value for the variable, it is rejected for this variable only."""
+        """Succeed in any case: if the result has no value for the variable, only this variable receives no value."""
         is_identified = self._branch.identify(self._variable, self._term)
         self.feedback_message = "" if is_identified else "the result does not count or has no value"
         return Status.SUCCESS

@@ -17,10 +17,10 @@ from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, 
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
 SHORTEST_PERIOD_S = 0.01
-"""The shortest period. It lets time pass even if an algorithm takes no time and may look again at once."""
+"""The shortest period, so that time passes even if an algorithm takes no time and may look again at once."""
 
-INSTANT_S = 1e-6
-"""A look that begins this long after a skill starts to act sees what the action changes."""
+INVALIDATION_DELAY_S = 1e-6
+"""The delay from the start of acting to a look for the changed variables, so that the evidence of the look counts."""
 
 
 class ObserverSchedule(Protocol):
@@ -80,14 +80,14 @@ class BranchObserver(Protocol):
         ...
 
     def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
-        """Keep an identified value until the end of the round; return whether its evidence counts."""
+        """Keep an identified value until the end of the round; return whether the evidence of the value counts."""
         ...
 
 
 class Branch:
     """One algorithm within an observer: its preconditions, its job, and the result.
 
-    The nodes of the tree use it. It makes no decision about variables.
+    The nodes of the observer's tree use the branch. A branch makes no decision about variables.
     """
 
     def __init__(self, algorithm: Algorithm, observer: BranchObserver) -> None:
@@ -96,14 +96,14 @@ class Branch:
         self.identifies: list[str] = []
         self.value_terms: dict[str, Term] = {}
         self._votes: dict[str, Votes] = {}
-        self.accepts: list[tuple[str, Term]] = []
+        self.acceptance_conditions: list[tuple[str, Term]] = []
         self.conditions: list[tuple[str, Term]] = []
         self.rivals: tuple[Branch, ...] = (self,)
         self.result: Result | None = None
         self._job_run: JobRun | None = None
-        self._pinned_s: float | None = None
+        self._pin_instant_s: float | None = None
         self._interval = Interval(0.0, 0.0)
-        self._index = 0
+        self._job_index = 0
         self.last_start_s = BEFORE_ALL_S
         self._is_fresh = True
         self.is_on_event = False
@@ -113,15 +113,15 @@ class Branch:
         for name in algorithm.given:
             self.require(f"known({name})", known(name))
 
-    # When it may look
+    # When the branch may look
 
     def require(self, name: str, term: Term) -> None:
-        """Add a precondition, unless it is there already."""
+        """Add a precondition, unless the branch already has it."""
         if (name, repr(term)) not in ((other, repr(condition)) for other, condition in self.conditions):
             self.conditions.append((name, term))
 
     def blocking_condition(self, context: ContextNow) -> str | None:
-        """Return the first precondition that does not hold, or None."""
+        """Return the first precondition that does not hold; None if all hold."""
         return next((name for name, term in self.conditions if not term.holds(context)), None)
 
     def add_variable(self, variable: str, term: Term) -> None:
@@ -132,7 +132,7 @@ class Branch:
             self._votes[variable] = Votes(term.needed, term.among)
 
     def refresh(self) -> None:
-        """Look as soon as possible: the observer starts again, and earlier results no longer confirm a value."""
+        """Let the branch look as soon as possible after the start of its observer; earlier results confirm no value."""
         self._is_fresh = True
         for votes in self._votes.values():
             votes.clear()
@@ -140,7 +140,7 @@ class Branch:
     def next_start_s(self) -> float:
         """Return when the next job is due.
 
-        Return infinity if all variables of the branch have `refresh: on_event`, and none that is due is asked for.
+        Return infinity if all variables of the branch have `refresh: on_event`, and none is both due and asked for.
         """
         if self.is_on_event:
             return self._next_on_event_s()
@@ -151,7 +151,7 @@ class Branch:
 
         With `refresh: on_event`, the end of acting also ends the pause.
         """
-        has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.acted_s
+        has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.last_acting_end_s
         is_at_once = self._is_fresh or has_new_cause
         period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
         return self.last_start_s + max(period_s, self.algorithm.min_interval_s)
@@ -178,15 +178,15 @@ class Branch:
         return self.observer.services.perception.working_job(self.algorithm) is not None
 
     def serves(self, variable: str) -> bool:
-        """Return whether a variable can be left to this algorithm: it can run, and its last job had a value for it."""
+        """Return whether the algorithm can run, identifies a variable, and did not fail to do so in its last job."""
         can_run = not self.is_occupied and self.blocking_condition(self.observer.context_now()) is None
         return can_run and variable in self.identifies and variable not in self._variables_without_value
 
-    # Its job
+    # The job of the branch
 
     @property
     def is_busy(self) -> bool:
-        """Return whether a job runs, or has an outcome that was not taken yet."""
+        """Return whether a job was requested and its outcome was not processed yet."""
         return self._job_run is not None
 
     @property
@@ -195,8 +195,8 @@ class Branch:
         return self._job_run is not None and self._job_run.state is State.ENDED
 
     @property
-    def evidence_is_taken(self) -> bool:
-        """Return whether the evidence is complete but its result is still awaited.
+    def is_evidence_taken(self) -> bool:
+        """Return whether the evidence is complete, but the job was not processed yet.
 
         From then on, preconditions are judged only for the interval of the evidence.
         """
@@ -210,7 +210,7 @@ class Branch:
         )
 
     def violated_condition(self) -> str | None:
-        """Return a precondition that was broken, up to now, while the evidence was taken; None if there is none."""
+        """Return a precondition that did not hold at some moment while the evidence was taken; None if all held."""
         interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
         if interval is None:
             return None
@@ -223,28 +223,28 @@ class Branch:
 
     def cancel(self) -> None:
         """Cancel the job."""
-        job_run = self._drop()
+        job_run = self._drop_job()
         if job_run is not None:
             self.observer.services.perception.cancel(job_run)
 
     def void(self, condition: str) -> None:
         """Drop the job because a precondition did not hold while its evidence was taken."""
-        job_run = self._drop()
+        job_run = self._drop_job()
         if job_run is not None:
             self.observer.services.perception.void(job_run, condition)
             self._variables_without_value = set(self.identifies)
 
-    def take(self) -> bool:
-        """Take the outcome of the finished job; return whether it is a result."""
-        job_run = self._drop()
+    def take_outcome(self) -> bool:
+        """Process the outcome of the finished job; return whether the outcome is a result."""
+        job_run = self._drop_job()
         if job_run is None or job_run.start_s is None:
             return False
         self._interval = job_run.evidence(self.observer.now_s) or Interval(job_run.start_s)
-        self._index = job_run.index
+        self._job_index = job_run.index
         if isinstance(job_run.outcome, Result):
             self.result, self._variables_without_value = job_run.outcome, set()
             self._is_accepted = False
-            self._cost_meter.judged += 1
+            self._cost_meter.evaluated_count += 1
             return True
         if isinstance(job_run.outcome, Failure):
             self._add_failed_looks(self.identifies, job_run.outcome.reason, job_run.outcome.message, job_run.start_s)
@@ -265,14 +265,14 @@ class Branch:
             detail = f"a job that was cancelled does not end within {self.algorithm.timeout_s:g} s"
             self._add_failed_looks(self.identifies, Reason.TIMED_OUT, detail, job_run.start_s)
 
-    # Its result
+    # The result of the job
 
     def reject(self, condition: str) -> None:
         """Reject the result because a refinement does not hold for it (P1, Figure 4: refine the result)."""
         self._refuse(self.identifies, Reason.REJECTED, f"not {condition}")
 
     def identify(self, variable: str, term: Term) -> bool:
-        """Give a variable its value from the result (P1, Equation 6); return whether the variable has got one.
+        """Give a variable its value from the result (P1, Equation 6); return whether the variable received one.
 
         A result between `enter` and `leave` confirms the value that the variable had when the evidence was taken. If
         the variable was unknown at this instant, the result is rejected.
@@ -293,17 +293,17 @@ class Branch:
             return False
         start_s = self._interval.start_s
         if variable in self._votes:
-            first_s = self._confirmed_since_s(variable, content, self._votes[variable])
-            if first_s is None:
+            confirmed_start_s = self._confirmed_start_s(variable, content, self._votes[variable])
+            if confirmed_start_s is None:
                 return False
-            start_s = min(start_s, first_s)
+            start_s = min(start_s, confirmed_start_s)
         is_counted = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
         if is_counted and not self._is_accepted:
             self._is_accepted = True
-            self._cost_meter.accepted += 1
+            self._cost_meter.accepted_count += 1
         return is_counted
 
-    # Within
+    # Internal
 
     @property
     def _cost_meter(self) -> CostMeter:
@@ -321,7 +321,7 @@ class Branch:
         context = ContextNow(self.observer.services.cells, now_s)
         if self.blocking_condition(context) is not None:
             return None
-        self._pinned_s = now_s
+        self._pin_instant_s = now_s
         for cell in self._cells():
             cell.pin(now_s)
         return {name: context.value(name) for name in self.algorithm.given}
@@ -331,7 +331,7 @@ class Branch:
         if not any(map(services.is_asked_for, self.due_variables())):
             return math.inf
         # evidence from the very instant of an invalidation does not count
-        invalidated_s = (services.cells[variable].invalidated_s + INSTANT_S for variable in self.identifies)
+        invalidated_s = (services.cells[variable].invalidated_s + INVALIDATION_DELAY_S for variable in self.identifies)
         return max(self._next_in_period_s(), *invalidated_s)
 
     def due_variables(self) -> list[str]:
@@ -340,12 +340,12 @@ class Branch:
         readings = (services.cells[variable].reading.at(now_s) for variable in self.identifies)
         return [reading.name for reading in readings if services.event_triggers.is_due(reading)]
 
-    def _drop(self) -> JobRun | None:
+    def _drop_job(self) -> JobRun | None:
         job_run, self._job_run = self._job_run, None
-        if self._pinned_s is not None:
+        if self._pin_instant_s is not None:
             for cell in self._cells():
-                cell.unpin(self._pinned_s)
-            self._pinned_s = None
+                cell.unpin(self._pin_instant_s)
+            self._pin_instant_s = None
         if job_run is not None:
             self.observer.note_job_end()
             if job_run.start_s is not None:  # when a job has started, its branch is no longer due
@@ -361,11 +361,11 @@ class Branch:
 
     def _keeps_value(self, term: Term) -> bool:
         """Return whether the result lies between enter and leave."""
-        inner = term.term if isinstance(term, DebouncedCondition) else term
-        return self.result is not None and isinstance(inner, Hysteresis) and inner.keeps_value(self.result)
+        inner_term = term.term if isinstance(term, DebouncedCondition) else term
+        return self.result is not None and isinstance(inner_term, Hysteresis) and inner_term.keeps_value(self.result)
 
-    def _confirmed_since_s(self, variable: str, content: Value, votes: Votes) -> float | None:
-        """Count a result. Return when the taking of the evidence for its value began; None if too few results agree.
+    def _confirmed_start_s(self, variable: str, content: Value, votes: Votes) -> float | None:
+        """Count a result. Return the start of the evidence for its value; None if too few results agree.
 
         An unconfirmed result is a failed look, like a rejected result. So `keep` and `forget` decide about the last
         value, and the algorithm does not give way to an alternative. An outlier has no effect while the last results
@@ -374,7 +374,7 @@ class Branch:
         vote = Vote(content, self._interval.start_s, self._stamp_s())
         if not self.observer.services.cells[variable].admits(vote.start_s, vote.stamp_s):
             return vote.start_s  # evidence from before an action is not counted as a vote; `write` reports it
-        votes.add(vote, lambda before: self._still_counts(variable, before, vote))
+        votes.add(vote, lambda earlier_vote: self._still_counts(variable, earlier_vote, vote))
         start_s = votes.start_s(content)
         if start_s is None:
             count_text = f"{votes.count(content)} of the last {votes.among} results, {votes.needed} are needed"
@@ -386,20 +386,26 @@ class Branch:
                 self.observer.add_failed_look(variable, failed_look)
         return start_s
 
-    def _still_counts(self, variable: str, before: Vote, now: Vote) -> bool:
+    def _still_counts(self, variable: str, earlier_vote: Vote, newest_vote: Vote) -> bool:
         """Return whether an earlier result still counts for a variable.
 
         It does not count if it is from before the last action that changed the variable, if it is no longer valid, or
-        if the variable is declared with `forget` and could not be observed for a moment since the result.
+        if the variable is declared with `forget` and could not be observed at some moment since the result.
         """
         services = self.observer.services
         model, cells = services.variables[variable], services.cells
-        if before.start_s <= cells[variable].invalidated_s or before.stamp_s + model.valid_for_s <= now.stamp_s:
+        if (
+            earlier_vote.start_s <= cells[variable].invalidated_s
+            or earlier_vote.stamp_s + model.valid_for_s <= newest_vote.stamp_s
+        ):
             return False
         term = self.observer.observability_condition(variable) if model.when_unobservable == "forget" else None
         if term is None:
             return True
-        return first_loss_s(term, cells, max(before.stamp_s, complete_from_s(term, cells)), now.stamp_s) is None
+        return (
+            first_loss_s(term, cells, max(earlier_vote.stamp_s, complete_from_s(term, cells)), newest_vote.stamp_s)
+            is None
+        )
 
     def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
         """Record that a result has no value for some variables, and add a failed look for each."""
@@ -407,7 +413,7 @@ class Branch:
         self._add_failed_looks(variables, reason, detail, self._stamp_s())
 
     def _record_refusal(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
-        refusal_details = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
+        refusal_details = {"index": self._job_index, "variables": list(variables), "reason": reason, "message": detail}
         self.observer.services.event_writer.write(Kind.JOB, self.algorithm.name, "rejected", **refusal_details)
 
     def _add_failed_looks(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:

@@ -1,4 +1,4 @@
-"""How running skills affect observers: when variables with `refresh: on_event` are due, and which may be changing."""
+"""How skills affect observers: when variables with `refresh: on_event` are due, and which variables may be changing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 
 class EventTriggers:
-    """The variables that running skills monitor, those that acting skills change, and the last end of acting.
+    """The variables that running skills monitor, the variables that acting skills change, and the last end of acting.
 
     Callers that change this object hold the context manager's lock.
     """
@@ -18,14 +18,14 @@ class EventTriggers:
     def __init__(self) -> None:
         self._monitor_counts: Counter[str] = Counter()
         self._changed_variables: dict[int, frozenset[str]] = {}
-        self._acted_s = BEFORE_ALL_S
+        self._last_acting_end_s = BEFORE_ALL_S
 
     def begin(self, variables: Iterable[str]) -> None:
         """Begin a skill that monitors some variables."""
         self._monitor_counts.update(variables)
 
     def finish(self, number: int, variables: Iterable[str]) -> None:
-        """End a skill that monitored some variables, and its acting."""
+        """End a skill that monitored some variables. If the skill acts, its acting ends as well."""
         self._monitor_counts.subtract(variables)
         self._changed_variables.pop(number, None)
 
@@ -36,16 +36,16 @@ class EventTriggers:
     def acted(self, number: int, now_s: float) -> None:
         """Note that acting ends: the world may have changed."""
         self._changed_variables.pop(number, None)
-        self._acted_s = now_s
+        self._last_acting_end_s = now_s
 
     def may_be_changing(self, variable: str) -> bool:
-        """Return whether an acting skill changes a variable. Its value is then lost when it cannot be observed."""
+        """Return whether an acting skill changes a variable. Then its value is lost when it cannot be observed."""
         return any(variable in changes for changes in self._changed_variables.values())
 
     @property
-    def acted_s(self) -> float:
+    def last_acting_end_s(self) -> float:
         """Return the last end of acting of any skill."""
-        return self._acted_s
+        return self._last_acting_end_s
 
     def is_due(self, reading: Reading[Value]) -> bool:
         """Return whether the variable of a reading is due to be observed because of events.
@@ -58,4 +58,4 @@ class EventTriggers:
             return True
         if self.may_be_changing(reading.name):
             return False
-        return not reading.known or reading.start_s < self._acted_s
+        return not reading.known or reading.start_s < self._last_acting_end_s

@@ -96,23 +96,23 @@ class _WatchedExpectation:
         self.timer: Timer | None = None
 
     @property
-    def is_settled(self) -> bool:
+    def is_final(self) -> bool:
         """Return whether the outcome is final."""
         return self.is_over or self.outcome in (Outcome.MET, Outcome.VIOLATED)
 
-    def determine_outcome(self, holds: Value | None, *, at_end: bool) -> Outcome | None:
+    def determine_outcome(self, truth: Value | None, *, at_end: bool) -> Outcome | None:
         """Return the outcome, given whether the condition holds; None if the outcome is still open.
 
         Args:
-            holds: whether the condition holds now; None if the variable is unknown.
+            truth: whether the condition holds now; None if the variable is unknown.
             at_end: whether the time in which the condition is to become true, or to stay true, is over.
         """
         is_late = at_end or self.outcome is Outcome.NOT_SEEN
-        if holds is None:
+        if truth is None:
             return Outcome.NOT_SEEN if at_end else None
         if self.model.is_to_become:
-            return Outcome.MET if holds is True else Outcome.VIOLATED if is_late else None
-        return Outcome.VIOLATED if holds is not True else Outcome.MET if is_late else None
+            return Outcome.MET if truth is True else Outcome.VIOLATED if is_late else None
+        return Outcome.VIOLATED if truth is not True else Outcome.MET if is_late else None
 
 
 class Expectations:
@@ -182,7 +182,7 @@ class Expectations:
             self._expectations_by_variable[expectation.model.variable] = other_entries
 
     def changed(self, variable: str) -> None:
-        """Judge the expectations of a variable that has another reading."""
+        """Judge the expectations of a variable that has a new reading."""
         for number, expectation in self._expectations_by_variable.get(variable, ()):
             self._judge(number, expectation, at_end=False)
 
@@ -210,7 +210,7 @@ class Expectations:
         return lambda: self._judge(number, expectation, at_end=True)
 
     def _judge(self, number: int, expectation: _WatchedExpectation, *, at_end: bool) -> None:
-        if expectation.is_settled:
+        if expectation.is_final:
             return
         now_s = self._clock.now_s()
         outcome = expectation.determine_outcome(

@@ -31,8 +31,8 @@ def decisive_look(
     """Return the failed look that makes a variable unknown, or gives an unknown variable a new reason; otherwise None.
 
     This is called when it is clear that no alternative delivers a value. A failure makes the variable unknown only if
-    the failed algorithm wrote the present value: a newer value of another writer stays. A rejection makes the variable
-    unknown only if the variable forgets. A variable that is already unknown gets the latest reason.
+    the failed algorithm wrote the present value; the value of another writer stays. A rejection makes the variable
+    unknown only if `does_forget`. A variable that is already unknown gets the latest reason.
     """
     latest_look: FailedLook | None = None
     for failed_look in failed_looks:

@@ -1,9 +1,9 @@
 """The forest F: all observers, connected by the context that they share (P1, Equation 11), ticked after changes.
 
 The paper ticks every tree each second. Here a tree is ticked when it is due, when a variable that it reads has
-changed, when a job has ended, and when the result of a comparison with an age changes. The outcome is the same as if
-every tree were ticked at every instant, with less work; `tests/runtime/observers/test_by_change.py` compares the two. A
-variable has changed when it has another value. Newer evidence for the same value is a change only for the trees that
+changed, when a job has ended, and when the result of a comparison with an age changes. This is less work than a tick of
+every tree at every instant, and the outcome is the same: `tests/runtime/observers/test_by_change.py` compares the two.
+A variable has changed when it has another value. Newer evidence for the same value is a change only for the trees that
 read the age of the variable.
 """
 
@@ -21,9 +21,9 @@ from codra_dsl.runtime.perception import described
 from codra_dsl.runtime.values.cell import Reading
 
 MAX_ROUNDS = 100
-"""The largest number of rounds at one instant. If feedback is not settled by then, the next round has to wait."""
+"""The largest number of rounds at one instant. If feedback still causes changes then, the next round has to wait."""
 
-UNREST_S = 0.01
+ROUND_PAUSE_S = 0.01
 """How long the next round waits after `MAX_ROUNDS` rounds."""
 
 
@@ -44,7 +44,7 @@ class Forest:
             models: the observers.
             services: the part of the context manager that observers use.
             clock: real or simulated time.
-            commit: called with each reading that observers wrote, after each round.
+            commit: called after each round, with each reading that observers wrote in this round.
             on_stop: called for each observer that has stopped.
         """
         self._clock = clock
@@ -77,11 +77,11 @@ class Forest:
         }
         self._names_to_tick: set[str] = set()
         self._timers: dict[str, Timer] = {}
-        self._round: Timer | None = None
+        self._round_timer: Timer | None = None
 
     @property
     def observers(self) -> Mapping[str, Observer]:
-        """Return all observers by name."""
+        """Return a mapping from names to observers."""
         return self._observers
 
     def running(self) -> frozenset[str]:
@@ -126,14 +126,14 @@ class Forest:
         for observer in readers.get(variable, ()):
             if observer.is_wanted:
                 self._names_to_tick.add(observer.name)
-                if self._round is None:
-                    self._let_settle()
+                if self._round_timer is None:
+                    self._schedule_rounds()
 
     def is_asked_for(self, variable: str, declarations: Container[str]) -> bool:
         """Return whether a variable is declared, or needed, directly or indirectly, by an observer that is due to look.
 
-        If observers need each other's variables in a cycle, this alone does not count: something outside the cycle must
-        ask for one variable of the cycle.
+        If observers need each other's variables in a cycle, these needs alone do not count: a declaration or observer
+        outside the cycle must ask for one variable of the cycle.
         """
         visited_variables, pending_variables = {variable}, [variable]
         while pending_variables:
@@ -147,7 +147,9 @@ class Forest:
             ]
             if not all(branch.is_on_event for branch in branches):
                 return True  # a periodic look needs its preconditions in any case
-            due_variables = {due for branch in branches for due in branch.due_variables()} - visited_variables
+            due_variables = {
+                due_variable for branch in branches for due_variable in branch.due_variables()
+            } - visited_variables
             visited_variables |= due_variables
             pending_variables.extend(due_variables)
         return False
@@ -163,13 +165,13 @@ class Forest:
         if not observer.is_wanted:
             return
         self._names_to_tick.add(observer.name)
-        if self._round is None:
-            self._let_settle()
+        if self._round_timer is None:
+            self._schedule_rounds()
 
-    def _let_settle(self) -> None:
-        self._round = self._clock.call_at(self._clock.now_s(), self._settle)
+    def _schedule_rounds(self) -> None:
+        self._round_timer = self._clock.call_at(self._clock.now_s(), self._run_until_quiet)
 
-    def _settle(self) -> None:
+    def _run_until_quiet(self) -> None:
         """Run rounds at this instant until nothing changes.
 
         In a round, observers are ticked in order on one state of the context; then their readings are committed.
@@ -177,9 +179,11 @@ class Forest:
         try:
             is_quiet = self._run_rounds()
         except BaseException:
-            self._round = None
+            self._round_timer = None
             raise
-        self._round = None if is_quiet else self._clock.call_at(self._clock.now_s() + UNREST_S, self._settle)
+        self._round_timer = (
+            None if is_quiet else self._clock.call_at(self._clock.now_s() + ROUND_PAUSE_S, self._run_until_quiet)
+        )
 
     def _run_rounds(self) -> bool:
         for _ in range(MAX_ROUNDS):
@@ -200,20 +204,20 @@ class Forest:
         except Exception as error:  # noqa: BLE001 - one broken tree must not stop the forest
             readings = observer.fail(described(error))
             self._event_writer.write(Kind.OBSERVER, observer.name, "failed", message=described(error))
-        self._wake_at(observer, observer.next_tick_s())
+        self._schedule_tick(observer, observer.next_tick_s())
         return readings
 
-    def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
-        """Tick an observer at an instant. If an earlier tick is scheduled, it stays, and will schedule the next one."""
+    def _schedule_tick(self, observer: Observer, instant_s: float | None) -> None:
+        """Schedule a tick of an observer. If an earlier tick is scheduled, keep that one, which schedules the next."""
         timer = self._timers.get(observer.name)
         if instant_s is not None and (timer is None or timer.instant_s > instant_s):
             if timer is not None:
                 timer.cancel()
-            self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
+            self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._request_timed_tick(observer))
 
-    def _wake(self, observer: Observer) -> None:
-        # A timer may fire while `_wake_at` replaces it. Then the next line removes the entry of the new timer. This is
-        # harmless: the tick schedules the next one.
+    def _request_timed_tick(self, observer: Observer) -> None:
+        # A timer may fire while `_schedule_tick` replaces it. Then the next line removes the entry of the new timer.
+        # This is harmless: the tick schedules the next one.
         self._timers.pop(observer.name, None)
         self.request_tick(observer)
 
@@ -233,22 +237,23 @@ class Forest:
     def _supplier_names(self, observer: Observer) -> frozenset[str]:
         """Return the names of the observers of all variables with `refresh: on_event` that an observer needs.
 
-        Indirect needs count. When a change ticks the observer, the returned observers are ticked too.
+        Variables that are needed indirectly are included. When the observer is ticked, the returned observers are
+        ticked as well.
         """
         supplier_names: set[str] = set()
-        pending = [observer]
-        while pending:
+        pending_observers = [observer]
+        while pending_observers:
             names = {
                 self._observer_by_variable[name].name
-                for name in pending.pop().on_event_needs
+                for name in pending_observers.pop().on_event_needs
                 if name in self._observer_by_variable
             }
-            pending.extend(self._observers[name] for name in names - supplier_names)
+            pending_observers.extend(self._observers[name] for name in names - supplier_names)
             supplier_names |= names
         return frozenset(supplier_names)
 
     def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
-        """Return two mappings: from a variable to the observers that read it, and to those that depend on its age."""
+        """Return the observers that read each variable, and the observers that depend on the age of each variable."""
         readers: dict[str, list[Observer]] = {}
         readers_of_age: dict[str, list[Observer]] = {}
         for name in self._activation.order:
@@ -256,7 +261,7 @@ class Forest:
             for need in observer.watched_variables():
                 readers.setdefault(need, []).append(observer)
             # whether the observer looks depends on the age of its own variables
-            has_own = observer.on_event_variables if observer.on_event_needs else ()
-            for need in sorted({*observer.age_sensitive_needs(), *has_own}):
+            own_variables = observer.on_event_variables if observer.on_event_needs else ()
+            for need in sorted({*observer.age_sensitive_needs(), *own_variables}):
                 readers_of_age.setdefault(need, []).append(observer)
         return readers, readers_of_age

@@ -55,7 +55,7 @@ class Observer:
         self._context_now = ContextNow(services.cells, self.now_s)
         self._on_tick_request = on_tick_request
         self._branches: list[Branch] = []
-        self._writes: list[Reading[Value]] = []
+        self._written_readings: list[Reading[Value]] = []
         self._failed_looks: dict[str, list[FailedLook]] = {}
         self._has_job_ended = False
         self._failure: str | None = None
@@ -72,7 +72,7 @@ class Observer:
             branch.is_on_event = set(branch.identifies) <= set(self.on_event_variables)
         self.on_event_needs = tuple(name for name in self.needs() if services.variables[name].refresh == "on_event")
         self._age_sensitive_terms = [term for term in self._terms() if reads_ages(term)]
-        self._watches = {
+        self._observability_monitors = {
             name: ObservabilityMonitor(term)
             for name in model.identifies
             if (term := self.observability_condition(name)) is not None
@@ -96,7 +96,7 @@ class Observer:
     def watched_variables(self) -> tuple[str, ...]:
         """Return the variables whose changes cause a tick.
 
-        The observer needs these variables, or identifies them and they have `refresh: on_event`.
+        These are the variables that the observer needs, and its own variables with `refresh: on_event`.
         """
         return tuple(sorted({*self.needs(), *self.on_event_variables}))
 
@@ -120,7 +120,7 @@ class Observer:
         return self._context_now
 
     def branches_asking_for(self, variable: str) -> list[Branch]:
-        """Return the branches that need a variable in order to look now, if their own variables are asked for."""
+        """Return the branches that need a variable to look now. They look only if their own variables are asked for."""
         if not self.is_wanted:
             return []
         return [branch for branch in self._branches if branch.reads(variable) and branch.would_look]
@@ -137,7 +137,7 @@ class Observer:
         """Request a tick, because the tick may have an effect."""
         self._on_tick_request(self)
 
-    # Called by its branches
+    # Called by the branches of the observer
 
     def note_job_end(self) -> None:
         """Note that a job ended in this tick; the next tick, at the same instant, decides on its effect."""
@@ -148,7 +148,7 @@ class Observer:
         self._failed_looks.setdefault(variable, []).append(failed_look)
 
     def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
-        """Keep an identified value until the end of the round; return whether its evidence counts."""
+        """Keep an identified value until the end of the round; return whether the evidence of the value counts."""
         if not self.services.cells[variable].admits(start_s, stamp_s):
             self.services.event_writer.write(
                 Kind.VARIABLE, variable, "too_old", value=content, evidence_s=stamp_s, source=algorithm
@@ -156,7 +156,9 @@ class Observer:
             return False
         expires_s = stamp_s + self.services.variables[variable].valid_for_s
         self._failed_looks.pop(variable, None)
-        self._writes.append(known_reading(variable, content, stamp_s, start_s, self.now_s, expires_s, algorithm))
+        self._written_readings.append(
+            known_reading(variable, content, stamp_s, start_s, self.now_s, expires_s, algorithm)
+        )
         return True
 
     def next_branch_in_turn(self, branch: Branch) -> Branch | None:
@@ -164,7 +166,7 @@ class Observer:
 
         An algorithm is needed if at least one of its variables is not served by any algorithm of better rank. Among the
         needed algorithms, the one that has not run for the longest time goes first, so that no algorithm starves
-        another one. If this does not decide, rank decides.
+        another one. Among algorithms with equal times, the one with the best rank goes first.
         """
         if any(rival.is_busy for rival in branch.rivals):
             return None
@@ -182,12 +184,12 @@ class Observer:
             branch.refresh()
 
     def stop(self) -> None:
-        """Clear the control flag; the next tick cancels its jobs."""
+        """Clear the control flag; the next tick cancels the jobs of the observer."""
         self.is_wanted = False
 
     def tick(self, now_s: float) -> list[Reading[Value]]:
-        """Tick the tree once; return the readings of the variables that this has identified or made unknown."""
-        self.now_s, self._writes, self._has_job_ended = now_s, [], False
+        """Tick the tree once; return the readings of the variables that the tick has identified or made unknown."""
+        self.now_s, self._written_readings, self._has_job_ended = now_s, [], False
         self._context_now = ContextNow(self.services.cells, now_s)
         if self._failure is not None:
             return []
@@ -198,14 +200,14 @@ class Observer:
             self._failed_looks.clear()
             return []
         for variable in self.model.identifies:
-            self._settle(variable)
-        if self._has_job_ended and self._is_unsettled():
+            self._decide_loss(variable)
+        if self._has_job_ended and self._needs_another_tick():
             self.request_tick()
-        return self._writes
+        return self._written_readings
 
     def fail(self, message: str) -> list[Reading[Value]]:
         """Stop the observer until it is started again, because its tree failed; values that it wrote become unknown."""
-        self._writes, self._failure = [], message
+        self._written_readings, self._failure = [], message
         for branch in self._branches:
             branch.cancel()
         self._failed_looks.clear()
@@ -213,14 +215,14 @@ class Observer:
             reading = self._reading(variable)
             if not reading.known or self._is_own(reading):
                 self._make_unknown(variable, FailedLook(Reason.FAILED, message, self.now_s, self.name))
-        return self._writes
+        return self._written_readings
 
     def next_tick_s(self) -> float | None:
         """Return when a tick will next have an effect if nothing changes before; None if there is no such instant."""
         if not self.is_wanted or self._failure is not None:
             return None
-        flips = (term.flips_s(self._context_now) for term in self._age_sensitive_terms)
-        instants = [self.now_s + wait_s for wait_s in flips if wait_s]
+        waits_s = (term.flips_s(self._context_now) for term in self._age_sensitive_terms)
+        instants = [self.now_s + wait_s for wait_s in waits_s if wait_s]
         for branch in self._branches:
             start_s = branch.next_start_s()
             is_free = not any(rival.is_busy for rival in branch.rivals)
@@ -234,9 +236,9 @@ class Observer:
         return [term for branch in self._branches for _, term in branch.conditions]
 
     def _rivals(self, branch: Branch) -> tuple[Branch, ...]:
-        """Return, by rank, a branch and the branches that share variables with it, directly or indirectly.
+        """Return a branch and the branches that share variables with it, directly or indirectly, in order of rank.
 
-        Only one of them runs at a time.
+        Only one of these branches runs at a time.
         """
         group = [branch]
         for member in group:
@@ -247,19 +249,19 @@ class Observer:
     def _may_run(self, branch: Branch) -> bool:
         if branch.is_occupied or branch.blocking_condition(self.context_now()) is not None:
             return False
-        better = self._branches[: self._branches.index(branch)]
-        return any(not any(other.serves(variable) for other in better) for variable in branch.identifies)
+        better_branches = self._branches[: self._branches.index(branch)]
+        return any(not any(other.serves(variable) for other in better_branches) for variable in branch.identifies)
 
     def _reading(self, variable: str) -> Reading[Value]:
         """Return the present reading of a variable. It can be a reading that was written in this tick."""
-        present = self.services.cells[variable].reading.at(self.now_s)
-        written_readings = (reading for reading in self._writes if reading.name == variable)
-        return sorted((present, *written_readings), key=lambda reading: reading.evidence_s)[-1]
+        present_reading = self.services.cells[variable].reading.at(self.now_s)
+        readings_of_variable = (reading for reading in self._written_readings if reading.name == variable)
+        return sorted((present_reading, *readings_of_variable), key=lambda reading: reading.evidence_s)[-1]
 
     def _is_own(self, reading: Reading[Value]) -> bool:
         return any(branch.algorithm.name == reading.source for branch in self._branches)
 
-    def _settle(self, variable: str) -> None:
+    def _decide_loss(self, variable: str) -> None:
         """Decide whether a tick makes a variable unknown, or gives an unknown variable a new reason."""
         does_forget = self._forgets(variable)
         if variable in self._failed_looks and not self._has_job_ended and not self._alternative_is_busy(variable):
@@ -268,7 +270,7 @@ class Observer:
             )
             if failed_look is not None:
                 self._make_unknown(variable, failed_look)
-        if does_forget and variable in self._watches:
+        if does_forget and variable in self._observability_monitors:
             self._forget_unseen(variable)
 
     def _forgets(self, variable: str) -> bool:
@@ -279,7 +281,7 @@ class Observer:
         model = self.services.variables[variable]
         return model.when_unobservable == "forget" or self.services.event_triggers.may_be_changing(variable)
 
-    def _is_unsettled(self) -> bool:
+    def _needs_another_tick(self) -> bool:
         """Return whether, after a job, another tick at this instant may have an effect."""
         if self._failed_looks or len(self._branches) > 1:
             return True
@@ -297,13 +299,15 @@ class Observer:
         reading = self._reading(variable)
         if not reading.known:
             return
-        watch, cells = self._watches[variable], self.services.cells
-        loss_s = watch.loss_s(cells, reading, is_own=self._is_own(reading), now_s=self.now_s)
+        monitor, cells = self._observability_monitors[variable], self.services.cells
+        loss_s = monitor.loss_s(cells, reading, is_own=self._is_own(reading), now_s=self.now_s)
         if loss_s is not None:
             since_s = max(loss_s, reading.evidence_s)
-            self._make_unknown(variable, FailedLook(Reason.FORGOTTEN, self._blocked_by(variable), since_s, self.name))
+            self._make_unknown(
+                variable, FailedLook(Reason.FORGOTTEN, self._blocking_conditions_text(variable), since_s, self.name)
+            )
 
-    def _blocked_by(self, variable: str) -> str:
+    def _blocking_conditions_text(self, variable: str) -> str:
         conditions = (branch.blocking_condition(self.context_now()) for branch in self._branches_by_variable[variable])
         return "; ".join(name or "a condition that did not hold for a moment" for name in conditions)
 
@@ -316,4 +320,4 @@ class Observer:
             identified_s=self.now_s,
             source=failed_look.algorithm,
         )
-        self._writes.append(reading)
+        self._written_readings.append(reading)

@@ -19,12 +19,12 @@ class ObserverServices:
 
     Attributes:
         cells: all variables.
-        variables: their declarations.
+        variables: the declarations of all variables.
         perception: runs jobs.
         event_triggers: decides when variables with `refresh: on_event` are due.
         event_writer: writes to the event log.
         clock: real or simulated time.
-        urgency: returns how urgently the variables of an observer, given by its name, are needed.
+        urgency: returns how urgently the variables of the observer with a given name are needed.
         is_asked_for: returns whether a variable is declared, or needed by an observer that is due to look.
     """
 

@@ -1,4 +1,4 @@
-"""The central data structure of P1, section 3.3: it holds all context-variables, and makes every change of them."""
+"""The central data structure of P1, section 3.3: it holds all context-variables, and makes all changes to them."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Store:
     def write(self, reading: Reading[Value]) -> None:
         """Store a reading that is identified now.
 
-        If its evidence is older than that of the present reading, the reading is stored only in the history. Otherwise
-        it becomes the present reading.
+        If the present reading has newer evidence, the stored reading becomes a part of the history only. Otherwise it
+        becomes the present reading.
         """
         name = reading.name
         if reading.expires_s == FOREVER_S and reading.reason is None:
@@ -92,7 +92,7 @@ class Store:
             self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
 
     def _expire(self, name: str) -> None:
-        """Make a variable unknown at the end of its validity, unless newer evidence has moved that end."""
+        """Make a variable unknown at the end of its validity, unless newer evidence has extended the validity."""
         self._expiring_names.discard(name)
         cell = self.cells[name]
         if cell.expire(self._clock.now_s()):
@@ -105,9 +105,9 @@ class Store:
 def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:
     """Return whether, between two readings with the same content, the variable stayed known, or stayed unknown."""
     if before.reason is not None and reading.reason is not None:
-        # evidence from before a value went stale changes the history
+        # evidence from before the last value became stale changes the history
         return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s
     if before.reason is not None or reading.reason is not None:
         return False
-    # evidence that began earlier may be from before the end of acting: then another look is due
+    # if the evidence began earlier than before, it may be from before the end of acting: then another look is due
     return before.expires_s > reading.identified_s and before.start_s <= reading.start_s

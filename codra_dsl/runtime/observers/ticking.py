@@ -55,13 +55,13 @@ def _tick_sequence(sequence: Sequence) -> None:
         tick(child)
         if child.status is not Status.SUCCESS:
             _invalidate(children[position:])
-            _settle(sequence, child.status)
+            _set_status(sequence, child.status)
             return
         sequence.current_child = children[position] if position < len(children) else child
-    _settle(sequence, Status.SUCCESS)
+    _set_status(sequence, Status.SUCCESS)
 
 
-def _settle(sequence: Sequence, status: Status) -> None:
+def _set_status(sequence: Sequence, status: Status) -> None:
     if status is Status.RUNNING:
         sequence.status = status
     else:

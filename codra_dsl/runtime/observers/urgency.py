@@ -32,7 +32,7 @@ class Urgencies:
         }
         self._needs = needs
         self._awaited_variables: dict[int, str] = {}
-        self._levels: dict[str, Urgency] = {}
+        self._urgency_by_observer: dict[str, Urgency] = {}
         self._cache_key: tuple[int, tuple[str, ...]] | None = None
 
     def wait(self, number: int, variable: str) -> None:
@@ -47,10 +47,10 @@ class Urgencies:
         """Return how urgent an observer is now."""
         cache_key = (declarations.version, tuple(self._awaited_variables.values()))
         if cache_key != self._cache_key:
-            self._cache_key, self._levels = cache_key, {}
+            self._cache_key, self._urgency_by_observer = cache_key, {}
             for urgency, variables in self._needs_by_urgency(declarations):
                 self._spread(urgency, variables)
-        return self._levels.get(observer, Urgency.DECLARED)
+        return self._urgency_by_observer.get(observer, Urgency.DECLARED)
 
     def _needs_by_urgency(self, declarations: Declarations) -> Iterator[tuple[Urgency, Iterable[str]]]:
         yield Urgency.WAITED_FOR, self._awaited_variables.values()
@@ -62,9 +62,9 @@ class Urgencies:
 
         An observer that already has an urgency keeps it, because the most urgent needs are given first.
         """
-        pending = list(variables)
-        while pending:
-            observer = self._observer_by_variable.get(pending.pop())
-            if observer is not None and observer not in self._levels:
-                self._levels[observer] = urgency
-                pending.extend(self._needs[observer])
+        pending_variables = list(variables)
+        while pending_variables:
+            observer = self._observer_by_variable.get(pending_variables.pop())
+            if observer is not None and observer not in self._urgency_by_observer:
+                self._urgency_by_observer[observer] = urgency
+                pending_variables.extend(self._needs[observer])

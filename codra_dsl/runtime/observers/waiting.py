@@ -12,7 +12,7 @@ from codra_dsl.runtime.values.conditions_held import ContextNow
 
 
 def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: float) -> bool:
-    """Wait until a condition holds; return whether it holds. It may become true through time alone.
+    """Wait until a condition holds; return whether it holds. A condition can become true through time alone.
 
     Args:
         term: the condition.
@@ -29,7 +29,7 @@ def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: flo
         return math.inf if flips_s is None else now_s + flips_s
 
     def should_wake() -> bool:
-        """Return whether the condition holds, or may become true through time alone earlier than was expected."""
+        """Return whether the condition holds, or may become true through time alone before `until_s`."""
         nonlocal is_condition_met
         is_condition_met = term.holds(ContextNow(cells, clock.now_s()))
         return is_condition_met or next_flip_at_s() < until_s - PUNCTUALITY_TOLERANCE_S

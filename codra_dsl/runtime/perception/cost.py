@@ -18,9 +18,9 @@ class Cost:
         voided: jobs whose evidence was discarded, because a precondition failed while the evidence was taken.
         failed: jobs that raised, timed out, or returned an invalid result.
         cancelled: jobs that were no longer needed, because their observer stopped or a precondition failed.
-        waiting_s: time from the request of each job to its start; the job waits for slots.
-        perception_s: time from the start of each job to its end.
-        slot_s: time from the start of each job to its end, times the number of slots that the job held.
+        waiting_s: the total time in which jobs waited for slots, from the request of each job to its start.
+        perception_s: the total time from the start of each job to its end.
+        slot_s: the same total, with the time of each job multiplied by the number of slots that the job held.
     """
 
     jobs: int = 0
@@ -39,40 +39,40 @@ class Cost:
 
 
 class CostMeter:
-    """Counts the costs and results of one algorithm.
+    """Adds up the costs and results of one algorithm.
 
     Attributes:
-        judged: results that were evaluated.
-        accepted: evaluated results that gave a variable a value.
-        voided: jobs whose evidence was discarded.
-        failed: jobs that raised, timed out, or returned an invalid result.
-        cancelled: jobs that were no longer needed.
+        evaluated_count: the number of results that were evaluated.
+        accepted_count: the number of evaluated results that gave a variable a value.
+        voided_count: the number of jobs whose evidence was discarded.
+        failed_count: the number of jobs that raised, timed out, or returned an invalid result.
+        cancelled_count: the number of jobs that were no longer needed.
     """
 
     def __init__(self) -> None:
-        self.judged = self.accepted = self.voided = self.failed = self.cancelled = 0
-        self._jobs = 0
+        self.evaluated_count = self.accepted_count = self.voided_count = self.failed_count = self.cancelled_count = 0
+        self._job_count = 0
         self._waiting_s = self._perception_s = self._slot_s = 0.0
 
     def begin(self, waiting_s: float) -> None:
         """Count a job that starts."""
-        self._jobs += 1
+        self._job_count += 1
         self._waiting_s += waiting_s
 
     def end(self, duration_s: float, slot_count: int) -> None:
-        """Count the time of a job that ends."""
+        """Add the time of a job that ends."""
         self._perception_s += duration_s
         self._slot_s += duration_s * slot_count
 
     def cost(self) -> Cost:
         """Return the costs and results so far."""
         return Cost(
-            jobs=self._jobs,
-            accepted=self.accepted,
-            rejected=self.judged - self.accepted,
-            voided=self.voided,
-            failed=self.failed,
-            cancelled=self.cancelled,
+            jobs=self._job_count,
+            accepted=self.accepted_count,
+            rejected=self.evaluated_count - self.accepted_count,
+            voided=self.voided_count,
+            failed=self.failed_count,
+            cancelled=self.cancelled_count,
             waiting_s=self._waiting_s,
             perception_s=self._perception_s,
             slot_s=self._slot_s,

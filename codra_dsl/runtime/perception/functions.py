@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
 from codra_dsl.isolation.function_host import AbsentError, resolve_call
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.values.model import Algorithm, ResourceModel
 
 Function = Callable[..., object]
 """A perception function: it takes keyword arguments and returns a mapping that matches `returns` of the spec.
 
-It can also be a class. Its objects then have such a function as method `perceive` and, optionally, `setup` and `close`.
+It can also be a class. Its objects have such a function as method `perceive`, and optionally `setup` and `close`.
 """
 
 
@@ -42,7 +42,7 @@ class Executor(Protocol):
         ...
 
     def kill_job(self) -> None:
-        """End the running job if that is possible; it was cancelled, and its time is over. This never waits."""
+        """End the running job, if that is possible: it was cancelled, and its time is over. This method never waits."""
         ...
 
     def await_ready(self) -> None:
@@ -54,11 +54,11 @@ class Executor(Protocol):
         ...
 
     def begin_close(self) -> None:
-        """Let the process or the object of a class end; this never waits."""
+        """Begin to end the process, or to close the object of a class. This method never waits."""
         ...
 
     def close(self) -> None:
-        """Wait for the end that `begin_close` has begun, but only for a short time."""
+        """Wait a short time for the end of the process or of the object's `close`, after `begin_close`."""
         ...
 
 
@@ -88,6 +88,6 @@ def check_handles(resources: Iterable[ResourceModel], handles: Iterable[str]) ->
     slot_counts = {resource.name: resource.slots for resource in resources}
     for name in handles:
         if name not in slot_counts:
-            raise CallError(str(unknown("resource", name, slot_counts)))
+            raise CallError(str(unknown_name_error("resource", name, slot_counts)))
         if slot_counts[name] is not None:
-            raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")
+            raise CallError(f"resource {name!r} has slots, so it needs no handle: leave it out of `resources`")

@@ -94,7 +94,7 @@ class RunningJob:
             self._reports.append((now_s, Interval(float(start_s), float(stamp_s))))
 
     def last_report_until(self, now_s: float) -> tuple[float, Interval] | None:
-        """Return the last report about the evidence up to an instant, preceded by the instant of the report."""
+        """Return the instant and the interval of the last report about the evidence up to `now_s`; None if none."""
         with self._lock:
             for report in reversed(self._reports):
                 if report[0] <= now_s:

@@ -57,9 +57,10 @@ class JobRun:
         self.on_evidence: Callable[[JobRun, float, Interval], None] = lambda *_: None
 
     def evidence(self, now_s: float) -> Interval | None:
-        """Return when the job's evidence is taken, according to the reports of the job until now.
+        """Return the interval in which the job's evidence is taken; None before the job runs.
 
-        Return None before the job runs. Without such a report, the evidence is taken during the entire job.
+        This is the last interval that the job has reported until now. If the job has reported none, it is the entire
+        duration of the job.
         """
         if self.start_s is None:
             return None

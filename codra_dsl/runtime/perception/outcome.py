@@ -21,7 +21,7 @@ class Result:
         """Return a value of the result, or None if it was not measured."""
         return self.values.get(name)
 
-    def age_s(self, name: str) -> float | None:  # noqa: ARG002 - it is the same for all
+    def age_s(self, name: str) -> float | None:  # noqa: ARG002 - the result is the same for all names
         """Return None: a returned value has no age."""
         return None
 

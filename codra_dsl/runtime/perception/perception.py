@@ -77,7 +77,7 @@ class Perception:
     def close(self) -> None:
         """Close the objects of perception classes, and end all processes.
 
-        This waits, so the caller must not hold the lock.
+        This method waits, so the caller must not hold the lock.
         """
         self._executors.close()
 
@@ -85,14 +85,14 @@ class Perception:
         """Return the counters of an algorithm's costs and results."""
         return self._cost_meters[algorithm.name]
 
-    def spent(self, algorithms: Iterable[Algorithm]) -> Cost:
+    def total_cost(self, algorithms: Iterable[Algorithm]) -> Cost:
         """Return the costs and results of some algorithms so far."""
         return sum((self._cost_meters[algorithm.name].cost() for algorithm in algorithms), Cost())
 
     def working_job(self, algorithm: Algorithm) -> JobRun | None:
-        """Return the job whose function has not ended yet, even if its result is no longer needed.
+        """Return the job whose function has not ended yet, even if the result of the job is no longer needed.
 
-        An algorithm never runs twice at the same time.
+        An algorithm has at most one such job. Return None if it has none.
         """
         return self._working_jobs.get(algorithm.name)
 
@@ -106,7 +106,7 @@ class Perception:
         """Request a job. It starts when it gets its slots: in a later event of the clock, never inside this call.
 
         Args:
-            algorithm: the algorithm; no other job of it may be running.
+            algorithm: the algorithm; no other job of this algorithm may be running.
             precedence: returns the current precedence of this request among other requests for the same slots.
             find_arguments: called when the job is about to begin; returns the values of the context-variables that the
                 job receives, or None if the job must not begin.
@@ -123,7 +123,7 @@ class Perception:
     def cancel(self, job_run: JobRun) -> None:
         """Cancel a job, because its result is no longer needed."""
         if job_run.start_s is not None and not isinstance(job_run.outcome, Failure):
-            self._cost_meters[job_run.algorithm.name].cancelled += 1
+            self._cost_meters[job_run.algorithm.name].cancelled_count += 1
         if job_run.state is not State.ENDED:
             self._write_job_event(job_run, "cancelled")
             self._abandon_job(job_run)
@@ -131,7 +131,7 @@ class Perception:
     def void(self, job_run: JobRun, condition: str) -> None:
         """Discard the present or future result of a job, because a condition failed while its evidence was taken."""
         if not isinstance(job_run.outcome, Failure):
-            self._cost_meters[job_run.algorithm.name].voided += 1
+            self._cost_meters[job_run.algorithm.name].voided_count += 1
         self._write_job_event(job_run, "voided", condition=condition)
         self._abandon_job(job_run)
 
@@ -227,7 +227,7 @@ class Perception:
     def _set_outcome(self, job_run: JobRun, outcome: Result | Failure) -> None:
         job_run.outcome = outcome
         if isinstance(outcome, Failure):
-            self._cost_meters[job_run.algorithm.name].failed += 1
+            self._cost_meters[job_run.algorithm.name].failed_count += 1
             self._write_job_event(job_run, "failed", reason=outcome.reason, message=outcome.message)
         else:
             evidence = job_run.evidence(self._clock.now_s())

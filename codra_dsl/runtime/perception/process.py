@@ -37,7 +37,8 @@ class Process:
     """A process from its start to its end, and the supervisor that ends it (`codra_dsl.isolation.supervisor`).
 
     The process is spawned, never forked, and shares only a connection with the program. Its output goes to the logger
-    `codra_dsl.perception` at a limited rate. A process that writes too much output waits; nothing else waits for it.
+    `codra_dsl.perception` at a limited rate. A process that writes too much output has to
+    wait, but the program does not wait for it.
 
     Attributes:
         connection: the connection to the process.
@@ -96,7 +97,7 @@ class Process:
             self._control_socket.send(TERMINATE, socket.MSG_DONTWAIT)
 
     def hang_up(self) -> None:
-        """Let the process end by itself; its supervisor ends it soon if it does not. Do not wait for its end."""
+        """Close the connections: the process ends itself or, a little later, its supervisor ends it. Do not wait."""
         self.is_ending = True
         self._shut_down_sockets()
 

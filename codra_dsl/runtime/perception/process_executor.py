@@ -20,7 +20,7 @@ from codra_dsl.runtime.values.model import Algorithm
 SETUP_TIMEOUT_S = 60.0
 """The time limit for the import of a module and for `setup`.
 
-In simulated time, it is also the time limit for a job between two messages.
+In simulated time, a job may also take this long between two messages, or longer if its timeout is longer.
 """
 
 _COPIED_TYPES = (type(None), bool, int, float, complex, str, bytes, bytearray, list, tuple, dict, set, frozenset)
@@ -37,7 +37,7 @@ class ProcessExecutor:
             CallError: if the process cannot be started.
         """
         if algorithm.call.startswith("__main__:"):
-            raise call_error(algorithm, ", which its process cannot import: put it into a module")
+            raise call_error(algorithm, ", which its process cannot import: put the function into a module")
         self._algorithm = algorithm
         self._is_imported = self._is_set_up = False
         self._is_closed = False
@@ -176,7 +176,7 @@ class ProcessExecutor:
 
 
 class _Exchange:
-    """The exchange of messages about one job. The requests of the process are answered until it reports the outcome."""
+    """The exchange of messages about one job. The requests of the process are answered until the outcome arrives."""
 
     def __init__(self, process: Process, job: RunningJob | None, handles: Mapping[str, object]) -> None:
         self.process = process
@@ -200,8 +200,8 @@ class _Exchange:
             match message:
                 case ["ready"]:
                     return None
-                case ["returned", encoded]:
-                    return decode_result(encoded)
+                case ["returned", encoded_result]:
+                    return decode_result(encoded_result)
                 case ["raised", str(text)]:
                     raise JobError(text[:1000])
                 case ["cancelled"]:
@@ -253,7 +253,7 @@ class _Exchange:
 
 
 def check_handles(algorithm: Algorithm, handles: Mapping[str, object]) -> None:
-    """Raise an error for a handle that a process can neither copy nor call.
+    """Raise an error for a handle that can neither be copied to a process nor be called from there.
 
     Raises:
         CallError: if there is such a handle.
@@ -291,7 +291,7 @@ def _can_be_copied(value: object) -> bool:
 
 
 def _copyable_error(error: Exception) -> Exception:
-    """Return an error that a process can raise: the error itself or, if it cannot be copied, one with its text."""
+    """Return an error that a process can raise: the error itself or, if it cannot be copied, an error with its text."""
     try:
         copied_error = pickle.loads(pickle.dumps(error))
         return error if type(copied_error) is type(error) else RuntimeError(described(error))

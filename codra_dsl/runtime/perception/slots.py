@@ -12,8 +12,8 @@ from codra_dsl.runtime.values.model import ResourceModel
 Precedence = Callable[[], tuple[float, int]]
 """Returns the present priority and urgency of a request; the request with the larger pair goes first."""
 
-MAIN_EXECUTION = math.inf
-"""The priority of the main execution, which goes before every observer (P1, section 3.2)."""
+MAIN_EXECUTION_PRIORITY = math.inf
+"""The priority of the main execution: its requests go before those of all observers (P1, section 3.2)."""
 
 _TOLERANCE_S = 1e-9
 
@@ -23,7 +23,8 @@ class Ticket:
 
     Attributes:
         max_duration_s: the longest time for which the job uses the slots.
-        age_s: how long the request has waited, without the time in which the main execution held all slots.
+        age_s: how long the request has waited, without the time in which the main execution held all slots of a
+            resource that the request needs.
         is_holding: whether the request was granted and its slots were not released yet.
     """
 
@@ -48,7 +49,7 @@ class Ticket:
     @property
     def is_of_main_execution(self) -> bool:
         """Return whether the request is made by the main execution."""
-        return self._precedence()[0] == MAIN_EXECUTION
+        return self._precedence()[0] == MAIN_EXECUTION_PRIORITY
 
     def rank(self) -> tuple[float, int, int]:
         """Return the key by which waiting tickets are sorted; the ticket with the smallest key goes first."""
@@ -62,12 +63,13 @@ class Slots:
     The age of a waiting request grows while observers could use the slot. If n algorithms use a resource, each with one
     job at a time, and T is their longest timeout, no request waits until it is older than n T.
 
-    A request passes older requests only if each of these can still begin in time, even if all requests before it take
-    their longest time. So the oldest request can always be granted, and a new request, with n - 1 others before it, has
-    T to spare.
+    A request is granted before older requests only if each older request can still begin in time, even if all requests
+    before this older request take their longest time. So the oldest request can always be granted, and a new request,
+    with n - 1 others before it, can be delayed by T.
 
     Several slots are granted together or not at all, so that no job holds one slot while it waits for another. A
-    request for several slots is not passed by requests of lower rank that need only one of these slots.
+    waiting request for several slots reserves them. So no request of lower rank that needs only one of them is granted
+    instead.
     """
 
     def __init__(self, clock: Clock, resources: Mapping[str, ResourceModel]) -> None:
@@ -159,7 +161,7 @@ class Slots:
         return False
 
     def _spare_times_s(self) -> dict[int, float]:
-        """Return how long each request may still delay the older requests. The key is the number of the request."""
+        """Return a mapping from the number of each request to the time by which it may still delay older requests."""
         spare_times_s: dict[int, float] = {}
         for slot, longest_timeout_s in self._longest_timeouts_s.items():
             bound_s, least_spare_s, earlier_durations_s = self._user_counts[slot] * longest_timeout_s, math.inf, 0.0
@@ -170,12 +172,12 @@ class Slots:
                     earlier_durations_s += ticket.max_duration_s
         return spare_times_s
 
-    def _change_free_slots(self, ticket: Ticket, count: int) -> None:
-        """Add `count` to the free slots that a ticket uses: 1 to release them, -1 to take them."""
+    def _change_free_slots(self, ticket: Ticket, change: int) -> None:
+        """Add `change` to the number of free slots of each resource of a ticket: 1 to release, -1 to occupy a slot."""
         for slot in ticket.slots:
-            self._free_slot_counts[slot] += count
+            self._free_slot_counts[slot] += change
             if ticket.is_of_main_execution:
-                self._main_execution_slot_counts[slot] -= count
+                self._main_execution_slot_counts[slot] -= change
 
     def _update_ages(self) -> None:
         """Add the elapsed time to the age of each waiting ticket.

@@ -20,7 +20,7 @@ StartFunction = Callable[[Callable[[], None]], None]
 
 
 class ThreadExecutor:
-    """Executes jobs by calling a function, or the object of a class."""
+    """Executes jobs by calling a function, or a method of an object."""
 
     def __init__(self, algorithm: Algorithm, function: Function, start_function: StartFunction) -> None:
         """Store the arguments without setting up anything.
@@ -59,7 +59,7 @@ class ThreadExecutor:
             self._start_function(self._close)
 
     def close(self) -> None:
-        """Do nothing: `Executors`, which runs `close` of the object, waits for it."""
+        """Do nothing: `Executors` waits until `close` of the object has ended."""
 
     def _close(self) -> None:
         with self._lock:

@@ -13,7 +13,7 @@ from concurrent.futures import Future
 from typing import Any, Self, TypeVar
 
 from codra_dsl.runtime.remote.json_lines import (
-    PATIENCE_S,
+    RESPONSE_TIMEOUT_S,
     Address,
     connect,
     line_of,
@@ -22,7 +22,7 @@ from codra_dsl.runtime.remote.json_lines import (
     shut_down,
     with_send_timeout,
 )
-from codra_dsl.runtime.remote.protocol import VERSION, Plain, error_of, reading_of
+from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, reading_of
 from codra_dsl.runtime.remote.session import LEASE_S
 from codra_dsl.runtime.values.cell import Reading
 
@@ -55,7 +55,7 @@ class RemoteSkill:
 
 
 class RemoteContext:
-    """Sends requests to a manager that listens at an address.
+    """Sends requests to a context manager that listens at an address.
 
     The declarations of the client are withdrawn when the client is closed or its process dies. Methods behave like
     those of `ContextManager` and raise the same errors; they also raise ConnectionError if the manager is gone or does
@@ -76,14 +76,14 @@ class RemoteContext:
             ConnectionError: if no manager listens at the address.
         """
         try:
-            self._socket = with_send_timeout(connect(address, PATIENCE_S))
+            self._socket = with_send_timeout(connect(address, RESPONSE_TIMEOUT_S))
         except OSError as error:
             raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
         self._lock = threading.Lock()
         self._numbers = itertools.count(1)
-        self._futures: dict[int, Future[Plain]] = {}
+        self._futures: dict[int, Future[PlainData]] = {}
         self._callbacks: dict[int, Callback] = {}
-        self._reading_notices: queue.Queue[Plain | None] = queue.Queue()
+        self._reading_notices: queue.Queue[PlainData | None] = queue.Queue()
         self._end_event = threading.Event()
         self._end_reason = "the connection is closed"
         for target in (self._read, self._call_back):
@@ -170,19 +170,19 @@ class RemoteContext:
         return self._look(answer["decision"], otherwise)
 
     def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
-        """Call back with the present readings of variables and with each new reading.
+        """Call `callback` with the present readings of some variables, then whenever a value or a reason changes.
 
         Returns:
             A function that ends the subscription.
         """
-        future = Future[Plain]()
+        future = Future[PlainData]()
         future.add_done_callback(
-            lambda answered: self._register_callback(answered, callback)
+            lambda answered_future: self._register_callback(answered_future, callback)
         )  # the callback is registered before the first reading can arrive
         variables = [names] if isinstance(names, str) else list(names)
         with self._lock:
             request_number = self._send("subscribe", {"variables": variables}, future)
-        number = self._answer(request_number, future, PATIENCE_S)["subscription"]
+        number = self._await_answer(request_number, future, RESPONSE_TIMEOUT_S)["subscription"]
         return lambda: self._unsubscribe(number)
 
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer:
@@ -196,13 +196,13 @@ class RemoteContext:
             self._ask("found", decision=decision, **({} if value is None else {"value": value}))
         return value
 
-    def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> Plain:
-        future = Future[Plain]()
+    def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> PlainData:
+        future = Future[PlainData]()
         with self._lock:
             number = self._send(ask, fields, future)
-        return self._answer(number, future, wait_s + PATIENCE_S)
+        return self._await_answer(number, future, wait_s + RESPONSE_TIMEOUT_S)
 
-    def _send(self, ask: str, fields: Plain, future: Future[Plain]) -> int:
+    def _send(self, ask: str, fields: PlainData, future: Future[PlainData]) -> int:
         number = next(self._numbers)
         line = line_of({"codra": VERSION, "id": number, "ask": ask, **fields})
         if self._end_event.is_set():
@@ -215,7 +215,7 @@ class RemoteContext:
             raise ConnectionError(f"the manager is gone: {error.strerror or error}") from None
         return number
 
-    def _answer(self, number: int, future: Future[Plain], wait_s: float) -> Plain:
+    def _await_answer(self, number: int, future: Future[PlainData], wait_s: float) -> PlainData:
         try:
             return future.result(min(wait_s, threading.TIMEOUT_MAX))
         except TimeoutError:
@@ -262,7 +262,7 @@ class RemoteContext:
             with contextlib.suppress(ConnectionError):
                 self._ask("keep")
 
-    def _register_callback(self, future: Future[Plain], callback: Callback) -> None:
+    def _register_callback(self, future: Future[PlainData], callback: Callback) -> None:
         if future.exception() is None:
             self._callbacks[future.result()["subscription"]] = callback
 

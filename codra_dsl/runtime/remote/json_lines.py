@@ -1,4 +1,4 @@
-"""Messages as lines of JSON over a stream of bytes: UTF-8, one message a line."""
+"""Messages as lines of JSON over a stream of bytes, in UTF-8. Each line is one message."""
 
 from __future__ import annotations
 
@@ -11,22 +11,25 @@ from pathlib import Path
 from typing import BinaryIO
 
 from codra_dsl.runtime.journal.encoding import bytes_of, json_text
-from codra_dsl.runtime.remote.protocol import MessageError, Plain
+from codra_dsl.runtime.remote.protocol import MessageError, PlainData
 
-LONGEST_LINE = 1 << 20
+MAX_LINE_BYTES = 1 << 20
 """The maximum size of a message in bytes."""
 
 LOOPBACK = "127.0.0.1"
 
-PATIENCE_S = 5.0
-"""How long the other side may take to read, and the manager to answer a request that does not wait for observers."""
+RESPONSE_TIMEOUT_S = 5.0
+"""How long the other side may take to read, and how long the manager may take to answer.
+
+The time for which a decision waits for observers is added.
+"""
 
 Address = Path | str | int
 """Where a manager listens: the path of a Unix socket, or a port of this machine."""
 
 
-def line_of(message: Plain) -> bytes:
-    """Return the line that carries a message; an infinite number is `1e999`, and NaN null.
+def line_of(message: PlainData) -> bytes:
+    """Return the line that carries a message; an infinite number becomes `1e999`, and NaN becomes null.
 
     Raises:
         TypeError: if the message holds anything but plain data.
@@ -38,12 +41,12 @@ def read_line(stream: BinaryIO) -> bytes | None:
     """Return the next line without its line end; None after the last line.
 
     Raises:
-        MessageError: if the line is too long; the stream cannot be used any further then.
+        MessageError: if the line is too long; then the stream cannot be used any further.
         OSError: if the stream cannot be read.
     """
-    line = stream.readline(LONGEST_LINE + 1)
-    if len(line) > LONGEST_LINE:
-        raise MessageError(f"a message may have at most {LONGEST_LINE} bytes")
+    line = stream.readline(MAX_LINE_BYTES + 1)
+    if len(line) > MAX_LINE_BYTES:
+        raise MessageError(f"a message may have at most {MAX_LINE_BYTES} bytes")
     return line.rstrip(b"\r\n") if line.endswith(b"\n") else None
 
 
@@ -67,7 +70,7 @@ def open_listener(address: Address) -> socket.socket:
     """
     if not isinstance(address, int):
         _remove_stale_socket(Path(address))
-    listener, endpoint = _socket(address)
+    listener, endpoint = _create_socket(address)
     try:
         if isinstance(address, int):
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -95,7 +98,7 @@ def connect(address: Address, timeout_s: float) -> socket.socket:
     Raises:
         OSError: if no process listens at the address.
     """
-    client, endpoint = _socket(address)
+    client, endpoint = _create_socket(address)
     try:
         client.settimeout(timeout_s)
         client.connect(endpoint)
@@ -106,7 +109,7 @@ def connect(address: Address, timeout_s: float) -> socket.socket:
     return client
 
 
-def _socket(address: Address) -> tuple[socket.socket, str | tuple[str, int]]:
+def _create_socket(address: Address) -> tuple[socket.socket, str | tuple[str, int]]:
     if isinstance(address, int):
         return socket.socket(socket.AF_INET, socket.SOCK_STREAM), (LOOPBACK, address)
     return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM), str(address)
@@ -117,8 +120,8 @@ def _refuse(constant: str) -> object:
 
 
 def with_send_timeout(connection: socket.socket) -> socket.socket:
-    """Return a connection on which sending fails if the other side does not read for `PATIENCE_S`."""
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(PATIENCE_S), 0))
+    """Return a connection on which sending fails if the other side does not read for `RESPONSE_TIMEOUT_S`."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(RESPONSE_TIMEOUT_S), 0))
     return connection
 
 

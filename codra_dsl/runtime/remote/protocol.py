@@ -25,18 +25,18 @@ from codra_dsl.runtime.values.model import NotOfTypeError
 
 VERSION = 1
 
-Plain = dict[str, Any]
+PlainData = dict[str, Any]
 """A message, or a part of one: text, numbers, truth values, None, lists and mappings of these."""
 
-MOST_NAMES = 10_000
+MAX_NAMES = 10_000
 """The maximum number of names in one request."""
 
 
-LARGEST = sys.float_info.max
-"""The largest finite number; integers in JSON can be larger."""
+LARGEST_NUMBER = sys.float_info.max
+"""The largest finite number; integers in JSON can be larger than this."""
 
 
-class Field(StrEnum):
+class FieldType(StrEnum):
     """The type of a field of a request."""
 
     TEXT = "a text"
@@ -49,61 +49,63 @@ class Field(StrEnum):
 
     def holds(self, value: object) -> bool:
         """Return whether a value has this type."""
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
         match self:
-            case Field.TEXT:
+            case FieldType.TEXT:
                 return isinstance(value, str)
-            case Field.TEXTS:
-                is_list = isinstance(value, (list, tuple)) and len(value) <= MOST_NAMES
+            case FieldType.TEXTS:
+                is_list = isinstance(value, (list, tuple)) and len(value) <= MAX_NAMES
                 return is_list and all(isinstance(name, str) for name in value)  # type: ignore[attr-defined]
-            case Field.INTEGER:
+            case FieldType.INTEGER:
                 return isinstance(value, int) and is_number
-            case Field.NUMBER:
+            case FieldType.NUMBER:
                 return is_number
-            case Field.DURATION:
+            case FieldType.DURATION:
                 return is_number and value >= 0  # type: ignore[operator]
-            case Field.TRUTH:
+            case FieldType.TRUTH:
                 return isinstance(value, bool)
-            case Field.VALUE:
+            case FieldType.VALUE:
                 return is_number or isinstance(value, (bool, str))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class RequestShape:
     """The fields of one kind of request."""
 
-    required: Mapping[str, Field] = field(default_factory=dict)
-    optional: Mapping[str, Field] = field(default_factory=dict)
+    required: Mapping[str, FieldType] = field(default_factory=dict)
+    optional: Mapping[str, FieldType] = field(default_factory=dict)
 
 
-REQUESTS: Mapping[str, Shape] = {
-    "hello": Shape(optional={"lease_s": Field.DURATION}),
-    "keep": Shape(),
-    "declare": Shape(required={"variable": Field.TEXT}, optional={"value": Field.VALUE}),
-    "withdraw": Shape(required={"variable": Field.TEXT}),
-    "expect": Shape(required={"skills": Field.TEXTS}),
-    "begin": Shape(required={"skill": Field.TEXT}),
-    "act": Shape(required={"number": Field.INTEGER}),
-    "acted": Shape(required={"number": Field.INTEGER}),
-    "finish": Shape(required={"number": Field.INTEGER}),
-    "get": Shape(required={"variable": Field.TEXT}),
-    "set": Shape(
-        required={"variable": Field.TEXT, "value": Field.VALUE},
-        optional={"evidence_s": Field.NUMBER, "agent": Field.TEXT},
+REQUESTS: Mapping[str, RequestShape] = {
+    "hello": RequestShape(optional={"lease_s": FieldType.DURATION}),
+    "keep": RequestShape(),
+    "declare": RequestShape(required={"variable": FieldType.TEXT}, optional={"value": FieldType.VALUE}),
+    "withdraw": RequestShape(required={"variable": FieldType.TEXT}),
+    "expect": RequestShape(required={"skills": FieldType.TEXTS}),
+    "begin": RequestShape(required={"skill": FieldType.TEXT}),
+    "act": RequestShape(required={"number": FieldType.INTEGER}),
+    "acted": RequestShape(required={"number": FieldType.INTEGER}),
+    "finish": RequestShape(required={"number": FieldType.INTEGER}),
+    "get": RequestShape(required={"variable": FieldType.TEXT}),
+    "set": RequestShape(
+        required={"variable": FieldType.TEXT, "value": FieldType.VALUE},
+        optional={"evidence_s": FieldType.NUMBER, "agent": FieldType.TEXT},
     ),
-    "decide": Shape(
-        required={"variable": Field.TEXT},
+    "decide": RequestShape(
+        required={"variable": FieldType.TEXT},
         optional={
-            "max_age_s": Field.DURATION,
-            "since_s": Field.NUMBER,
-            "wait_up_to_s": Field.DURATION,
-            "shadow": Field.TRUTH,
+            "max_age_s": FieldType.DURATION,
+            "since_s": FieldType.NUMBER,
+            "wait_up_to_s": FieldType.DURATION,
+            "shadow": FieldType.TRUTH,
         },
     ),
-    "found": Shape(required={"decision": Field.INTEGER}, optional={"value": Field.VALUE, "raised": Field.TEXT}),
-    "subscribe": Shape(required={"variables": Field.TEXTS}),
-    "unsubscribe": Shape(required={"subscription": Field.INTEGER}),
-    "leave": Shape(),
+    "found": RequestShape(
+        required={"decision": FieldType.INTEGER}, optional={"value": FieldType.VALUE, "raised": FieldType.TEXT}
+    ),
+    "subscribe": RequestShape(required={"variables": FieldType.TEXTS}),
+    "unsubscribe": RequestShape(required={"subscription": FieldType.INTEGER}),
+    "leave": RequestShape(),
 }
 
 
@@ -141,7 +143,7 @@ class Request:
 
     id: int | str | None
     ask: str
-    fields: Plain
+    fields: PlainData
 
 
 def request_of(message: object) -> Request:
@@ -168,18 +170,18 @@ def id_of(message: object) -> int | str | None:
     return message_id if isinstance(message_id, (int, str)) and not isinstance(message_id, bool) else None
 
 
-def answer_to(request_id: int | str | None, answer: Plain) -> Plain:
+def answer_to(request_id: int | str | None, answer: PlainData) -> PlainData:
     """Return the message that answers a request."""
     return {"codra": VERSION, "id": request_id, "answer": answer}
 
 
-def error_to(request_id: int | str | None, error: Exception) -> Plain:
+def error_to(request_id: int | str | None, error: Exception) -> PlainData:
     """Return the message that reports the error of a request."""
     kind = next(kind for kind, error_type in ERRORS.items() if isinstance(error, error_type))
     return {"codra": VERSION, "id": request_id, "error": {"kind": kind, "message": str(error)}}
 
 
-def notice(notice_kind: str, **fields: object) -> Plain:
+def notice(notice_kind: str, **fields: object) -> PlainData:
     """Return a message that is sent without a request."""
     return {"codra": VERSION, "notice": notice_kind, **fields}
 
@@ -193,8 +195,8 @@ REPORTED_ERRORS = tuple(ERRORS.values())
 """The errors that are caused by the sender of a request."""
 
 
-def plain_reading(reading: Reading[Any]) -> Plain:
-    """Return a reading as plain data; infinite and unknown values are None."""
+def plain_reading(reading: Reading[Any]) -> PlainData:
+    """Return a reading as plain data; infinite instants and an unknown value are None."""
     return {
         "variable": reading.name,
         "known": reading.known,
@@ -202,7 +204,7 @@ def plain_reading(reading: Reading[Any]) -> Plain:
         "reason": None if reading.reason is None else reading.reason.value,
         "detail": reading.detail,
         "source": reading.source,
-        **{name: _finite(getattr(reading, name)) for name in _INSTANTS},
+        **{name: _finite_or_none(getattr(reading, name)) for name in _INSTANTS},
     }
 
 
@@ -222,11 +224,11 @@ def reading_of(plain: Mapping[str, Any]) -> Reading[Any]:
 _INSTANTS = ("evidence_s", "start_s", "identified_s", "expires_s")
 
 
-def _finite(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _check_fields(ask: str, fields: Plain) -> None:
+def _check_fields(ask: str, fields: PlainData) -> None:
     shape = REQUESTS[ask]
     field_types = {**shape.required, **shape.optional}
     for name in shape.required:

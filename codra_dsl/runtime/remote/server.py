@@ -21,16 +21,16 @@ from codra_dsl.runtime.remote.json_lines import (
     shut_down,
     with_send_timeout,
 )
-from codra_dsl.runtime.remote.protocol import MessageError, Plain, error_to
+from codra_dsl.runtime.remote.protocol import MessageError, PlainData, error_to
 from codra_dsl.runtime.remote.session import open_session
 
 _LOGGER = logging.getLogger(__name__)
 
-PAUSE_S = 1.0
+ACCEPT_PAUSE_S = 1.0
 """How long the server waits after a failure to accept a connection."""
 
 MAX_UNSENT_MESSAGES = 10_000
-"""The maximum number of messages that a main execution has not read. If there are more, its session ends."""
+"""The maximum number of messages that a main execution has not read. If there are more, the session ends."""
 
 
 class Server:
@@ -55,7 +55,7 @@ class Server:
         self.address: Address = self._socket.getsockname()[1] if isinstance(address, int) else address
         self._connections: set[_Connection] = set()
         self._lock = threading.Lock()
-        self._closed = threading.Event()
+        self._close_event = threading.Event()
         threading.Thread(target=self._accept, name="codra-server", daemon=True).start()
 
     def __enter__(self) -> Self:
@@ -67,9 +67,9 @@ class Server:
     def close(self) -> None:
         """End all sessions, and stop listening."""
         with self._lock:
-            if self._closed.is_set():
+            if self._close_event.is_set():
                 return  # by now the path may belong to another server
-            self._closed.set()
+            self._close_event.set()
             connections = tuple(self._connections)
         if not isinstance(self.address, int):
             Path(self.address).unlink(missing_ok=True)
@@ -78,19 +78,19 @@ class Server:
             connection.close("the manager has closed")
 
     def _accept(self) -> None:
-        while not self._closed.is_set():
+        while not self._close_event.is_set():
             try:
                 peer, _ = self._socket.accept()
             except OSError as error:
-                if not self._closed.is_set():
-                    _LOGGER.warning("no connection can be accepted for a while: %s", error)
-                self._closed.wait(PAUSE_S)
+                if not self._close_event.is_set():
+                    _LOGGER.warning("the server waits, because it could not accept a connection: %s", error)
+                self._close_event.wait(ACCEPT_PAUSE_S)
             else:
                 self._add_connection(peer)
 
     def _add_connection(self, peer: socket.socket) -> None:
         with self._lock:
-            if self._closed.is_set():
+            if self._close_event.is_set():
                 shut_down(peer)
                 return
             connection = _Connection(self._codra, peer, self._forget)
@@ -112,7 +112,7 @@ class _Connection:
     def __init__(self, codra: ContextManager[Any, Any], peer: socket.socket, forget: Any) -> None:
         self._peer = with_send_timeout(peer)
         self._forget = forget
-        self._unsent_messages: queue.SimpleQueue[Plain | None] = queue.SimpleQueue()
+        self._unsent_messages: queue.SimpleQueue[PlainData | None] = queue.SimpleQueue()
         self._session = open_session(codra, self._send)
 
     def begin(self) -> None:
@@ -127,7 +127,7 @@ class _Connection:
             self._peer.shutdown(socket.SHUT_RD)
         self._forget(self)
 
-    def _send(self, message: Plain) -> None:
+    def _send(self, message: PlainData) -> None:
         if self._unsent_messages.qsize() < MAX_UNSENT_MESSAGES:
             self._unsent_messages.put(message)
         else:

@@ -18,12 +18,12 @@ from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
-from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.remote.protocol import (
     REPORTED_ERRORS,
     LeaseError,
     MessageError,
-    Plain,
+    PlainData,
     Request,
     answer_to,
     error_to,
@@ -45,11 +45,11 @@ If there are more, the oldest decision is abandoned.
 LEASE_S = 5.0
 """How long a session lasts without a message, unless its main execution requests another time."""
 
-Send = Callable[[Plain], None]
+Send = Callable[[PlainData], None]
 
 
 def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
-    """Begin a session for one more main execution, which sends messages of plain data from wherever it is.
+    """Begin a session for a further main execution, which may run anywhere and sends messages of plain data.
 
     Args:
         codra: the context manager.
@@ -83,7 +83,7 @@ class Session:
         self._end_reason = ""
         self._running_skills: set[int] = set()
         self._looking_decisions: dict[int, PendingDecision] = {}
-        self._waiting_decisions: dict[int, _Wait] = {}
+        self._waiting_decisions: dict[int, _WaitingDecision] = {}
         self._subscriptions: dict[int, Subscription] = {}
         self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
@@ -119,10 +119,10 @@ class Session:
             self._lease.cancel()
             for subscription in self._subscriptions.values():
                 subscription.unsubscribe()
-            for wait in self._waiting_decisions.values():
-                wait.end()
+            for waiting_decision in self._waiting_decisions.values():
+                waiting_decision.end()
             for decision in (
-                *(wait.decision for wait in self._waiting_decisions.values()),
+                *(waiting_decision.decision for waiting_decision in self._waiting_decisions.values()),
                 *self._looking_decisions.values(),
             ):
                 decision.abandon(LeaseError.__name__)
@@ -133,13 +133,13 @@ class Session:
 
     # Requests: the handler of request `NAME` is `_NAME`
 
-    def _handle_request(self, request: Request) -> Plain | None:
+    def _handle_request(self, request: Request) -> PlainData | None:
         if request.ask == "decide":
             return self._decide(request.id, **request.fields)
-        handler: Callable[..., Plain] = getattr(self, f"_{request.ask}")
+        handler: Callable[..., PlainData] = getattr(self, f"_{request.ask}")
         return handler(**request.fields)
 
-    def _hello(self, lease_s: float = LEASE_S) -> Plain:
+    def _hello(self, lease_s: float = LEASE_S) -> PlainData:
         self._lease_s = lease_s
         self._check_lease()
         return {
@@ -151,54 +151,56 @@ class Session:
             "skills": sorted(self._skills),
         }
 
-    def _keep(self) -> Plain:
+    def _keep(self) -> PlainData:
         return {"now_s": self._clock.now_s()}
 
-    def _declare(self, variable: str, value: object = None) -> Plain:
+    def _declare(self, variable: str, value: object = None) -> PlainData:
         content = None if value is None else self._variable(variable).type.convert(value)
         self._commands.declare(self._variable(variable).name, caller=self.party)
         if content is not None:
             self._commands.write(variable, content, MAIN, None)
         return {}
 
-    def _withdraw(self, variable: str) -> Plain:
+    def _withdraw(self, variable: str) -> PlainData:
         self._commands.withdraw(self._variable(variable).name, caller=self.party)
         return {}
 
-    def _expect(self, skills: list[str]) -> Plain:
+    def _expect(self, skills: list[str]) -> PlainData:
         self._commands.expect([self._skill(name) for name in skills], caller=self.party)
         return {}
 
-    def _begin(self, skill: str) -> Plain:
+    def _begin(self, skill: str) -> PlainData:
         number = self._commands.begin(self._skill(skill), caller=self.party)
         self._running_skills.add(number)
         return {"number": number}
 
-    def _act(self, number: int) -> Plain:
+    def _act(self, number: int) -> PlainData:
         self._check_begun(number)
         self._commands.act(number)
         return {}
 
-    def _acted(self, number: int) -> Plain:
+    def _acted(self, number: int) -> PlainData:
         self._check_begun(number)
         self._commands.acted(number)
         return {}
 
-    def _finish(self, number: int) -> Plain:
+    def _finish(self, number: int) -> PlainData:
         self._check_begun(number)
         self._running_skills.discard(number)
         self._commands.finish(number)
         return {}
 
-    def _get(self, variable: str) -> Plain:
+    def _get(self, variable: str) -> PlainData:
         return {"reading": plain_reading(self._codra.get(variable))}
 
-    def _set(self, variable: str, value: object, evidence_s: float | None = None, agent: str | None = None) -> Plain:
+    def _set(
+        self, variable: str, value: object, evidence_s: float | None = None, agent: str | None = None
+    ) -> PlainData:
         writer = self._codra if agent is None else self._agent(agent)
         writer.set(variable, value, evidence_s=evidence_s)
         return {}
 
-    def _subscribe(self, variables: list[str]) -> Plain:
+    def _subscribe(self, variables: list[str]) -> PlainData:
         names = list(dict.fromkeys(self._variable(name).name for name in variables))
         self._subscription_count += 1
         number = self._subscription_count
@@ -211,23 +213,23 @@ class Session:
         self._subscriptions[number] = self._codra.subscribe(names, send_reading)
         return {"subscription": number}
 
-    def _unsubscribe(self, subscription: int) -> Plain:
+    def _unsubscribe(self, subscription: int) -> PlainData:
         if subscription not in self._subscriptions:
             raise MessageError(f"there is no subscription {subscription}")
         self._subscriptions.pop(subscription).unsubscribe()
         return {}
 
-    def _leave(self) -> Plain:
+    def _leave(self) -> PlainData:
         self.close("the main execution has left")
         return {}
 
     # Decisions
 
-    def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> Plain | None:
+    def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> PlainData | None:
         decision = self._codra.ask(variable, **options)
         if decision.state is not DecisionState.WAITING:
             return self._decision_answer(decision)
-        self._waiting_decisions[decision.number] = _Wait(
+        self._waiting_decisions[decision.number] = _WaitingDecision(
             decision=decision,
             request_id=request_id,
             timer=self._clock.call_at(self._clock.now_s() + options["wait_up_to_s"], lambda: self._resume(decision)),
@@ -241,11 +243,11 @@ class Session:
         with self._lock:
             if decision.number not in self._waiting_decisions or decision.poll() is DecisionState.WAITING:
                 return
-            wait = self._waiting_decisions.pop(decision.number)
-            wait.end()
-            self._send(answer_to(wait.request_id, self._decision_answer(decision)))
+            waiting_decision = self._waiting_decisions.pop(decision.number)
+            waiting_decision.end()
+            self._send(answer_to(waiting_decision.request_id, self._decision_answer(decision)))
 
-    def _decision_answer(self, decision: PendingDecision) -> Plain:
+    def _decision_answer(self, decision: PendingDecision) -> PlainData:
         if decision.state is DecisionState.LOOKING:
             self._looking_decisions[decision.number] = decision
             if len(self._looking_decisions) > MAX_LOOKING_DECISIONS:
@@ -253,7 +255,7 @@ class Session:
         answer = {"decision": decision.number, "answered": decision.state is DecisionState.ANSWERED}
         return {**answer, "reading": plain_reading(decision.reading)}
 
-    def _found(self, decision: int, value: object = None, raised: str | None = None) -> Plain:
+    def _found(self, decision: int, value: object = None, raised: str | None = None) -> PlainData:
         if decision not in self._looking_decisions:
             raise MessageError(f"no decision {decision} waits for an acquired value")
         looking_decision = self._looking_decisions.pop(decision)
@@ -264,7 +266,7 @@ class Session:
         return {}
 
     def _check_lease(self) -> None:
-        """End the session if its lease is over; otherwise check again when the lease of the last message ends."""
+        """End the session if its lease is over; otherwise check again when the lease after the last message ends."""
         with self._lock:
             if self._end_reason:
                 return
@@ -289,12 +291,12 @@ class Session:
 
     def _variable(self, name: str) -> VariableModel:
         if name not in self._variables:
-            raise unknown("variable", name, self._variables)
+            raise unknown_name_error("variable", name, self._variables)
         return self._variables[name]
 
     def _skill(self, name: str) -> str:
         if name not in self._skills:
-            raise unknown("skill", name, self._skills)
+            raise unknown_name_error("skill", name, self._skills)
         return name
 
     def _check_begun(self, number: int) -> None:
@@ -303,7 +305,7 @@ class Session:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wait:
+class _WaitingDecision:
     """A decision that is answered later."""
 
     decision: PendingDecision

@@ -22,7 +22,8 @@ class Difference:
         recorded: the event of the journal; None if the journal has no event at this position.
         replayed: the event of the replay; None if the replay has no event at this position.
         because: why the replay could not follow the journal, e.g. a variable that the package lacks; may be empty.
-        changes: the changes of the package since the run; the changes that are nearest to the event come first.
+        changes: the changes of the package since the run. The changes that are nearest to the event in the dependency
+            graph come first.
     """
 
     position: int
@@ -53,42 +54,42 @@ class Comparison(EventLog):
     """An event log that compares the events of a replay, one by one, with those of the journal.
 
     Attributes:
-        may_go_on: whether further events may follow the expected ones.
+        may_continue: whether further events may follow the expected ones.
         spec_summary: the summary of the spec that is replayed; None before the replay begins.
-        takes_inputs: whether the log takes inputs; only the copy needs them.
+        accepts_inputs: whether the log accepts inputs; only `copy_log` needs them.
         position: the number of equal events so far.
         derived: the number of derived events by kind.
         difference: the first difference, if there is one so far.
     """
 
-    def __init__(self, expected: Sequence[Event], copy: EventLog | None) -> None:
+    def __init__(self, expected_events: Sequence[Event], copy_log: EventLog | None) -> None:
         super().__init__(limit=1)
-        self.may_go_on = False
+        self.may_continue = False
         self.spec_summary: SpecSummary | None = None
-        self.takes_inputs = copy is not None
+        self.accepts_inputs = copy_log is not None
         self.position = 0
         self.derived: dict[Kind, int] = {}
         self.difference: Difference | None = None
-        self._expected = expected
-        self._recorded_kinds = frozenset(event.kind for event in expected)
-        self._copy = copy
+        self._expected_events = expected_events
+        self._recorded_kinds = frozenset(event.kind for event in expected_events)
+        self._copy_log = copy_log
 
     @property
     def is_over(self) -> bool:
         """Return whether the comparison is complete: a difference was found, or all events were compared."""
-        return self.difference is not None or self.position == len(self._expected)
+        return self.difference is not None or self.position == len(self._expected_events)
 
     def begin(self, make_header: Callable[[], RunHeader]) -> None:
         """Store the spec summary, and begin the copy."""
         header = make_header()
         self.spec_summary = header.summary
-        if self._copy is not None:
-            self._copy.begin(lambda: header)
+        if self._copy_log is not None:
+            self._copy_log.begin(lambda: header)
 
     def add(self, event: Event) -> None:
         """Compare an event with the next one of the journal."""
-        if self._copy is not None:
-            self._copy.add(event)
+        if self._copy_log is not None:
+            self._copy_log.add(event)
         if event.kind is not Kind.INPUT:
             self.derived[event.kind] = self.derived.get(event.kind, 0) + 1
             if event.kind in self._recorded_kinds and self.difference is None:
@@ -96,13 +97,13 @@ class Comparison(EventLog):
 
     def end(self) -> None:
         """End the copy, because the replay has ended."""
-        if self._copy is not None:
-            self._copy.end()
+        if self._copy_log is not None:
+            self._copy_log.end()
 
-    def miss(self, because: str = "") -> None:
-        """Report a difference if the replay ended before the recorded events did."""
+    def check_completeness(self, because: str = "") -> None:
+        """Store a difference if the replay ended before the recorded events did."""
         if not self.is_over:
-            recorded = self._expected[self.position]
+            recorded = self._expected_events[self.position]
             self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=None, because=because)
 
     def absent(self) -> tuple[Kind, ...]:
@@ -110,8 +111,8 @@ class Comparison(EventLog):
         return tuple(kind for kind in self.derived if kind not in self._recorded_kinds)
 
     def _compare(self, event: Event) -> None:
-        recorded = self._expected[self.position] if self.position < len(self._expected) else None
-        if recorded is None and self.may_go_on:
+        recorded = self._expected_events[self.position] if self.position < len(self._expected_events) else None
+        if recorded is None and self.may_continue:
             return
         if recorded is None or recorded.kind is not event.kind or message_of(recorded) != message_of(event):
             self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=event)

@@ -1,4 +1,4 @@
-"""Jobs and time in a replay: both follow the journal, without calls of functions and without waiting."""
+"""Jobs and time in a replay: both follow the journal. No perception function is called, and nothing waits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from codra_dsl.runtime.perception import Failure, Function, Interval, Job, Resul
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
 
-Key = tuple[str, int]
+JobKey = tuple[str, int]
 """An algorithm, and the number of one of its jobs."""
 
 
@@ -51,16 +51,16 @@ class ReplayedJobs:
         self.repeat_calls: Callable[[int], None] = lambda _: None
         self._work_count = 0
         self._divergence: DivergedError | None = None
-        self._reports: dict[Key, list[tuple[float, Interval]]] = {}
-        self._end_events: dict[Key, Event] = {}
-        self._start_errors: dict[Key, str] = {}
-        self._deliveries: dict[Key, Callable[[Any], None]] = {}
-        self._returns: dict[str, Sequence[str]] = {}
-        self._starting_job: tuple[_ReplayedWork, Key | None] = (_ReplayedWork(), None)
+        self._reports: dict[JobKey, list[tuple[float, Interval]]] = {}
+        self._end_events: dict[JobKey, Event] = {}
+        self._start_errors: dict[JobKey, str] = {}
+        self._deliveries: dict[JobKey, Callable[[Any], None]] = {}
+        self._result_names: dict[str, Sequence[str]] = {}
+        self._starting_job: tuple[_ReplayedWork, JobKey | None] = (_ReplayedWork(), None)
         for event in events:
-            self._take(event)
+            self._add_event(event)
 
-    def _take(self, event: Event) -> None:
+    def _add_event(self, event: Event) -> None:
         if "index" not in event.details:
             return
         key = (event.name, int(event.details["index"]))
@@ -76,8 +76,8 @@ class ReplayedJobs:
                 pass
 
     def find(self, algorithm: Algorithm) -> Function:
-        """Return a replacement for an algorithm's function: it repeats the function's recorded reports and calls."""
-        self._returns[algorithm.name] = tuple(algorithm.returns)
+        """Return a replacement for an algorithm's function, which repeats the recorded reports and calls."""
+        self._result_names[algorithm.name] = tuple(algorithm.returns)
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
             work, _key = self._starting_job
@@ -110,27 +110,28 @@ class ReplayedJobs:
     def _repeat_calls_of_job(self) -> None:
         """Repeat the calls of the present job.
 
-        If they diverge, keep the error for `start` to raise, because an error in a job does not reach the job's caller.
+        If these calls diverge, keep the error for `start` to raise, because an error in a job does not reach the caller
+        of the job.
         """
         try:
             self.repeat_calls(self._work_count)
         except DivergedError as error:
             self._divergence = error
 
-    def deliver(self, key: Key) -> None:
+    def deliver(self, key: JobKey) -> None:
         """End a job with the result that it had in the recorded run."""
         deliver = self._deliveries.pop(key, None)
         if deliver is None:
             raise DivergedError
         deliver(self._outcome(key))
 
-    def _outcome(self, key: Key) -> Result | Failure:
+    def _outcome(self, key: JobKey) -> Result | Failure:
         event = self._end_events.get(key)
         if event is None or event.what == "failed":
             message = "" if event is None else str(event.details.get("message", ""))
             return Failure(Reason.FAILED, message)  # there is no event if the run no longer needed the result
         values = event.details.get("values", {})
-        return Result({name: values.get(name) for name in self._returns[key[0]]})
+        return Result({name: values.get(name) for name in self._result_names[key[0]]})
 
 
 class ReplayedClock(Clock):
@@ -140,8 +141,8 @@ class ReplayedClock(Clock):
         self._now_s = start_s
         self._jobs = jobs
         self._events: list[tuple[float, int, Timer]] = []
-        self._scheduled = 0
-        self.steps = 0
+        self._event_count = 0
+        self.step_count = 0
 
     def now_s(self) -> float:
         """Return the present instant."""
@@ -151,8 +152,8 @@ class ReplayedClock(Clock):
         """Move to an instant, unless the clock shows a later one."""
         self._now_s = max(self._now_s, instant_s)
 
-    def next_s(self) -> float:
-        """Return when the next event is due."""
+    def next_event_s(self) -> float:
+        """Return when the next event is due; infinity if there is none."""
         return self._events[0][0] if self._events else math.inf
 
     def step(self) -> None:
@@ -161,14 +162,14 @@ class ReplayedClock(Clock):
             raise DivergedError
         instant_s, _, timer = heapq.heappop(self._events)
         self.advance(instant_s)
-        self.steps += 1
+        self.step_count += 1
         timer.fire()
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
         """Schedule an event."""
         timer = Timer(instant_s, callback)
-        heapq.heappush(self._events, (instant_s, self._scheduled, timer))
-        self._scheduled += 1
+        heapq.heappush(self._events, (instant_s, self._event_count, timer))
+        self._event_count += 1
         return timer
 
     def notify(self) -> None:
@@ -182,6 +183,6 @@ class ReplayedClock(Clock):
         """Fail: a replay never sleeps."""
         raise AssertionError(f"a replay cannot sleep {duration_s} s")
 
-    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+    def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
         """Fail: a replay never waits."""
-        raise AssertionError(f"a replay cannot wait {timeout_s} s for {ready}")
+        raise AssertionError(f"a replay cannot wait {timeout_s} s for {is_ready}")

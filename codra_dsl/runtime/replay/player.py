@@ -1,4 +1,4 @@
-"""Derive the events of a run again from its journal, with the same inputs and evidence at the same positions.
+"""Derive the events of a run again from its journal, with the same inputs and evidence, at the same positions.
 
 A replay calls no perception function and does not wait. The same code as in the run computes observers, variables and
 decisions, so a difference means that the spec, the runtime or the journal has changed.
@@ -42,8 +42,8 @@ class _Player:
         self._commands: Commands = manager.commands
         self._manager = manager
         self._jobs = jobs
-        self._variables = frozenset(variable.name for variable in model.variables)
-        self._skills = frozenset(skill.name for skill in model.skills)
+        self._variable_names = frozenset(variable.name for variable in model.variables)
+        self._skill_names = frozenset(skill.name for skill in model.skills)
         self._decisions: dict[int, Decision] = {}
         self._inputs_of_jobs: dict[int, list[Event]] = {}
         for event in events:
@@ -51,11 +51,13 @@ class _Player:
                 self._inputs_of_jobs.setdefault(event.details["work"], []).append(event)
         jobs.repeat_calls = self._repeat_calls_of
 
-    def take(self, event: Event) -> None:
+    def pass_input(self, event: Event) -> None:
         """Pass an input to the context manager; an input that was refused in the run is refused again."""
         details = event.details
-        self._check("variable", [details["variable"]] if "variable" in details else [], self._variables)
-        self._check("skill", details.get("skills", [details["skill"]] if "skill" in details else []), self._skills)
+        self._check_names("variable", [details["variable"]] if "variable" in details else [], self._variable_names)
+        self._check_names(
+            "skill", details.get("skills", [details["skill"]] if "skill" in details else []), self._skill_names
+        )
         try:
             with contextlib.suppress(PermissionError, ValueError):
                 self._apply(event, details)
@@ -64,15 +66,15 @@ class _Player:
                 f"{event.what} of {event.name} cannot be replayed: {type(error).__name__} {error}"
             ) from error
 
-    def _check(self, kind: str, names: Sequence[str], known: frozenset[str]) -> None:
-        missing = next((name for name in names if name not in known), None)
-        if missing is not None:
-            raise DivergedError(f"the package has no {kind} '{missing}', which the run used")
+    def _check_names(self, kind: str, names: Sequence[str], declared_names: frozenset[str]) -> None:
+        missing_name = next((name for name in names if name not in declared_names), None)
+        if missing_name is not None:
+            raise DivergedError(f"the package has no {kind} '{missing_name}', which the run used")
 
-    def _repeat_calls_of(self, work: int) -> None:
-        """Repeat the calls that a job's function made; in simulated time, the step that begins the job makes them."""
-        for event in self._inputs_of_jobs.get(work, ()):
-            self.take(event)
+    def _repeat_calls_of(self, work_number: int) -> None:
+        """Repeat the calls that a job's function made. In simulated time, the step that begins the job made them."""
+        for event in self._inputs_of_jobs.get(work_number, ()):
+            self.pass_input(event)
 
     def _apply(self, event: Event, details: Mapping[str, Any]) -> None:
         commands = self._commands
@@ -154,12 +156,12 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         model: the model of the compiled spec.
         build: creates the context manager of the package.
         copy: an event log that receives the derived events, e.g. a `Journal`. If there is no difference, the file of
-            this journal equals that of the replayed one, byte for byte.
+            this journal equals, byte for byte, the file of the replayed journal.
         knowledge: the knowledge graph of the spec, if it has one.
     """
     comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
     _, _, divergence_text = _play_journal(header, events, model, build, comparison, knowledge)
-    comparison.miss(divergence_text)
+    comparison.check_completeness(divergence_text)
     comparison.end()
     return Replayed(
         compared=comparison.position,
@@ -203,7 +205,10 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     comparison: Comparison,
     knowledge: KnowledgeModel | None,
 ) -> tuple[ContextManager[Any, Any], ReplayedClock, str]:
-    """Pass the inputs of a journal to a new context manager; return it, its clock, and why the replay stopped early."""
+    """Pass a journal's inputs to a new context manager; return this manager, its clock, and why the replay stopped.
+
+    The reason is empty if the replay did not stop before its end.
+    """
     jobs = ReplayedJobs(events)
     clock = ReplayedClock(header.start_s, jobs)
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
@@ -220,7 +225,7 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     try:
         _pass_inputs(player, clock, comparison, [event for event in inputs if "work" not in event.details])
         end_s = events[-1].instant_s if events else header.start_s
-        while not comparison.is_over and clock.next_s() <= end_s:
+        while not comparison.is_over and clock.next_event_s() <= end_s:
             clock.step()  # the journal may end in the middle of the run, after its last input
     except DivergedError as error:
         return manager, clock, str(error)
@@ -239,12 +244,12 @@ def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | Non
 def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, inputs: Sequence[Event]) -> None:
     last_input = next((event for event in reversed(inputs) if event.what != "evidence"), None)
     for event in inputs:
-        while clock.steps < event.details["step"] and comparison.difference is None:
-            if clock.next_s() > event.instant_s:
+        while clock.step_count < event.details["step"] and comparison.difference is None:
+            if clock.next_event_s() > event.instant_s:
                 raise DivergedError
             clock.step()
         if comparison.difference is not None:
             return
         clock.advance(event.instant_s)
-        comparison.may_go_on |= event is last_input  # a journal may break off within the events of its last input
-        player.take(event)
+        comparison.may_continue |= event is last_input  # a journal may break off within the events of its last input
+        player.pass_input(event)

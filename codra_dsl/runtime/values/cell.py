@@ -25,7 +25,7 @@ MIN_KEPT_READINGS = 100
 """
 
 MAX_PINNED_READINGS = 10_000
-"""The largest number of readings that are kept beyond the limit while evidence is taken. It bounds the memory."""
+"""While evidence is taken, at most this many readings are kept beyond the usual limit. This bounds the memory."""
 
 
 class Reason(StrEnum):
@@ -143,7 +143,7 @@ class _MutableReading(Generic[ValueT_co]):
     source: str
 
 
-def known_reading(  # noqa: PLR0917 - names would cost a third more
+def known_reading(  # noqa: PLR0917 - keyword arguments would take a third more time
     name: str,
     content: Value,
     evidence_s: float,
@@ -173,7 +173,7 @@ class Cell:
     Attributes:
         reading: the present reading.
         invalidated_s: when a skill last changed the variable.
-        late_reading_count: how many readings were identified later than their evidence was taken.
+        late_reading_count: the number of readings that were identified after their evidence was taken.
     """
 
     __slots__ = (
@@ -204,11 +204,11 @@ class Cell:
         self._has_dropped_readings = False
 
     def admits(self, start_s: float, stamp_s: float) -> bool:
-        """Return whether evidence counts: it does not if the variable was invalidated while the evidence was taken."""
+        """Return whether evidence counts: false if the variable was invalidated while the evidence was taken."""
         return not start_s <= self.invalidated_s <= stamp_s
 
     def write(self, reading: Reading[Value]) -> bool:
-        """Add a reading to the history and, unless its evidence is older, make it the present reading.
+        """Add a reading to the history. It becomes the present reading unless the present one has newer evidence.
 
         Returns:
             Whether the added reading is now the present reading.
@@ -260,8 +260,8 @@ class Cell:
     def at(self, instant_s: float) -> Reading[Value]:
         """Return the reading at an instant, according to what is known today.
 
-        It is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
-        instant, the variable is unknown.
+        This is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
+        instant, the variable is unknown in the returned reading.
         """
         position = bisect_right(self._readings, instant_s, key=_evidence_s)
         if position == 0:

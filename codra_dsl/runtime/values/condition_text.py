@@ -1,4 +1,4 @@
-"""Conditions as text. They are parsed from the Python text that builds them, and formatted as in a spec."""
+"""Conditions as text: parse the Python text that builds a condition, and format a condition as in a spec."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def _format_node(node: ast.expr) -> str:
             return f"-{_format_operand(operand)}"
         case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr() as symbol, right=right):
             return f" {_SYMBOLS[type(symbol)]} ".join(
-                _format_logical_operand(part, type(symbol)) for part in (left, right)
+                _format_logical_operand(side, type(symbol)) for side in (left, right)
             )
         case ast.BinOp(left=left, op=symbol, right=right):
             return f"{_format_operand(left)} {_SYMBOLS[type(symbol)]} {_format_operand(right)}"

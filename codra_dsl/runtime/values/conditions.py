@@ -1,6 +1,6 @@
 """The functions with which generated code builds conditions.
 
-Conditions are trees of frozen terms, which are built with Python's operators. So generated code reads like the spec,
+Conditions are trees of frozen terms. Python's operators build these trees. So generated code reads like the spec,
 and an explanation can use the parts of a condition.
 """
 

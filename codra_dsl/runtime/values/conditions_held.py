@@ -2,7 +2,7 @@
 
 Evidence counts only if every precondition held, without a break, while the evidence was taken. This is checked with the
 histories when the result of the job has arrived. So a precondition that failed and held again between two ticks voids
-the evidence. A failure of a precondition that becomes known only later voids it too.
+the evidence. A failure that becomes known only after its instant has the same effect.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ class ContextAt:
     """The context as it was at an instant, according to what is known today.
 
     Attributes:
-        replaced_reading: if a variable got several readings at the instant, a reading that another one replaced at
-            once. It is used instead of the last reading of the instant.
+        substitute_reading: one of several readings that a variable received at the instant, to be used instead of the
+            last one; None to use the last readings.
     """
 
     cells: Mapping[str, Cell]
     instant_s: float
-    replaced_reading: Reading[Value] | None = None
+    substitute_reading: Reading[Value] | None = None
 
     def _reading(self, name: str) -> Reading[Value]:
-        if self.replaced_reading is not None and self.replaced_reading.name == name:
-            return self.replaced_reading
+        if self.substitute_reading is not None and self.substitute_reading.name == name:
+            return self.substitute_reading
         return self.cells[name].at(self.instant_s)
 
     def value(self, name: str) -> Value | None:
@@ -78,20 +78,20 @@ def _covers_interval(reading: Reading[Value], start_s: float, end_s: float) -> b
 
 
 def first_loss_s(
-    term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float, held_before: bool = True
+    term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float, has_held_before: bool = True
 ) -> float | None:
-    """Return the first instant from `start_s` to `end_s` at which a condition stopped holding, or None.
+    """Return the first instant from `start_s` to `end_s` at which a condition stopped holding; None if there is none.
 
-    `held_before` states whether the condition is assumed to hold just before `start_s`.
+    `has_held_before` states whether the condition is assumed to hold just before `start_s`.
     """
     names, has_ages = term.reads
     if not has_ages and all(_covers_interval(cells[name].reading, start_s, end_s) for name in names):
-        return start_s if held_before and not term.holds(ContextNow(cells, end_s)) else None
+        return start_s if has_held_before and not term.holds(ContextNow(cells, end_s)) else None
     for context in _contexts_of_changes(term, cells, start_s, end_s):
         is_held = term.holds(context)
-        if held_before and not is_held:
+        if has_held_before and not is_held:
             return context.instant_s
-        held_before = is_held
+        has_held_before = is_held
     return None
 
 
@@ -101,7 +101,7 @@ def complete_from_s(term: Term, cells: Mapping[str, Cell]) -> float:
 
 
 def _contexts_of_changes(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
-    """Yield the moments, in order, at which the value of a condition can change."""
+    """Yield, in order, the context at each instant at which the value of a condition can change."""
     has_ages = reads_ages(term)
     names = sorted(term.variables())
     changes = [
@@ -113,11 +113,11 @@ def _contexts_of_changes(term: Term, cells: Mapping[str, Cell], start_s: float, 
     for instant_s, reading in changes:
         readings.setdefault(instant_s, []).extend(() if reading is None else (reading,))
     instants = sorted(readings)
-    for instant_s, next_s in pairwise([*instants, end_s]):
-        yield from (ContextAt(cells, instant_s, replaced_reading=reading) for reading in readings[instant_s])
+    for instant_s, next_instant_s in pairwise([*instants, end_s]):
+        yield from (ContextAt(cells, instant_s, substitute_reading=reading) for reading in readings[instant_s])
         yield ContextAt(cells, instant_s)
         if has_ages:
-            yield from _contexts_of_age_changes(term, cells, instant_s, next_s)
+            yield from _contexts_of_age_changes(term, cells, instant_s, next_instant_s)
 
 
 def _value_changes(
@@ -126,8 +126,8 @@ def _value_changes(
     """Yield each instant after `start_s` at which a variable got another value, with the reading that has this value.
 
     For the instant at which the validity of a value ends, None is yielded instead of a reading. If
-    `includes_new_evidence`, instants with new evidence for the same value are yielded too, because new evidence makes
-    the variable younger.
+    `includes_new_evidence`, instants with new evidence for the same value are yielded as well, because new evidence
+    changes the age of the variable.
     """
     previous_reading = cell.at(start_s)
     for reading in cell.between(start_s, end_s):
@@ -143,7 +143,7 @@ def _value_changes(
 def _contexts_of_age_changes(
     term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float
 ) -> Iterator[ContextAt]:
-    """Yield the moments between two instants at which the result of a comparison with an age changes."""
+    """Yield the context whenever, between two instants, the result of a comparison with an age changes."""
     instant_s = start_s
     while (wait_s := term.flips_s(ContextAt(cells, instant_s))) is not None and instant_s + wait_s < end_s:
         instant_s += wait_s
@@ -161,10 +161,10 @@ class ObservabilityMonitor:
         self._names = sorted(term.variables())
         self._checked_evidence: tuple[float, str, int] | None = None
         self._checked_until_s = BEFORE_ALL_S
-        self._held_at_check = False
+        self._has_held_at_check = False
 
     def loss_s(self, cells: Mapping[str, Cell], reading: Reading[Value], *, is_own: bool, now_s: float) -> float | None:
-        """Return the instant since which the variable can no longer be observed, or None if it can be observed.
+        """Return the instant since which the variable can no longer be observed; None if it can still be observed.
 
         Args:
             cells: the cells of all variables.
@@ -174,12 +174,12 @@ class ObservabilityMonitor:
             now_s: the present instant.
         """
         evidence = (reading.evidence_s, reading.source, sum(cells[name].late_reading_count for name in self._names))
-        # late readings change the past, so they are counted too: after such a change, the time since the evidence is
-        # checked again, so that the result does not depend on the instants of the checks
+        # late readings change the past, so their number is a part of this key: when it changes, the time since the
+        # evidence is checked again, so that the result does not depend on the instants of the checks
         if self._checked_evidence != evidence:
             self._checked_evidence = evidence
-            self._checked_until_s, self._held_at_check = reading.evidence_s, is_own
+            self._checked_until_s, self._has_held_at_check = reading.evidence_s, is_own
         start_s = max(self._checked_until_s, complete_from_s(self._term, cells))
-        loss_s = first_loss_s(self._term, cells, start_s, now_s, self._held_at_check)
-        self._checked_until_s, self._held_at_check = now_s, self._term.holds(ContextNow(cells, now_s))
+        loss_s = first_loss_s(self._term, cells, start_s, now_s, self._has_held_at_check)
+        self._checked_until_s, self._has_held_at_check = now_s, self._term.holds(ContextNow(cells, now_s))
         return loss_s

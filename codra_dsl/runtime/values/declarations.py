@@ -1,4 +1,4 @@
-"""C_E(t) of P1, Equation 4: the variables that the main execution declares at this time, and who holds each of them."""
+"""C_E(t) of P1, Equation 4: the variables that the main execution declares at this time, with their holders."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 MAIN = "main_execution"
-"""The holder of the main execution's own declarations. If there are several main executions, further ones have a number
-after this name.
+"""The holder of the declarations that the main execution makes itself.
+
+If there are several main executions, the holders of the others are this name and a number.
 """
 
 OBSERVER = "observer"
@@ -95,8 +96,8 @@ class Declarations:
                 del self._holder_counts[name]
                 self._leave(name, holder)
 
-    def hold(self, holder: str, names: Iterable[str]) -> None:
-        """Let a holder declare exactly these variables. A variable that it has declared before stays in C_E(t)."""
+    def declare_exactly(self, holder: str, names: Iterable[str]) -> None:
+        """Let a holder declare exactly these variables. A variable that it already declares stays in C_E(t)."""
         before, after = self.names_of(holder), dict.fromkeys(names)
         for name in after:
             self.add(holder, name)

@@ -39,7 +39,7 @@ class Hysteresis(Term):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DebouncedCondition(Term):
-    """A condition whose value counts once `needed` of the last `among` results agree on it."""
+    """A condition with a value that counts as soon as `needed` of the last `among` results have this value."""
 
     term: Term
     needed: int
@@ -63,7 +63,7 @@ def between(enter: Operand, leave: Operand) -> Term:
 
 
 def confirmed(term: Operand, needed: int, among: int) -> Term:
-    """Return a condition whose value counts once `needed` of the last `among` results agree on it."""
+    """Return a condition with a value that counts as soon as `needed` of the last `among` results have this value."""
     return DebouncedCondition(_to_term(term), needed, among)
 
 
@@ -73,7 +73,7 @@ def _to_term(operand: Operand) -> Term:
 
 @dataclass(frozen=True, slots=True)
 class Vote:
-    """The value of a variable in one result, and when its evidence was taken."""
+    """The value of a variable in one result, and when the evidence of this result was taken."""
 
     content: Value
     start_s: float
@@ -109,9 +109,9 @@ class Votes:
         return len(self._agreeing_votes(content))
 
     def start_s(self, content: Value) -> float | None:
-        """Return when the taking of the evidence for a value began; None if fewer than `needed` results have the value.
+        """Return the start of the evidence for a value; None if fewer than `needed` results have the value.
 
-        It began with the first of the last `needed` results that have the value.
+        The evidence starts with the oldest of the last `needed` results that have the value.
         """
         agreeing_votes = self._agreeing_votes(content)
         return agreeing_votes[-self.needed].start_s if len(agreeing_votes) >= self.needed else None

@@ -69,7 +69,7 @@ class ValueType:
         return converted_value
 
     def converter(self) -> Callable[[object], Value | None]:
-        """Return a faster `convert` for very many values. If the class of a value fits, it checks only the bounds."""
+        """Return a faster `convert` for very many values. It checks only the bounds if the class of a value fits."""
         convert, (low, high) = self.convert, self.range or (-math.inf, math.inf)
         member_set: frozenset[object] = frozenset(self.members)
 
@@ -202,7 +202,7 @@ class VariableModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Algorithm:
-    """A perception algorithm pi: a passive callable and what it needs (P1, section 3.2).
+    """A perception algorithm pi: a passive callable and its needs (P1, section 3.2).
 
     Attributes:
         call: `package.module:function`, or a class with `perceive`; imported when the forest is built.
@@ -272,7 +272,7 @@ class SkillModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResourceModel:
-    """A resource that algorithms share: a handle or, with `slots`, a number of jobs at a time."""
+    """A resource that algorithms share: a handle or, if `slots` is given, slots for this number of jobs at a time."""
 
     name: str
     slots: int | None = None

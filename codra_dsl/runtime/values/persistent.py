@@ -12,12 +12,12 @@ KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
 
 _MAX_VERSION_STEPS = 32
-"""A reader of an old mapping looks at no more newer versions than this. The old mapping then gets its own entries."""
+"""If a reader of an old mapping has to search more than about this many versions, the mapping gets its own entries."""
 
 _MAX_EXTRA_CHANGES = 1_000
 """A dictionary is copied when it has been changed more often than the number of its entries plus this number.
 
-An old mapping that is still referenced keeps all later changes in memory, up to this copy.
+An old mapping that is still referenced keeps all later changes in memory, until this copy is made.
 """
 
 
@@ -39,7 +39,7 @@ class PersistentMap(Generic[KeyT, ValueT]):
     """Only in an old version: the keys that the next version changed, with their values in this version."""
 
     _own_entries: dict[KeyT, ValueT] | None
-    """Only in an old version: all its entries, once a reader has needed all of them; None until then."""
+    """Only in an old version: all entries of this version; None until a reader has needed them."""
 
     def __init__(self) -> None:
         """Create an empty mapping."""
@@ -83,7 +83,7 @@ class PersistentMap(Generic[KeyT, ValueT]):
         return self.with_changes({key: value})
 
     def without_key(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
-        """Return the mapping without a key; if it lacks the key, the same mapping.
+        """Return the mapping without a key; the same mapping if it does not have the key.
 
         Only one thread at a time may call this.
         """

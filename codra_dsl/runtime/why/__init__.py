@@ -1,8 +1,8 @@
-"""Explain a variable: the chain from its value to the evidence, or from unknown to the missing conditions."""
+"""Explain a variable: the chain from its value to the evidence, or from the unknown value to the missing conditions."""
 
 from __future__ import annotations
 
 from codra_dsl.runtime.why.explanation import LatestEventsAt, explain
-from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
+from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
 
-__all__ = ["Condition", "LatestEventsAt", "Look", "Missing", "Way", "Why", "explain"]
+__all__ = ["Condition", "LatestEventsAt", "Look", "MissingChange", "Way", "Why", "explain"]

@@ -1,4 +1,4 @@
-"""Explain a course, parameter, metric or weight: the chain of causes, in sentences."""
+"""Explain a course, parameter, metric or weight: its chain of causes, in sentences."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.why.values import Why, instant, seconds, shown
+from codra_dsl.runtime.why.values import Why, duration_text, instant_text, value_text
 
 Details = Mapping[str, Any]
 
@@ -24,7 +24,7 @@ _REASON_TEXTS = {
 
 def explain_course(latest_events: LatestEvents, name: str, at_s: float) -> Why | None:
     """Return the explanation of a decided or undecided course or parameter; None if no loop adapts this name."""
-    events = latest_events.adaptations.get(f"adaptation/{name}", {})
+    events = latest_events.adaptation_events.get(f"adaptation/{name}", {})
     last_event = events.get("chosen", events.get("set"))
     if last_event is None:
         return _explain_undecided(events, name, at_s)
@@ -45,7 +45,7 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
     if start_event is None or name not in start_event.details.get("adapts", ()):
         return None
     start_text = (
-        f"loop {start_event.details['loop']} has been running since {instant(start_event.instant_s)} "
+        f"loop {start_event.details['loop']} has been running since {instant_text(start_event.instant_s)} "
         "and has not decided it yet"
     )
     reading: Reading[Any] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
@@ -53,11 +53,11 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
 
 
 def adaptation_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]:
-    """Yield the chain of the last decision or analysis behind a variable; nothing if no loop writes the variable.
+    """Yield the causes of the last decision or analysis that wrote a variable; nothing if no loop writes the variable.
 
-    For a weight, also yield the chains of the metrics from which the weight is computed.
+    For a weight, also yield the causes of the metrics from which the weight is computed.
     """
-    events = latest_events.adaptations.get(f"context/{variable}", {})
+    events = latest_events.adaptation_events.get(f"context/{variable}", {})
     yield from _chain_lines(events)
     if "analysed" in events:
         yield from _analysis_lines(latest_events, variable)
@@ -68,7 +68,7 @@ def _analysis_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]
     pending_variables, explained_variables = [variable], set[str]()
     while pending_variables:
         name = pending_variables.pop(0)
-        event = latest_events.adaptations.get(f"context/{name}", {}).get("analysed")
+        event = latest_events.adaptation_events.get(f"context/{name}", {}).get("analysed")
         if event is None:
             continue
         outputs_by_variable = {
@@ -76,7 +76,7 @@ def _analysis_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]
         }
         output = outputs_by_variable[name]
         rules = [rule for rule in event.details["rules"] if output["name"] in rule["concludes"]]
-        yield f"{name} has been {_output_text(output)} since {instant(event.instant_s)}:"
+        yield f"{name} has been {_output_text(output)} since {instant_text(event.instant_s)}:"
         yield from _rule_lines(rules, output["name"])
         for reading in event.details["readings"]:
             if reading["variable"] in output["reads"] and reading["variable"] not in explained_variables:
@@ -99,7 +99,7 @@ def _chain_lines(events: Mapping[str, Event]) -> Iterator[str]:
 
 
 def _failure_lines(events: Mapping[str, Event]) -> Iterator[str]:
-    """Yield the error of a parameter's last setting, if that setting failed."""
+    """Yield the error of the last attempt to set a parameter, if this attempt failed."""
     failure_event = events.get("failed")
     is_of_parameter = failure_event is not None and "variable" in failure_event.details and "chosen" not in events
     if (
@@ -107,7 +107,7 @@ def _failure_lines(events: Mapping[str, Event]) -> Iterator[str]:
         and is_of_parameter
         and failure_event.instant_s >= events.get("set", failure_event).instant_s
     ):
-        yield f"at {instant(failure_event.instant_s)}: {failure_event.details['message']}"
+        yield f"at {instant_text(failure_event.instant_s)}: {failure_event.details['message']}"
 
 
 def _choice_lines(event: Event) -> Iterator[str]:
@@ -117,7 +117,7 @@ def _choice_lines(event: Event) -> Iterator[str]:
     reason_text = rule_text if reason_key == "hard_rule" else _REASON_TEXTS[reason_key]
     place_text = f"  [{details['place']}]" if "place" in details else ""
     previous_action_text = "" if previous_action is None else f" instead of {previous_action}"
-    yield f"{action} was chosen at {instant(event.instant_s)}{previous_action_text}: {reason_text}{place_text}"
+    yield f"{action} was chosen at {instant_text(event.instant_s)}{previous_action_text}: {reason_text}{place_text}"
     if previous_action is not None and "dwell_until_s" in details:
         is_within_dwell = details["dwell_until_s"] > event.instant_s
         end_text = ", which this decision ended early" if is_within_dwell else ""
@@ -130,7 +130,7 @@ def _choice_lines(event: Event) -> Iterator[str]:
 def _setting_lines(event: Event) -> Iterator[str]:
     details = event.details
     place_text = f"  [{details['place']}]" if "place" in details else ""
-    yield f"set at {instant(event.instant_s)} to {shown(details['value'])}: {details['rule']}{place_text}"
+    yield f"set at {instant_text(event.instant_s)} to {value_text(details['value'])}: {details['rule']}{place_text}"
     if details["because"] == "worse":
         yield f"a metric became worse, which ended the dwell time before {_instant_text(details, 'dwell_until_s')}"
     yield from _metric_and_reading_lines(details)
@@ -138,7 +138,7 @@ def _setting_lines(event: Event) -> Iterator[str]:
 
 def _weight_lines(details: Details) -> Iterator[str]:
     for weight in details["weights"]:
-        smoothed_text = f", smoothed {shown(weight['smoothed'])}" if "smoothed" in weight else ""
+        smoothed_text = f", smoothed {value_text(weight['smoothed'])}" if "smoothed" in weight else ""
         lead_text = f", leading since {_instant_text(weight, 'leads_since_s')}" if "leads_since_s" in weight else ""
         yield f"weight of {weight['name']}: {_output_text(weight)}{smoothed_text}{lead_text}"
         yield from _rule_lines(details["rules"], weight["name"])
@@ -172,10 +172,10 @@ def _consequence_lines(event: Event) -> Iterator[str]:
     details = event.details
     match event.what:
         case "ended":
-            yield f"the branch {details['branch']} ended ({details['result']}) after {seconds(details['took_s'])}"
+            yield f"the branch {details['branch']} ended ({details['result']}) after {duration_text(details['took_s'])}"
         case "overdue":
             tasks_text = ", ".join(details.get("tasks", ())) or "an action that is being halted"
-            yield f"the branch {details['branch']} had not ended after {seconds(details['took_s'])}: {tasks_text}"
+            yield f"the branch {details['branch']} had not ended after {duration_text(details['took_s'])}: {tasks_text}"
         case "explained":
             changes_text = (
                 " or ".join(map(_change_text, details["kept_by"])) or "no single change of an input or weight"
@@ -187,8 +187,8 @@ def _consequence_lines(event: Event) -> Iterator[str]:
 
 def _change_text(change: Details) -> str:
     name = change["name"] if change["kind"] == "input" else f"the weight of {change['name']}"
-    actual_text = shown(json.loads(change["value"])) if "value" in change else "unknown"
-    return f"{name} = {shown(json.loads(change['other']))} instead of {actual_text}"
+    actual_text = value_text(json.loads(change["value"])) if "value" in change else "unknown"
+    return f"{name} = {value_text(json.loads(change['other']))} instead of {actual_text}"
 
 
 def _observation_text(reading: Details) -> str:
@@ -197,21 +197,21 @@ def _observation_text(reading: Details) -> str:
     evidence_text = (
         f", from evidence taken at {_instant_text(reading, 'evidence_s')}" if "evidence_s" in reading else ""
     )
-    return f"{reading['variable']} was {shown(json.loads(reading['value']))}{evidence_text}"
+    return f"{reading['variable']} was {value_text(json.loads(reading['value']))}{evidence_text}"
 
 
 def _output_text(output: Details) -> str:
     if "value" not in output:
         return "unknown"
     if output.get("low") == output.get("high"):
-        return shown(output["value"])
-    return f"{shown(output['value'])}, the worse bound of {_bounds_text(output)}"
+        return value_text(output["value"])
+    return f"{value_text(output['value'])}, the worse bound of {_bounds_text(output)}"
 
 
 def _bounds_text(details: Details) -> str:
     low, high = details.get("low"), details.get("high")
-    return shown(low) if low == high else f"{shown(low)} to {shown(high)}"
+    return value_text(low) if low == high else f"{value_text(low)} to {value_text(high)}"
 
 
 def _instant_text(details: Details, key: str) -> str:
-    return instant(details[key]) if key in details else "the beginning"
+    return instant_text(details[key]) if key in details else "the beginning"

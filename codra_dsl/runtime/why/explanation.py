@@ -14,7 +14,7 @@ from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
 from codra_dsl.runtime.why.story import job_text, story
 from codra_dsl.runtime.why.unmet_conditions import find_solution
-from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
+from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
 
 LatestEventsAt = Callable[[float], LatestEvents]
 """Returns the latest events up to an instant."""
@@ -24,18 +24,18 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     """Return the explanation of a variable at an instant, with its chain of causes.
 
     For an element of the knowledge graph, the explanation states the last writer, the change, and refused writes. For a
-    course or parameter, it states the complete chain of the last decision about it.
+    course or parameter, the explanation states the complete chain of the last decision about this course or parameter.
 
     Args:
         summary: the spec summary.
         latest_events_at: returns the latest events up to an instant.
-        name: a variable of the spec; an element of the knowledge graph, that is a node, `node.attribute`, an edge as
-            `origin -edge-> target`, or a task; a course or parameter; or an action, which stands for its weight.
+        name: a variable of the spec; an element of the knowledge graph (a node, `node.attribute`, an edge as
+            `origin -edge-> target`, or a task); a course or parameter; or an action, to explain its weight.
         at_s: the instant.
 
     Raises:
-        UnknownNameError: if no variable has this name, and up to the instant there is no event about knowledge of this
-            name.
+        UnknownNameError: if the name is no variable and no course or parameter of a loop, and up to the instant no
+            event is about an element of the knowledge graph with this name.
     """
     node, _, attribute = name.rpartition(".")
     if node and summary.nodes.get(attribute) == node:
@@ -52,12 +52,12 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
 def _resolve_action_name(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
     """Return the variable of an action's weight if only an action has this name; otherwise return the name."""
     weight = f"weight_of_{name}"
-    is_other = (
+    has_other_meaning = (
         name in summary.nodes.values()
-        or name in latest_events.knowledge
-        or f"adaptation/{name}" in latest_events.adaptations
+        or name in latest_events.knowledge_events
+        or f"adaptation/{name}" in latest_events.adaptation_events
     )
-    return weight if weight in summary.variables and not is_other else name
+    return weight if weight in summary.variables and not has_other_meaning else name
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class _PastContext:
 
     def reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable at the instant."""
-        event = self.latest_events.present.get(name)
+        event = self.latest_events.present_events.get(name)
         if event is None:
             return Reading(name=name, reason=Reason.NEVER_OBSERVED)
         details = event.details
@@ -89,7 +89,7 @@ class _PastContext:
         if not reading.known:
             return reading
         expires_s = evidence_s + self.summary.variables[name].valid_for_s
-        return Reading(**{key: getattr(reading, key) for key in _KEPT}, expires_s=expires_s).at(self.at_s)
+        return Reading(**{key: getattr(reading, key) for key in _COPIED_FIELDS}, expires_s=expires_s).at(self.at_s)
 
     def value(self, name: str) -> Value | None:
         return self.reading(name).content
@@ -99,7 +99,7 @@ class _PastContext:
         return reading.age_s(self.at_s) if reading.known else None
 
 
-_KEPT = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
+_COPIED_FIELDS = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
 
 
 class _Explanation:
@@ -112,9 +112,9 @@ class _Explanation:
         self._explained_readings: set[tuple[str, int]] = set()
 
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:
-        """Explain a variable, as a cause of the variables on the path."""
+        """Explain a variable, as a cause of the variables in `path`."""
         context = self._context_at(at_s)
-        reading, event = context.reading(name), context.latest_events.present.get(name)
+        reading, event = context.reading(name), context.latest_events.present_events.get(name)
         model = self._summary.variables[name]
         unit, place = model.type.unit or "", self._summary.places.get(f"context/{name}")
         if name in path or (name, id(event)) in self._explained_readings:
@@ -142,8 +142,8 @@ class _Explanation:
         return _PastContext(self._events_at[at_s], self._summary, at_s)
 
     def _look(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Look | None:
-        """Return the job that produced a value, with the preconditions when the job's evidence was taken."""
-        job, source = context.latest_events.basis.get(name), context.reading(name).source
+        """Return the job that produced a value, with its preconditions at the end of its evidence, or None."""
+        job, source = context.latest_events.basis_jobs.get(name), context.reading(name).source
         algorithm = self._summary.algorithms.get(source)
         if job is None or algorithm is None or name not in algorithm.identifies:
             return None
@@ -168,7 +168,7 @@ class _Explanation:
         explanations: list[Why] = []
         for edge in pose_edges_between(context.latest_events, name):
             why = explain_knowledge(self._summary, context.latest_events, edge, context.at_s)
-            key = (edge, id(context.latest_events.knowledge[edge]["placed"]))
+            key = (edge, id(context.latest_events.knowledge_events[edge]["placed"]))
             explanations.append(replace(why, story=(), is_told=True) if key in self._explained_readings else why)
             self._explained_readings.add(key)
         return tuple(explanations)
@@ -196,44 +196,45 @@ class _Explanation:
             place=algorithm.place,
         )
 
-    def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[Missing]:
+    def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[MissingChange]:
         """Yield the changes that an algorithm needs before it can look."""
-        failing_rules = [rule for rule in algorithm.preconditions if not rule.term.holds(context)]
+        unmet_preconditions = [rule for rule in algorithm.preconditions if not rule.term.holds(context)]
         values = (
             find_solution([rule.term for rule in algorithm.preconditions], context, self._summary.variables)
-            if failing_rules
+            if unmet_preconditions
             else {}
         )
         if values is not None:
             for name, value in values.items():
-                rule = next(failing_rule for failing_rule in failing_rules if name in failing_rule.term.variables())
+                rule = next(condition for condition in unmet_preconditions if name in condition.term.variables())
                 unit = self._summary.variables[name].type.unit or ""
-                yield Missing(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
+                yield MissingChange(variable=name, condition=rule.text, value=value, unit=unit, place=rule.place)
             return
-        for rule in failing_rules:
+        for rule in unmet_preconditions:
             flips_s = rule.term.flips_s(context)
-            yield Missing(
+            yield MissingChange(
                 variable=min(rule.term.variables(), default=""),
                 condition=rule.text,
                 from_s=None if flips_s is None else context.at_s + flips_s,
                 place=rule.place,
             )
 
-    def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[Missing]:
+    def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[MissingChange]:
         """Yield the changes that are needed to observe a variable.
 
-        These are the change that its observer needs, and the changes of the algorithm that needs the fewest.
+        These are the change that the observer of the variable needs, and the changes that one of its algorithms needs:
+        the algorithm that needs the fewest changes.
         """
         observer = self._summary.find_observer(name)
         if observer is None:
             if not context.reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)
-                yield Missing(variable=name, condition=f"only {sources} may write it")
+                yield MissingChange(variable=name, condition=f"only {sources} may write it")
             return
-        last_event = context.latest_events.observers.get(observer.name)
+        last_event = context.latest_events.observer_events.get(observer.name)
         if last_event is None or last_event.what != "started":
             has_failed = last_event is not None and last_event.what == "failed"
             retry_text = f"withdraw {name} and declare it again: {observer.name} failed and is stopped"
             condition = retry_text if has_failed else f"declare {name}: {observer.name} is not running"
-            yield Missing(variable=name, condition=condition, place=observer.place)
+            yield MissingChange(variable=name, condition=condition, place=observer.place)
         yield from min((way.missing for way in ways), key=len, default=())

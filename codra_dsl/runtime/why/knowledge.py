@@ -7,12 +7,12 @@ import re
 from collections.abc import Iterator, Mapping
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.errors import UnknownNameError, unknown
+from codra_dsl.runtime.errors import UnknownNameError, unknown_name_error
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading, Reason
-from codra_dsl.runtime.why.values import Why, instant, shown
+from codra_dsl.runtime.why.values import Why, instant_text, value_text
 
 _TASK_STAGES = ("wants", "is", "finished", "aborted")
 _RULE_STATES = ("begun", "broken", "fulfilled", "unfulfilled")
@@ -40,7 +40,7 @@ def explain_knowledge(summary: SpecSummary, latest_events: LatestEvents, name: s
         UnknownNameError: if there is no event about the element up to the instant.
     """
     name = _name_in_events(summary, latest_events, name)
-    events = latest_events.knowledge[name]
+    events = latest_events.knowledge_events[name]
     reading = _reading(name, events, latest_events, at_s)
     unit = str(events["written"].details.get("unit") or "") if "written" in events else ""
     story = tuple(_story(events))
@@ -56,12 +56,15 @@ def pose_edges_between(latest_events: LatestEvents, condition: str) -> tuple[str
     """
     edge_by_target = {
         edge.partition("-> ")[2]: edge
-        for edge, events in sorted(latest_events.knowledge.items(), key=_insertion_sort_key)
+        for edge, events in sorted(latest_events.knowledge_events.items(), key=_insertion_sort_key)
         if _has_pose(events)
     }
     determining_edges: dict[str, None] = {}
-    for first, second in _POSE_COMPARISON_PATTERN.findall(condition):
-        first_chain, second_chain = _pose_edges_above(edge_by_target, first), _pose_edges_above(edge_by_target, second)
+    for first_node, second_node in _POSE_COMPARISON_PATTERN.findall(condition):
+        first_chain, second_chain = (
+            _pose_edges_above(edge_by_target, first_node),
+            _pose_edges_above(edge_by_target, second_node),
+        )
         determining_edges |= dict.fromkeys(
             edge for edge in (*first_chain, *second_chain) if not (edge in first_chain and edge in second_chain)
         )
@@ -91,21 +94,23 @@ def _insertion_sort_key(entry: tuple[str, _ElementEvents]) -> tuple[float, int]:
 
 
 def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
-    """Return the name that events use for an element; an edge may be given by its label."""
+    """Return the name that events use for an element. `name` may have the label of an edge instead of its type."""
     origin, arrow, label_and_target = name.partition(" -")
     label, _, target = label_and_target.partition("-> ")
-    task_events = latest_events.knowledge.get(target, {}) if label in _TASK_STAGES else {}
+    task_events = latest_events.knowledge_events.get(target, {}) if label in _TASK_STAGES else {}
     if any(stage in task_events for stage in _TASK_STAGES):
         return target  # events about the edge of a task carry the name of the task
-    if name in latest_events.knowledge:
+    if name in latest_events.knowledge_events:
         return name
-    for other_name, other_events in latest_events.knowledge.items():
+    for other_name, other_events in latest_events.knowledge_events.items():
         is_between = arrow and other_name.startswith(f"{origin} -") and other_name.endswith(f"-> {target}")
         if is_between and any(event.details.get("label") == label for event in other_events.values()):
             return other_name
-    kind_text = "variable, and until then no element of the graph, named" if latest_events.knowledge else "variable"
-    raise _pattern_error(latest_events, name) or unknown(
-        kind_text, name, (*summary.variables, *latest_events.knowledge)
+    kind_text = (
+        "variable, and until then no element of the graph, named" if latest_events.knowledge_events else "variable"
+    )
+    raise _pattern_error(latest_events, name) or unknown_name_error(
+        kind_text, name, (*summary.variables, *latest_events.knowledge_events)
     )
 
 
@@ -116,7 +121,7 @@ def _pattern_error(latest_events: LatestEvents, name: str) -> UnknownNameError |
         return None
     nodes_of_type = [
         node
-        for node, events in latest_events.knowledge.items()
+        for node, events in latest_events.knowledge_events.items()
         if any(
             event.what == "node_inserted" and event.details.get("type") == type_match[1] for event in events.values()
         )
@@ -141,14 +146,14 @@ def _reading(name: str, events: _ElementEvents, latest_events: LatestEvents, at_
         return _attribute_reading(name, events["written"], latest_events, at_s)
     if state_events:
         return _known_reading(name, state_events[-1].what, state_events[-1])
-    change_events = [event for kind, event in events.items() if kind in (*_CHANGE_TEXTS, "placed")]
+    change_events = [event for what, event in events.items() if what in (*_CHANGE_TEXTS, "placed")]
     if not change_events:  # all events about the element are refusals
         return Reading(name=name, reason=Reason.NEVER_OBSERVED)
     return _known_reading(name, not change_events[-1].what.endswith("deleted"), change_events[-1])
 
 
 def _attribute_reading(name: str, event: Event, latest_events: LatestEvents, at_s: float) -> Reading[Value]:
-    deletion = _deletion_after(latest_events.knowledge.get(name.rpartition(".")[0], {}), event)
+    deletion = _deletion_after(latest_events.knowledge_events.get(name.rpartition(".")[0], {}), event)
     if deletion is not None:
         detail = f"its {deletion.what.partition('_')[0]} was deleted"
         return Reading(name=name, reason=Reason.FORGOTTEN, detail=detail, evidence_s=deletion.instant_s)
@@ -189,7 +194,7 @@ def _known_reading(name: str, content: Value, event: Event) -> Reading[Value]:
 def _story(events: _ElementEvents) -> Iterator[str]:
     """Yield the history of an element, in order of time."""
     for event in sorted(events.values(), key=_time_sort_key):
-        details, at_text = event.details, instant(event.instant_s)
+        details, at_text = event.details, instant_text(event.instant_s)
         writer_text = f"agent {details['agent']}" if details["agent"] else "the graph itself"
         change_text = f", change {details['version']}" if "version" in details else ""
         if event.what == "refused":
@@ -211,14 +216,14 @@ def _task_text(details: Mapping[str, object]) -> str:
     clauses += [f"result {details['result']}"] if details.get("result") else []
     clauses += [str(details["message"])] if details.get("message") else []
     deadline_s = details.get("deadline_s")
-    clauses += [f"until {instant(deadline_s)} at the latest"] if isinstance(deadline_s, float) else []
+    clauses += [f"until {instant_text(deadline_s)} at the latest"] if isinstance(deadline_s, float) else []
     return f" ({', '.join(clauses)})"
 
 
 def _change_text(event: Event) -> str:
     details = event.details
     if event.what == "written":
-        return "written as unknown" if details.get("value") is None else f"written as {shown(details['value'])}"
+        return "written as unknown" if details.get("value") is None else f"written as {value_text(details['value'])}"
     if event.what == "placed":
         return f"placed at ({', '.join(f'{coordinate:.6g}' for coordinate in details['translation_m'])}) m"
     return _CHANGE_TEXTS[event.what]
@@ -228,9 +233,9 @@ def _evidence_text(event: Event) -> str:
     text, details = "", event.details
     evidence_s, expires_s = details.get("evidence_s"), details.get("expires_s")
     if evidence_s is not None and evidence_s != event.instant_s:
-        text += f", from evidence taken at {instant(evidence_s)}"
+        text += f", from evidence taken at {instant_text(evidence_s)}"
     if expires_s is not None and expires_s < math.inf:
-        text += f", valid until {instant(expires_s)}"
+        text += f", valid until {instant_text(expires_s)}"
     return text
 
 

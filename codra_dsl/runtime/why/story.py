@@ -11,13 +11,13 @@ from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
-from codra_dsl.runtime.why.values import instant, seconds, shown
+from codra_dsl.runtime.why.values import duration_text, instant_text, value_text
 
 MAIN = "main_execution"
 
 
 def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
-    """Yield how a variable got its reading, the later events, and the states of its observer and declarations."""
+    """Yield how a variable got its reading, what happened later, and the states of its observer and declarations."""
     if reading.known:
         yield from _value_lines(reading, summary)
     else:
@@ -25,66 +25,78 @@ def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summa
     yield from _later_event_lines(name, latest_events)
     observer = summary.find_observer(name)
     if observer is not None:
-        yield _observer_text(observer.name, latest_events.observers.get(observer.name))
-    declaration = latest_events.declared.get(name)
+        yield _observer_text(observer.name, latest_events.observer_events.get(observer.name))
+    declaration = latest_events.declaration_events.get(name)
     if declaration is not None and declaration.what == "declared":
-        yield f"declared since {instant(declaration.instant_s)} for {declaration.details['holder']}"
-    expectation = latest_events.expected.get(name)
+        yield f"declared since {instant_text(declaration.instant_s)} for {declaration.details['holder']}"
+    expectation = latest_events.expectation_events.get(name)
     if expectation is not None:
         yield _expectation_text(expectation, summary)
 
 
 def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]:
     if reading.source in summary.algorithms:
-        yield f"identified at {instant(reading.identified_s)} from evidence taken at {instant(reading.evidence_s)}"
+        yield (
+            f"identified at {instant_text(reading.identified_s)} "
+            f"from evidence taken at {instant_text(reading.evidence_s)}"
+        )
     elif reading.source == POSES:
         learned_text = (
-            "" if reading.evidence_s == reading.identified_s else f", learned at {instant(reading.identified_s)}"
+            "" if reading.evidence_s == reading.identified_s else f", learned at {instant_text(reading.identified_s)}"
         )
-        yield f"determined by poses since {instant(reading.evidence_s)}{learned_text}"
+        yield f"determined by poses since {instant_text(reading.evidence_s)}{learned_text}"
     else:
         writer_text = reading.source if reading.source == MAIN else f"agent {reading.source}"
-        evidence_text = f", from evidence taken at {instant(reading.evidence_s)}"
-        evidence = "" if reading.evidence_s == reading.identified_s else evidence_text
-        yield f"written by {writer_text} at {instant(reading.identified_s)}{evidence}"
+        old_evidence_text = f", from evidence taken at {instant_text(reading.evidence_s)}"
+        evidence_text = "" if reading.evidence_s == reading.identified_s else old_evidence_text
+        yield f"written by {writer_text} at {instant_text(reading.identified_s)}{evidence_text}"
     if reading.expires_s < math.inf:
-        yield f"valid until {instant(reading.expires_s)}"
+        yield f"valid until {instant_text(reading.expires_s)}"
 
 
 def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
-    name, since = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
-    last_known_event = latest_events.known.get(name)
+    name, since_text = reading.name, instant_text(reading.identified_s) if reading.identified_s > -math.inf else ""
+    last_known_event = latest_events.last_value_events.get(name)
     match reading.reason:
         case _ if reading.source == POSES:
-            yield f"unknown from {since} on: {reading.detail}"
+            yield f"unknown from {since_text} on: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(summary.variables[name].sources)
             is_observed = summary.find_observer(name) is not None
             yield "not identified yet" if is_observed else f"not written yet; {sources} writes it"
         case Reason.STALE:
             valid_for_s = summary.variables[name].valid_for_s
-            yield f"its evidence, taken at {instant(reading.evidence_s)}, was valid for {seconds(valid_for_s)}"
+            yield (
+                f"its evidence, taken at {instant_text(reading.evidence_s)}, was valid for {duration_text(valid_for_s)}"
+            )
         case Reason.INVALIDATED:
             place = summary.places.get(f"skill/{reading.detail}")
             place_text = "" if place is None else f"  [{place}]"
-            yield f"skill {reading.detail}, which changes it, acted at {since}: only newer evidence counts{place_text}"
+            yield (
+                f"skill {reading.detail}, which changes it, acted at {since_text}: "
+                f"only newer evidence counts{place_text}"
+            )
         case Reason.FORGOTTEN:
-            yield f"forgotten at {since}, because this condition did not hold: {reading.detail}"
+            yield f"forgotten at {since_text}, because this condition did not hold: {reading.detail}"
         case Reason.WITHDRAWN:
-            yield f"its observer {reading.detail} stopped at {since}"
+            yield f"its observer {reading.detail} stopped at {since_text}"
         case _:
-            yield f"{reading.reason} at {since}: {reading.detail} ({reading.source})"
+            yield f"{reading.reason} at {since_text}: {reading.detail} ({reading.source})"
     if last_known_event is not None:
-        value, source = shown(last_known_event.details.get("value")), last_known_event.details["source"]
-        yield f"it was {value} before, from {source} at {instant(last_known_event.instant_s)}"
+        value, source = value_text(last_known_event.details.get("value")), last_known_event.details["source"]
+        yield f"it was {value} before, from {source} at {instant_text(last_known_event.instant_s)}"
 
 
 def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
-    """Yield the events after the present reading that did not replace it."""
-    superseded_events = latest_events.later.get(name)
+    """Yield the later events that did not replace the present reading."""
+    superseded_events = latest_events.later_events.get(name)
     for what, last_event in () if superseded_events is None else superseded_events.last_events.items():
         count = superseded_events.event_counts[what] if superseded_events is not None else 0
-        at_text = f"the last at {instant(last_event.instant_s)}" if count > 1 else f"at {instant(last_event.instant_s)}"
+        at_text = (
+            f"the last at {instant_text(last_event.instant_s)}"
+            if count > 1
+            else f"at {instant_text(last_event.instant_s)}"
+        )
         match what:
             case "rejected":
                 message = last_event.details.get("message", "")
@@ -105,7 +117,7 @@ def _expectation_text(event: Event, summary: SpecSummary) -> str:
     skill, what = event.details["skill"], event.what.replace("_", " ")
     place = summary.places.get(f"skill/{skill}")
     place_text = "" if place is None else f"  [{place}]"
-    return f"skill {skill} expected: {event.details['expected']}; {what} at {instant(event.instant_s)}{place_text}"
+    return f"skill {skill} expected: {event.details['expected']}; {what} at {instant_text(event.instant_s)}{place_text}"
 
 
 def _count_text(count: int, noun: str) -> str:
@@ -117,21 +129,24 @@ def _observer_text(name: str, last_event: Event | None) -> str:
         return f"observer {name} has not run"
     match last_event.what:
         case "started":
-            return f"observer {name} has been running since {instant(last_event.instant_s)}"
+            return f"observer {name} has been running since {instant_text(last_event.instant_s)}"
         case "stopped":
-            return f"observer {name} stopped at {instant(last_event.instant_s)}"
+            return f"observer {name} stopped at {instant_text(last_event.instant_s)}"
         case _:
-            return f"observer {name} failed at {instant(last_event.instant_s)}: {last_event.details.get('message', '')}"
+            return (
+                f"observer {name} failed at {instant_text(last_event.instant_s)}: "
+                f"{last_event.details.get('message', '')}"
+            )
 
 
 def job_text(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
     """Return a sentence about an algorithm's running or last job; empty if the algorithm never had a job."""
-    start_event, end_event = latest_events.started.get(algorithm.name), latest_events.ended.get(algorithm.name)
+    start_event, end_event = latest_events.job_starts.get(algorithm.name), latest_events.job_ends.get(algorithm.name)
     if start_event is not None and (end_event is None or end_event.details["index"] < start_event.details["index"]):
-        return f"job {start_event.details['index']} has been looking since {instant(start_event.instant_s)}"
+        return f"job {start_event.details['index']} has been looking since {instant_text(start_event.instant_s)}"
     if end_event is None:
         return ""
-    index, at_text = end_event.details["index"], instant(end_event.instant_s)
+    index, at_text = end_event.details["index"], instant_text(end_event.instant_s)
     match end_event.what:
         case "returned":
             return f"job {index} returned at {at_text}"

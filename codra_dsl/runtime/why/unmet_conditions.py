@@ -1,4 +1,4 @@
-"""Find values of variables with which conditions would hold."""
+"""Find values of variables that would make conditions hold."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class _ChangedScope:
 def find_solution(
     terms: Sequence[Term], scope: Scope, variables: Mapping[str, VariableModel]
 ) -> dict[str, Value] | None:
-    """Return values with which all terms would hold, for as few variables as possible.
+    """Return values, for as few variables as possible, that would make all terms hold.
 
     Args:
         terms: the conditions.
         scope: the present values.
-        variables: the declared variables, by name.
+        variables: a mapping from names to the declared variables.
 
     Returns:
-        The values by the name of the variable; None if no such values were found.
+        A mapping from names of variables to their values; None if no such values were found.
     """
     free_variables = {name for term in terms if not term.holds(scope) for name in term.variables() if name in variables}
     solution: dict[str, Value] = {}
@@ -83,8 +83,8 @@ def _assignments(
     """Yield assignments, in ascending order of the number of changed variables."""
     literals = sorted({literal for text in texts for literal in literals_of(text)}, key=repr)
     candidates = {name: tuple(_candidates(variables[name], literals)) for name in free_variables}
-    for count in range(len(free_variables) + 1):
-        for names in combinations(free_variables, count):
+    for changed_count in range(len(free_variables) + 1):
+        for names in combinations(free_variables, changed_count):
             for values in product(*(candidates[name] for name in names)):
                 yield dict(zip(names, values, strict=True))
 
@@ -96,9 +96,11 @@ def _candidates(variable: VariableModel, literals: Iterable[Value]) -> Iterator[
     if value_type.kind == "str":
         raw_values = [*(literal for literal in literals if isinstance(literal, str)), "other"]
     if value_type.kind == "float":
-        raw_values = [float(number) for number in _numbers(literals, value_type.range)]
+        raw_values = [float(number) for number in _candidate_numbers(literals, value_type.range)]
     if value_type.kind == "int":
-        raw_values = [int(number) for number in _numbers(literals, value_type.range) if float(number).is_integer()]
+        raw_values = [
+            int(number) for number in _candidate_numbers(literals, value_type.range) if float(number).is_integer()
+        ]
     yielded_values: set[Value] = set()
     for value in raw_values:
         try:
@@ -110,16 +112,18 @@ def _candidates(variable: VariableModel, literals: Iterable[Value]) -> Iterator[
             yield converted_value
 
 
-def _numbers(literals: Iterable[Value], bounds: tuple[float, float] | None) -> Iterator[Value]:
+def _candidate_numbers(literals: Iterable[Value], bounds: tuple[float, float] | None) -> Iterator[Value]:
     """Yield numbers that can matter in arithmetic with some literals, the simplest first."""
-    ends = [end for end in bounds or () if math.isfinite(end)]
-    numbers = [literal for literal in literals if isinstance(literal, (int, float)) and not isinstance(literal, bool)]
-    for number in numbers:
+    finite_bounds = [bound for bound in bounds or () if math.isfinite(bound)]
+    literal_numbers = [
+        literal for literal in literals if isinstance(literal, (int, float)) and not isinstance(literal, bool)
+    ]
+    for number in literal_numbers:
         yield from (number, number + 1.0, number - 1.0, number * 1.1, number * 0.9)
-    simple_numbers = sorted({0.0, *map(float, numbers), *ends})
+    simple_numbers = sorted({0.0, *map(float, literal_numbers), *finite_bounds})
     yield from simple_numbers
-    if len(ends) == 2 and ends[1] - ends[0] <= _MAX_ENUMERATED_RANGE:
-        yield from range(math.ceil(ends[0]), math.floor(ends[1]) + 1)
+    if len(finite_bounds) == 2 and finite_bounds[1] - finite_bounds[0] <= _MAX_ENUMERATED_RANGE:
+        yield from range(math.ceil(finite_bounds[0]), math.floor(finite_bounds[1]) + 1)
     pairs = [(first, second) for first in simple_numbers for second in simple_numbers if first != second]
     derived_numbers = [(first + second) / 2 for first, second in pairs]
     derived_numbers += [

@@ -16,7 +16,7 @@ _LAST_DATE_S = 1e11
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Missing:
+class MissingChange:
     """A change without which a variable cannot be observed.
 
     Attributes:
@@ -38,8 +38,8 @@ class Missing:
 
     def __str__(self) -> str:
         if self.value is not None:
-            return f"{self.variable} = {shown(self.value)}{_unit_text(self.unit)}"
-        return self.condition if self.from_s is None else f"{self.condition}, from {instant(self.from_s)} on"
+            return f"{self.variable} = {value_text(self.value)}{_unit_text(self.unit)}"
+        return self.condition if self.from_s is None else f"{self.condition}, from {instant_text(self.from_s)} on"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +88,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """An algorithm by which a variable can be observed, and the obstacles.
+    """An algorithm that can observe a variable, and the conditions that now prevent this.
 
     Attributes:
         algorithm: the algorithm.
@@ -102,7 +102,7 @@ class Way:
     algorithm: str
     conditions: tuple[Condition, ...]
     doing: str
-    missing: tuple[Missing, ...]
+    missing: tuple[MissingChange, ...]
     place: Place | None = None
 
     @property
@@ -121,12 +121,12 @@ class Why:
         unit: the unit of the variable's value.
         place: the place of the variable's declaration in the spec.
         story: the history of the reading, in sentences.
-        look: the job that produced the value, if one did.
-        poses: the explanations of the edges whose poses determine the value, if poses determine it.
+        look: the job that produced the value; None if no job did.
+        poses: the explanations of the edges whose poses determine the value; empty if there are none.
         ways: the algorithms that identify the variable, by rank; empty if other sources write it.
-        missing: the changes without which the variable cannot be observed at that instant, even if it is known. Of
-            several algorithms, only the changes of the one that needs the fewest are given.
-        is_told: whether the complete explanation explains this reading elsewhere; then the details are left out here.
+        missing: the changes without which the variable cannot be observed at that instant; a known variable can have
+            them as well. Of several algorithms, only the changes of the one that needs the fewest are given.
+        is_told: whether this reading is explained elsewhere in the same explanation; the details are then left out.
     """
 
     at_s: float
@@ -137,7 +137,7 @@ class Why:
     look: Look | None = None
     poses: tuple[Why, ...] = ()
     ways: tuple[Way, ...] = ()
-    missing: tuple[Missing, ...] = ()
+    missing: tuple[MissingChange, ...] = ()
     is_told: bool = False
 
     @property
@@ -157,9 +157,9 @@ class Why:
 def _lines_of(why: Why) -> Iterator[str]:
     reading = why.reading
     unit_text = f" {why.unit}" if why.unit else ""
-    state_text = f"{shown(reading.content)}{unit_text}" if reading.known else f"unknown ({reading.reason})"
+    state_text = f"{value_text(reading.content)}{unit_text}" if reading.known else f"unknown ({reading.reason})"
     repeated_text = ", as explained above" if why.is_told else ""
-    yield f"{why.variable} is {state_text} at {instant(why.at_s)}{repeated_text}{_place_text(why.place)}"
+    yield f"{why.variable} is {state_text} at {instant_text(why.at_s)}{repeated_text}{_place_text(why.place)}"
     for sentence in why.story:
         yield f"{_INDENT}{sentence}"
     if why.look is not None:
@@ -174,7 +174,7 @@ def _lines_of(why: Why) -> Iterator[str]:
 
 def _lines_of_look(look: Look) -> Iterator[str]:
     units = look.units
-    values = (f"{key} = {shown(value)}{_unit_text(units.get(key))}" for key, value in look.values.items())
+    values = (f"{key} = {value_text(value)}{_unit_text(units.get(key))}" for key, value in look.values.items())
     yield f"perception {look.algorithm} saw {', '.join(values) or 'nothing'} (job {look.index})"
     yield f"{_INDENT}by the rule: {look.rule}{_place_text(look.place)}"
     for condition in look.under:
@@ -216,20 +216,20 @@ def _unit_text(unit: str | None) -> str:
     return f" {unit}" if unit else ""
 
 
-def shown(value: Value | None) -> str:
+def value_text(value: Value | None) -> str:
     """Return a value as text."""
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:.6g}" if isinstance(value, float) else repr(value) if isinstance(value, str) else str(value)
 
 
-def seconds(duration_s: float) -> str:
+def duration_text(duration_s: float) -> str:
     """Return a duration as text, to the millisecond."""
     return f"{duration_s:.3f}".rstrip("0").rstrip(".") + " s"
 
 
-def instant(instant_s: float) -> str:
+def instant_text(instant_s: float) -> str:
     """Return an instant as text, to the millisecond; if the clock counts from 1970, as date and time in UTC."""
     if not _FIRST_DATE_S <= instant_s < _LAST_DATE_S:
-        return seconds(instant_s)
+        return duration_text(instant_s)
     return datetime.fromtimestamp(instant_s, UTC).isoformat(" ", "milliseconds").replace("+00:00", " UTC")

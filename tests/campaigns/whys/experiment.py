@@ -78,7 +78,7 @@ def _unknown(journal: Path, module: ModuleType, chance: Random) -> tuple[str, fl
         past = Checkpoints(reader)
         for _ in range(DRAWS):
             name, at_s = chance.choice(names), chance.uniform(0.0, LONGEST_S)
-            event = past.latest_events(at_s).present.get(name)
+            event = past.latest_events(at_s).present_events.get(name)
             if event is None or event.what != "identified":
                 return name, at_s
     raise AssertionError(f"all is known all the time in {journal}")

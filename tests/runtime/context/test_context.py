@@ -131,7 +131,7 @@ def test_a_handle_that_no_algorithm_reads_is_reported_before_an_observer_runs() 
     model = forest([], slots={"vision": 1})
     with pytest.raises(CallError, match=r"the spec has no resource 'wrold': did you mean 'world'\?"):
         ContextManager(model, clock=SimClock(), resources={"wrold": World()})
-    with pytest.raises(CallError, match=r"resource 'vision' has slots and takes no handle: leave it out"):
+    with pytest.raises(CallError, match=r"resource 'vision' has slots, so it needs no handle: leave it out"):
         ContextManager(model, clock=SimClock(), resources={"world": World(), "vision": None})
 
 

@@ -68,9 +68,11 @@ def test_without_an_instant_it_ends_before_the_observers_stopped(tmp_path: Path)
     with JournalReader(journal.path) as reader:
         checkpoints = Checkpoints(reader)
         assert checkpoints.end_s == 2.5
-        assert [event.what for event in checkpoints.latest_events(math.inf).observers.values()] == ["started"]
+        assert [event.what for event in checkpoints.latest_events(math.inf).observer_events.values()] == ["started"]
     with JournalReader(journal.path) as reader:
-        assert [event.what for event in Checkpoints(reader, 2.5).latest_events(2.5).observers.values()] == ["stopped"]
+        assert [event.what for event in Checkpoints(reader, 2.5).latest_events(2.5).observer_events.values()] == [
+            "stopped"
+        ]
 
 
 def test_explanations_from_a_file_equal_those_from_all_its_events(long_run: Path, events: list[Event]) -> None:

@@ -62,7 +62,7 @@ def story(seed: int, forest: CountingForestFactory, monkeypatch: pytest.MonkeyPa
     with monkeypatch.context() as patch:
         patch.setattr(components_module, "Forest", forest)
         if forest.kind is EveryTree:
-            patch.setattr(Observer, "_is_unsettled", lambda _: True)
+            patch.setattr(Observer, "_needs_another_tick", lambda _: True)
         world = World(Perception(hang=lambda _: None).finds(model))
         with started(model, world, clock, seed) as manager:
             if forest.kind is EveryTree:

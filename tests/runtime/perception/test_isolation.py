@@ -308,7 +308,7 @@ HANDLES: dict[str, tuple[Any, str]] = {
     ),
     "too large": (
         SimpleNamespace(frame=lambda *_, **__: bytes(70_000_000)),
-        "ValueError: the content of the handle: 70000037 bytes are more than the 67108864 that a process is sent",
+        "ValueError: the content of the handle: 70000037 bytes are more than the 67108864 that a process can receive",
     ),
 }
 
@@ -357,7 +357,7 @@ CALLS = {
     "no.such.module:look": ": ModuleNotFoundError: No module named 'no'",
     "broken_on_import:look": ": SystemExit: 4",
     "deadly_on_import:look": ": its process ended with exit code 5",
-    "__main__:look": ", which its process cannot import: put it into a module",
+    "__main__:look": ", which its process cannot import: put the function into a module",
 }
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from codra_dsl.logic import value
 from codra_dsl.runtime import CallError, Cost, Kind, SimClock
 from codra_dsl.runtime.context.decisions import DecisionRequest
-from codra_dsl.runtime.perception.slots import MAIN_EXECUTION, Slots, Ticket
+from codra_dsl.runtime.perception.slots import MAIN_EXECUTION_PRIORITY, Slots, Ticket
 from codra_dsl.runtime.values.model import ResourceModel, SkillModel
 from tests.runtime.forests import Manager, World, forest, observer, seen, started, takes, variable
 
@@ -46,7 +46,7 @@ def test_slots_are_granted_to_the_main_execution_then_by_priority_then_by_waitin
     desk = Desk({"eye": 1})
     desk.request("holder", "eye")
     desk.clock.sleep(0)
-    for name, priority in [("a", 0.0), ("b", 5.0), ("c", 0.0), ("d", 5.0), ("main", MAIN_EXECUTION)]:
+    for name, priority in [("a", 0.0), ("b", 5.0), ("c", 0.0), ("d", 5.0), ("main", MAIN_EXECUTION_PRIORITY)]:
         desk.request(name, "eye", priority=priority)
     for name in ("holder", "main", "b", "d", "a", "c"):
         assert desk.release()[-1] == name
@@ -213,7 +213,7 @@ def test_requests_do_not_age_while_the_main_execution_holds_the_slot() -> None:
     desk = Desk({"eye": 1})
     for _ in range(2):
         desk.slots.register_user(("eye",), 3.0)
-    desk.request("main", "eye", priority=MAIN_EXECUTION)
+    desk.request("main", "eye", priority=MAIN_EXECUTION_PRIORITY)
     desk.clock.sleep(0)
     desk.request("low", "eye", priority=-1, max_duration_s=3.0)
     desk.clock.sleep(100.0)

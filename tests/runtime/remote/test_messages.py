@@ -20,7 +20,7 @@ from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.remote import VERSION, Session, open_session
 from codra_dsl.runtime.remote.json_lines import line_of, message_of
-from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, Field
+from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, FieldType
 from codra_dsl.runtime.remote.session import MAX_LOOKING_DECISIONS
 from codra_dsl.runtime.replay import replay
 from tests.runtime.door import MODEL, Door, Manager, started
@@ -354,13 +354,13 @@ anything = some.recursive(
     max_leaves=5,
 )
 fitting = {
-    Field.TEXT: some.sampled_from(["open", "near", "localized", "drive", "open_door", "x"]),
-    Field.TEXTS: some.lists(some.sampled_from(["open", "near", "drive", "open_door", "x"]), max_size=3),
-    Field.INTEGER: some.integers(0, 4),
-    Field.NUMBER: some.floats(-10, 10),
-    Field.DURATION: some.floats(0, 10),
-    Field.TRUTH: some.booleans(),
-    Field.VALUE: some.booleans() | some.integers(-5, 5) | some.text(max_size=2),
+    FieldType.TEXT: some.sampled_from(["open", "near", "localized", "drive", "open_door", "x"]),
+    FieldType.TEXTS: some.lists(some.sampled_from(["open", "near", "drive", "open_door", "x"]), max_size=3),
+    FieldType.INTEGER: some.integers(0, 4),
+    FieldType.NUMBER: some.floats(-10, 10),
+    FieldType.DURATION: some.floats(0, 10),
+    FieldType.TRUTH: some.booleans(),
+    FieldType.VALUE: some.booleans() | some.integers(-5, 5) | some.text(max_size=2),
 }
 
 

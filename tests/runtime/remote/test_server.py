@@ -19,7 +19,7 @@ import pytest
 from codra_dsl.runtime import ContextManager, NotDeclaredError, NotOfTypeError, UnknownNameError, WallClock
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.remote import MessageError, RemoteContext, Server
-from codra_dsl.runtime.remote.json_lines import LONGEST_LINE
+from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES
 from tests.runtime.door import GIVEN_NEAR, Door, Manager
 
 ROOT = Path(__file__).parents[3]
@@ -212,8 +212,10 @@ def test_a_line_without_end_ends_the_session(server: Server, codra: Manager) -> 
     with raw(server) as peer, peer.makefile("rb") as answers:
         peer.sendall(b'{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
         assert json.loads(answers.readline())["answer"] == {}
-        peer.sendall(b" " * (LONGEST_LINE + 1))
-        assert json.loads(answers.readline())["error"]["message"] == f"a message may have at most {LONGEST_LINE} bytes"
+        peer.sendall(b" " * (MAX_LINE_BYTES + 1))
+        assert (
+            json.loads(answers.readline())["error"]["message"] == f"a message may have at most {MAX_LINE_BYTES} bytes"
+        )
         assert answers.readline() == b""
     eventually(lambda: not codra.declared())
 

@@ -97,7 +97,7 @@ def test_a_condition_is_lost_when_it_first_fails() -> None:
     assert first_loss_s(A, history, 1, 9) == 3
     assert first_loss_s(A, history, 4, 9) == 5
     assert first_loss_s(A, history, 3, 9) == 3
-    assert first_loss_s(A, history, 3, 9, held_before=False) == 5
+    assert first_loss_s(A, history, 3, 9, has_held_before=False) == 5
     assert first_loss_s(A, history, 1, 2) is None
 
 

@@ -21,11 +21,11 @@ def create_declarations() -> tuple[Declarations, list[str]]:
 
 def test_a_variable_leaves_when_its_last_holder_removes_it() -> None:
     declarations, event_log = create_declarations()
-    declarations.hold("main", ["a", "b"])
-    declarations.hold("skill", ["b"])
-    declarations.hold("main", [])
+    declarations.declare_exactly("main", ["a", "b"])
+    declarations.declare_exactly("skill", ["b"])
+    declarations.declare_exactly("main", [])
     assert declarations.names() == {"b"}
-    declarations.hold("skill", [])
+    declarations.declare_exactly("skill", [])
     assert event_log == ["+a main", "+b main", "-a main", "-b skill"]
     assert "b" not in declarations
     assert declarations.holders() == ()
@@ -33,8 +33,8 @@ def test_a_variable_leaves_when_its_last_holder_removes_it() -> None:
 
 def test_a_variable_that_a_holder_keeps_does_not_leave_and_enter_again() -> None:
     declarations, event_log = create_declarations()
-    declarations.hold("main", ["a", "b"])
-    declarations.hold("main", (name for name in ("b", "c", "b")))
+    declarations.declare_exactly("main", ["a", "b"])
+    declarations.declare_exactly("main", (name for name in ("b", "c", "b")))
     assert event_log == ["+a main", "+b main", "+c main", "-a main"]
     assert declarations.names_of("main") == ("b", "c")
 
@@ -48,7 +48,7 @@ def test_the_declared_variables_are_the_union_over_all_holders(holds: list[tuple
     declarations, event_log = create_declarations()
     names_of_holders: dict[str, set[str]] = {}
     for holder, names in holds:
-        declarations.hold(holder, names)
+        declarations.declare_exactly(holder, names)
         names_of_holders[holder] = set(names)
         assert declarations.names() == set().union(*names_of_holders.values())
         entered_names = {event.split()[0][1:] for event in event_log}

@@ -153,7 +153,7 @@ def test_ticking_by_change_gives_the_same_as_ticking_at_every_instant(
 ) -> None:
     by_change = by_subject(events_of_story(seed))
     monkeypatch.setattr(components_module, "Forest", EveryTree)
-    monkeypatch.setattr(Observer, "_is_unsettled", lambda _: True)
+    monkeypatch.setattr(Observer, "_needs_another_tick", lambda _: True)
 
     assert by_change == by_subject(events_of_story(seed, is_often_ticked=True))
 

@@ -14,7 +14,7 @@ from codra_dsl.logic import Term, age, known, value
 from codra_dsl.runtime import ContextManager, ContextModel, EventLog, Journal, NotASourceError, SimClock
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.values.model import SkillModel, integer, member, real
-from codra_dsl.runtime.why import Missing, Why, explain
+from codra_dsl.runtime.why import MissingChange, Why, explain
 from tests.runtime.door import MODEL, Door
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, seen, started, takes, variable
 from tests.runtime.journal.journals import read, run_door
@@ -84,7 +84,7 @@ def test_the_preconditions_of_a_value_are_those_at_the_time_of_its_evidence() ->
     (way,) = why.ways
     (blocked,) = way.blocked_by
     assert (blocked.text, blocked.holds) == ("near", False)
-    assert why.missing == (Missing(variable="near", condition="near", value=True),)
+    assert why.missing == (MissingChange(variable="near", condition="near", value=True),)
 
 
 def test_looks_that_were_rejected_since_are_counted() -> None:
@@ -228,7 +228,7 @@ def test_every_algorithm_is_explained_and_the_one_with_the_fewest_changes_is_mis
         why = manager.why("a")
 
         assert [(way.algorithm, len(way.missing)) for way in why.ways] == [("eye", 2), ("ear", 1)]
-        assert why.missing == (Missing(variable="still", condition="value('still')", value=True),)
+        assert why.missing == (MissingChange(variable="still", condition="value('still')", value=True),)
 
 
 def test_an_observer_that_is_not_declared_is_missing_too() -> None:

@@ -19,8 +19,8 @@ _MAX_MARK_OFFSET_BYTES = 4096
 def create_locked_file(path: Path) -> BinaryIO:
     """Return a new, empty file at a path, locked for this program.
 
-    A finished journal at the path is replaced. An unfinished one is renamed to `NAME.unfinished-1.mcap`; if the program
-    that writes it is still running, the program continues to write to the renamed file.
+    A finished journal at the path is replaced. An unfinished journal is renamed to `NAME.unfinished-1.mcap`. If the
+    program that writes this journal is still running, it continues to write to the renamed file.
 
     Raises:
         OSError: if the file cannot be created, or the existing file is not a journal.
@@ -34,7 +34,7 @@ def create_locked_file(path: Path) -> BinaryIO:
             continue
         if _lock(stream) and _is_file_at(path, stream):
             return stream
-        stream.close()  # another program started at the same time and took this new file for an old journal
+        stream.close()  # another program started at the same time and treated this new file as an old journal
 
 
 def unlock(stream: BinaryIO) -> None:
@@ -101,8 +101,8 @@ def _is_replaceable(path: Path, old_file: BinaryIO) -> bool:
 
 def _rename_unfinished(path: Path) -> None:
     """Rename an unfinished journal, so that it is not overwritten when a program starts again with the same path."""
-    numbers = range(1, 1_000_000)
-    candidate_paths = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
+    suffix_numbers = range(1, 1_000_000)
+    candidate_paths = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in suffix_numbers)
     new_path = next(candidate_path for candidate_path in candidate_paths if not candidate_path.exists())
     path.rename(new_path)
     _LOGGER.warning("the journal %s was not finished; it was renamed to %s", path, new_path.name)
