@@ -29,7 +29,7 @@ SKILLS = (
 )
 """The skills of the mission: a spec must declare all of them."""
 
-DECIDES_ON = (
+DECISION_VARIABLES = (
     "robot_is_localized",
     *(
         f"{machine}_{property_name}"
@@ -41,17 +41,17 @@ DECIDES_ON = (
 )
 """The context-variables that the mission decides on. All of them are true or false."""
 
-TRIES = 2
+MAX_TRIES = 2
 """How often an action is tried before the mission gives up."""
 
 WAIT_S = 8.0
-"""How long the robot waits for observers after an action. It would take longer if the robot looked by itself."""
+"""How long the robot waits for observers after an action. A look by the robot itself would take longer."""
 
 _ROTOR_VARIABLES = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
 
 
 class MissionError(RuntimeError):
-    """The main execution cannot continue: an unrecoverable error of P1, section 4.1."""
+    """The main execution cannot continue. P1, section 4.1, calls this an unrecoverable error."""
 
 
 class Expect(StrEnum):
@@ -82,7 +82,7 @@ class Mission:
 
         Args:
             robot: the robot's body.
-            perception: looks for a value that context does not have.
+            perception: looks for a value if context does not know the value.
             codra: the context. If it knows no value at all, the robot looks for every decision, as in P1 without
                 observers.
             clock: the clock with which the mission waits.
@@ -94,7 +94,7 @@ class Mission:
         self._perception = perception
         self._codra = codra
         self._clock = clock
-        self._expecting = expect
+        self._expect_mode = expect
         self._wait_s = wait_s
 
     def run_loop(self) -> None:
@@ -126,7 +126,7 @@ class Mission:
             raise MissionError(str(error)) from error
 
     def wait_beside(self, machine: str, until_s: float) -> None:
-        """Drive to a machine and open it, wait in front of it until an instant, and close it.
+        """Drive to a machine, open it, wait in front of it until an instant, and close it.
 
         Raises:
             MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
@@ -248,12 +248,12 @@ class Mission:
 
     def _act(self, skill: ActingSkill, action: Callable[[], None], variable: str, *, goal: bool) -> None:
         """Act, then check with evidence from after the action whether the action reached its goal."""
-        for _ in range(TRIES):
+        for _ in range(MAX_TRIES):
             with skill.acting():
                 action()
             if self._decide(variable, since_s=self._clock.now_s(), wait_up_to_s=self._wait_s) == goal:
                 return
-        raise MissionError(f"{variable} is not {str(goal).lower()} after {TRIES} tries")
+        raise MissionError(f"{variable} is not {str(goal).lower()} after {MAX_TRIES} tries")
 
     def _decide(self, variable: str, since_s: float = float("-inf"), wait_up_to_s: float = 0.0) -> bool:
         """Return the answer to a yes-or-no decision from context, or from a look if context has no answer."""
@@ -270,11 +270,11 @@ class Mission:
                 raise MissionError(f"{variable} is false where it must be true")
 
     def _expect(self, *skills: str) -> None:
-        if self._expecting is Expect.ONE_AHEAD:
+        if self._expect_mode is Expect.ONE_AHEAD:
             self._codra.expect(*skills)
 
     def _localize(self) -> None:
-        """Record whether the robot is localised, and localise it again if it is lost."""
+        """Record whether the robot is localised. If the robot is lost, localise it again."""
         self._codra.set("robot_is_localized", self._robot.is_localized())
         if not self._codra.decide("robot_is_localized", otherwise=self._robot.is_localized):
             self._robot.relocalize()

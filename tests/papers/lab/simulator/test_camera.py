@@ -18,7 +18,7 @@ from codra_papers.lab.perception.frame import Frame
 from codra_papers.lab.perception.layout import INTRINSICS, MACHINES, Part
 from codra_papers.lab.perception.tags import detect
 from codra_papers.lab.simulator import camera
-from codra_papers.lab.simulator.camera import ArmCamera, FrameSource, GreyFrameSource, exposure
+from codra_papers.lab.simulator.camera import ArmCamera, FrameSource, GreyFrameSource, exposed_states
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.laboratory import NOISE_GREYS
 from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
@@ -111,12 +111,12 @@ def test_pixels_cannot_be_written(source: FrameSource) -> None:
 
 
 def test_all_frames_of_the_process_are_counted(source: FrameSource) -> None:
-    before = camera.frames_rendered()
+    before = camera.drawn_frame_count()
 
     source.frame_at(1.0)
     source.frame_at(1.0)
 
-    assert camera.frames_rendered() == before + 1
+    assert camera.drawn_frame_count() == before + 1
 
 
 def test_a_closed_camera_gives_no_frames_and_closes_again(source: FrameSource) -> None:
@@ -140,14 +140,14 @@ def test_the_robot_believes_its_camera_near_where_it_is(world: LabWorld, source:
 
 
 def test_a_frame_of_a_still_scene_is_one_exposure(world: LabWorld) -> None:
-    assert len(exposure(world, 1.0)) == 1
+    assert len(exposed_states(world, 1.0)) == 1
 
 
 def test_turning_blurs_a_frame(world: LabWorld, source: FrameSource) -> None:
     x_m, y_m, heading_rad = world.state(1.0).base
     world.schedule(2.0, [world.moves_to(2.0, Quantity.BASE, (x_m, y_m, heading_rad + 1.0), 1.0)])
 
-    assert len(exposure(world, 2.3)) > 2
+    assert len(exposed_states(world, 2.3)) > 2
     assert detail(source.frame_at(2.3)) < 0.6 * detail(source.frame_at(1.9))
 
 
@@ -166,7 +166,7 @@ def test_a_move_slower_than_a_pixel_does_not_blur(world: LabWorld) -> None:
     x_m, y_m, heading_rad = world.state(1.0).base
     world.schedule(2.0, [world.moves_to(2.0, Quantity.BASE, (x_m, y_m + 0.05, heading_rad), 60.0)])
 
-    assert len(exposure(world, 32.0)) == 1
+    assert len(exposed_states(world, 32.0)) == 1
 
 
 def test_every_body_on_a_line_of_sight_through_the_picture_is_drawn(world: LabWorld) -> None:

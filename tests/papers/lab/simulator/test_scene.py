@@ -153,7 +153,7 @@ def test_a_backend_that_drew_for_another_process_is_not_tried_again() -> None:
     program = """
 import os
 from codra_papers.lab.simulator import gl
-gl.rely_on("osmesa")
+gl.use_backend("osmesa")
 print(gl.choose_backend(), os.environ["MUJOCO_GL"])
 """
 
