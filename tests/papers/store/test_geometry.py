@@ -73,7 +73,7 @@ def touches(shapes: list[Box | Disc], point: Point) -> bool:
 @given(boxes, boxes)
 def test_rectangles_overlap_if_a_point_of_a_fine_grid_lies_in_both(one: Box, other: Box) -> None:
     shares = np.linspace(-0.499, 0.499, 41)
-    grid = [one.centre.out(a * one.length_m, b * one.width_m) for a in shares for b in shares]
+    grid = [one.centre.point_at(a * one.length_m, b * one.width_m) for a in shares for b in shares]
 
     if any(holds(other, point) for point in grid):
         assert one.overlaps(other)
@@ -98,7 +98,7 @@ def test_the_distance_to_a_rectangle_is_that_to_the_nearest_point_of_its_edges(b
 
 @given(poses, st.tuples(coordinates, coordinates))
 def test_seen_from_here_is_the_inverse_of_out(pose: Pose2D, point: Point) -> None:
-    back = pose.out(*pose.seen_from_here(point))
+    back = pose.point_at(*pose.relative_point(point))
 
     assert hypot(back[0] - point[0], back[1] - point[1]) < 1e-9
 

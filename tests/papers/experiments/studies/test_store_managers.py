@@ -215,8 +215,8 @@ def test_the_result_of_thresholds_lies_within_their_bounds(
     }
     complete_scene = {name: Observation(variable=name, value=value) for name, value in values.items()}
     partial_scene = {
-        name: Observation(variable=name) if name in unknown else observation
-        for name, observation in complete_scene.items()
+        name: Observation(variable=name) if name in unknown else observation_poses
+        for name, observation_poses in complete_scene.items()
     }
 
     known, bounded = assess(TUNED, complete_scene).metrics.outputs, assess(TUNED, partial_scene).metrics.outputs

@@ -15,7 +15,7 @@ from codra_papers.store.body import Side, Way
 from codra_papers.store.geometry import Point, Pose2D
 from codra_papers.store.knowledge import floor_pose_of, pose_of, store_knowledge
 from codra_papers.store.layout import AREAS, DOCK, ROW_WIDTH_M, ROWS_WEST_M, START, approach_to, robot_at
-from codra_papers.store.simulator.people import crossing
+from codra_papers.store.simulator.people import new_visitor
 from codra_papers.store.simulator.state import Container
 from codra_papers.store.simulator.world import Beginning, StoreWorld
 
@@ -47,7 +47,7 @@ class Bench:
         return self.knowledge.snapshot().handover(task)
 
     def let_in(self, at_m: Point) -> None:
-        self.world.add_person(crossing(at_m, [at_m], 1, at_m))
+        self.world.add_person(new_visitor(at_m, [at_m], 1, at_m))
 
     def pose_on_floor(self, name: str) -> Pose2D:
         return floor_pose_of(self.knowledge.transform("world", name).pose)
@@ -63,7 +63,7 @@ def test_the_pose_in_the_graph_is_the_believed_one_and_near_the_true_one() -> No
     bench.clock.sleep(5.0)
     spread = bench.knowledge.get("robot", "pose_spread").value
 
-    assert bench.pose_on_floor("robot").distance_m(bench.world.body.believed()) < 0.12
+    assert bench.pose_on_floor("robot").distance_m(bench.world.body.believed_pose()) < 0.12
     assert bench.pose_on_floor("robot").distance_m(bench.world.state().robot.at) < 4 * spread + 0.12
 
 
@@ -95,7 +95,7 @@ def test_a_person_in_view_has_a_node_a_pose_and_is_near_or_not(at_m: Point, is_n
 
 def test_a_person_who_has_gone_is_forgotten() -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
-    bench.world.add_person(crossing((8.2, 8.0), [(8.2, 8.0)], 3, (8.2, 13.9)))
+    bench.world.add_person(new_visitor((8.2, 8.0), [(8.2, 8.0)], 3, (8.2, 13.9)))
     bench.clock.sleep(2.0)
     assert len(bench.knowledge.snapshot().nodes("person")) == 1
     bench.world.body.turn(pi, lambda _: None)
@@ -111,7 +111,7 @@ def test_a_person_outside_the_cameras_view_is_followed_by_lasers_until_gone(
 ) -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
     aside_m = (beside_m[0], 5.0)
-    bench.world.add_person(crossing((beside_m[0], 8.0), [beside_m, beside_m, beside_m, beside_m], 4, aside_m))
+    bench.world.add_person(new_visitor((beside_m[0], 8.0), [beside_m, beside_m, beside_m, beside_m], 4, aside_m))
     distances_m: list[float] = []
     bench.knowledge.follow("robot", "person_distance", lambda r: distances_m.append(r.value) if r.known else None)
     bench.clock.sleep(4.5)
@@ -133,7 +133,7 @@ def test_a_person_behind_a_shelf_is_not_seen() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_container_in_sight_is_detected_at_its_place(seed: int) -> None:
-    bench = Bench(AREA.observation[0], containers=(box(),), seed=seed)
+    bench = Bench(AREA.observation_poses[0], containers=(box(),), seed=seed)
     assert bench.done("detecting").result == "found"
     (node,) = bench.knowledge.snapshot().nodes("roll_container")
 
@@ -145,8 +145,8 @@ def test_a_container_in_sight_is_detected_at_its_place(seed: int) -> None:
 def test_a_hidden_container_is_detected_from_the_second_pose_only() -> None:
     hidden = box(AREA.places[1])
 
-    assert Bench(AREA.observation[0], containers=(hidden,)).done("detecting").result == "lost"
-    assert Bench(AREA.observation[1], containers=(hidden,)).done("detecting").result == "found"
+    assert Bench(AREA.observation_poses[0], containers=(hidden,)).done("detecting").result == "lost"
+    assert Bench(AREA.observation_poses[1], containers=(hidden,)).done("detecting").result == "found"
 
 
 def test_a_container_that_was_taken_away_is_forgotten_at_the_next_look() -> None:
@@ -168,7 +168,7 @@ def test_the_wheels_give_the_pose_of_a_container_to_three_centimetres(aside_m: f
         poses.append(container_behind(bench.world.body.scan(Side.BACK)))
     robot = bench.world.state().robot.at
     errors_m = [
-        hypot(x - PLACE.x_m, y - PLACE.y_m) for pose in poses if pose for x, y in [robot.out(pose.x_m, pose.y_m)]
+        hypot(x - PLACE.x_m, y - PLACE.y_m) for pose in poses if pose for x, y in [robot.point_at(pose.x_m, pose.y_m)]
     ]
 
     assert len(errors_m) >= 8
@@ -190,7 +190,7 @@ def test_turning_ends_with_the_fork_where_the_front_was() -> None:
 
 def test_next_to_a_person_turning_is_refused() -> None:
     bench = Bench(START)
-    bench.let_in(START.out(-0.3, 0.7))
+    bench.let_in(START.point_at(-0.3, 0.7))
     bench.clock.sleep(0.5)
 
     assert bench.done("rotating").result == "blocked"
@@ -199,12 +199,12 @@ def test_next_to_a_person_turning_is_refused() -> None:
 
 def test_navigation_arrives_with_the_heading_that_was_asked_for() -> None:
     bench = Bench(START)
-    bench.aim(AREA.observation[1])
+    bench.aim(AREA.observation_poses[1])
     assert bench.done("navigating").result == "arrived"
     robot = bench.world.state().robot.at
 
-    assert robot.distance_m(AREA.observation[1]) < 0.08
-    assert abs(robot.turned(-AREA.observation[1].heading_rad).heading_rad) < 0.06
+    assert robot.distance_m(AREA.observation_poses[1]) < 0.08
+    assert abs(robot.turned(-AREA.observation_poses[1].heading_rad).heading_rad) < 0.06
 
 
 def test_navigation_reports_an_unreachable_goal() -> None:
@@ -217,7 +217,7 @@ def test_navigation_reports_an_unreachable_goal() -> None:
 def test_navigation_goes_another_way_around_a_person_who_stays() -> None:
     bench = Bench(START)
     bench.let_in((8.2, 5.0))
-    bench.aim(AREAS["area_2"].observation[1])
+    bench.aim(AREAS["area_2"].observation_poses[1])
     path: list[Point] = []
     bench.world.watch(lambda state: path.append(state.robot.at.point_m))
 
@@ -237,7 +237,7 @@ def test_navigation_gives_up_backwards_when_a_person_is_behind() -> None:
 
 def test_navigation_leaves_a_place_where_a_person_is_too_near_to_turn() -> None:
     bench = Bench(START)
-    bench.let_in(START.out(-0.3, 0.7))
+    bench.let_in(START.point_at(-0.3, 0.7))
     bench.aim(Pose2D(11.8, 2.0, 0.0))
 
     assert bench.done("navigating").result == "arrived"
@@ -247,12 +247,12 @@ def test_navigation_leaves_a_place_where_a_person_is_too_near_to_turn() -> None:
 def test_after_a_bump_backwards_the_robot_draws_back_reports_it_and_can_drive_again() -> None:
     """Behind the robot, the lasers keep the lane of the fork free, but the body is broader than this lane."""
     bench = Bench(ASIDE)
-    bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
+    bench.aim(ASIDE.pose_ahead(-1.6), Way.BACKWARD)
     assert bench.done("navigating").result == "bumped"
     ((_, event),) = bench.world.events
     assert event == "the robot bumped into a shelf"
     assert bench.world.state().robot.at.x_m > SHELF_X_M + 0.45
-    bench.aim(AREA.observation[1])
+    bench.aim(AREA.observation_poses[1])
 
     assert bench.done("navigating").result == "arrived"
 
@@ -268,7 +268,7 @@ def test_backwards_navigation_stops_before_obstacles_outside_of_container_places
 
 def bench_after_aborted_bump() -> Bench:
     bench = Bench(ASIDE)
-    bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
+    bench.aim(ASIDE.pose_ahead(-1.6), Way.BACKWARD)
     bench.picking.request("navigating")
     bench.clock.wait_until(bench.world.body.is_bumped, 60.0)
     request = bench.knowledge.snapshot().handover("navigating").request
@@ -287,7 +287,7 @@ def test_after_a_bump_the_robot_draws_back_even_if_the_task_is_aborted() -> None
 
 def test_a_request_right_after_a_bump_draws_back_first_and_arrives() -> None:
     bench = bench_after_aborted_bump()
-    bench.aim(AREA.observation[1])
+    bench.aim(AREA.observation_poses[1])
 
     assert bench.done("navigating").result == "arrived"
     assert len(bench.world.events) == 1
@@ -300,7 +300,7 @@ def test_no_point_of_the_robot_goes_faster_than_the_maximum_speed_of_the_graph()
     fastest: list[float] = []
     bench.world.watch(lambda state: straight.append(state.robot.speed_m_s))
     bench.world.watch(lambda state: fastest.append(state.robot.surface_speed_m_s()))
-    bench.aim(AREAS["area_2"].observation[0])
+    bench.aim(AREAS["area_2"].observation_poses[0])
     assert bench.done("navigating").result == "arrived"
 
     assert max(straight) == pytest.approx(0.3)
@@ -322,7 +322,7 @@ def test_a_person_outside_all_camera_views_reduces_the_gap(at_m: Point, gap_m: f
 
 @pytest.mark.parametrize("name", [*AREAS, "start"])
 def test_shelves_walls_and_containers_in_their_places_are_not_strange(name: str) -> None:
-    poses = [*AREAS[name].observation, AREAS[name].approach] if name in AREAS else [START]
+    poses = [*AREAS[name].observation_poses, AREAS[name].approach] if name in AREAS else [START]
     containers = [box(place) for place in AREAS[name].places[:1]] if name in AREAS else []
     for robot_pose in poses:
         bench = Bench(robot_pose, containers=tuple(containers))
@@ -338,16 +338,16 @@ def test_a_lifted_container_moves_with_the_robot_in_the_graph_until_it_is_set_do
     bench.aim(robot_at(PLACE), Way.BACKWARD)
     assert bench.done("navigating").result == "arrived"
     assert bench.done("lifting").result == "lifted"
-    (carried,) = bench.knowledge.snapshot().edges("carries", origin="robot")
-    assert bench.knowledge.snapshot().parent(carried.target) == "robot"
+    (carried_container,) = bench.knowledge.snapshot().edges("carries", origin="robot")
+    assert bench.knowledge.snapshot().parent(carried_container.target) == "robot"
     bench.aim(Pose2D(4.6, 11.0, pi / 2))
     assert bench.done("navigating").result == "arrived"
     assert bench.done("lowering").result == "lowered"
     snapshot = bench.knowledge.snapshot()
 
-    assert snapshot.parent(carried.target) == "world"
+    assert snapshot.parent(carried_container.target) == "world"
     assert snapshot.edges("carries") == ()
-    assert bench.pose_on_floor(carried.target).distance_m(bench.world.state().containers[0].at) < 0.25
+    assert bench.pose_on_floor(carried_container.target).distance_m(bench.world.state().containers[0].at) < 0.25
 
 
 def test_an_empty_lift_is_reported() -> None:
@@ -360,7 +360,7 @@ def test_an_empty_lift_is_reported() -> None:
 TASKS: dict[str, Callable[[], Bench]] = {
     "navigating": lambda: Bench(START),
     "rotating": lambda: Bench(START),
-    "detecting": lambda: Bench(AREA.observation[0], containers=(box(),)),
+    "detecting": lambda: Bench(AREA.observation_poses[0], containers=(box(),)),
     "checking": lambda: Bench(approach_to(PLACE), containers=(box(),)),
     "lifting": lambda: Bench(robot_at(PLACE), containers=(box(),)),
     "lowering": lambda: Bench(robot_at(PLACE), containers=(box(),)),
@@ -371,7 +371,7 @@ TASKS: dict[str, Callable[[], Bench]] = {
 @pytest.mark.parametrize("after_s", [0.0, 0.05, 0.7])
 def test_an_aborted_task_stops_and_can_be_requested_again(task: str, after_s: float) -> None:
     bench = TASKS[task]()
-    bench.aim(AREAS["area_2"].observation[0])
+    bench.aim(AREAS["area_2"].observation_poses[0])
     request = bench.picking.request(task)
     bench.clock.sleep(after_s)
     bench.picking.abort(request)
@@ -400,7 +400,7 @@ def test_a_task_requested_again_in_the_instant_of_its_abort_is_executed_again() 
 def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stops() -> None:
     bench = Bench(DOCK)
     bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.05)
-    bench.aim(AREAS["area_4"].observation[1])
+    bench.aim(AREAS["area_4"].observation_poses[1])
     handover = bench.done("navigating")
     bench.clock.sleep(1.0)
 

@@ -161,7 +161,7 @@ def read_everything(store: Store) -> None:
     for variable in ("person_distance", "front_gap", "speed"):
         knowledge.follow("robot", variable, lambda _: None)
     knowledge.subscribe(lambda change: change.snapshot.nodes(), path(some("person"), "near", "robot"))
-    store.world.watch(lambda _: (body.look(), body.believed(), body.battery_percent()))
+    store.world.watch(lambda _: (body.look(), body.believed_pose(), body.battery_percent()))
 
 
 def test_more_readers_do_not_change_the_run() -> None:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from codra_dsl.runtime import SimClock
 from codra_papers.store.body import Lift, Outcome, Side, Way
 from codra_papers.store.geometry import Disc, Point, Pose2D
-from codra_papers.store.layout import AREAS, DOCK, FIXED, START, robot_at
-from codra_papers.store.simulator.people import Person, crossing, shopper
+from codra_papers.store.layout import AREAS, DOCK, FIXED_BOXES, START, robot_at
+from codra_papers.store.simulator.people import Person, new_shopper, new_visitor
 from codra_papers.store.simulator.situations import Situation, StoreSettings, beginning
 from codra_papers.store.simulator.state import Container, StoreState, Whereabouts
 from codra_papers.store.simulator.truth import Judge, Score, is_unsafe, nearest_person_m
@@ -33,7 +33,7 @@ def opened(
 
 
 def resting_person(at_m: Point) -> Person:
-    return crossing(at_m, [at_m], 1, at_m)
+    return new_visitor(at_m, [at_m], 1, at_m)
 
 
 drives = st.tuples(
@@ -57,7 +57,7 @@ def test_under_all_commands_the_robot_hits_no_body_and_no_container_is_lost(comm
         clock.sleep(wait_s)
 
     for state in states:
-        assert not any(part.overlaps(box) for part in state.footprint() for box in FIXED)
+        assert not any(part.overlaps(box) for part in state.footprint() for box in FIXED_BOXES)
         assert sorted(container.name for container in state.containers) == sorted(
             container.name for container in begun.containers
         )
@@ -69,7 +69,7 @@ def test_under_all_commands_the_robot_hits_no_body_and_no_container_is_lost(comm
 def test_the_battery_only_falls_while_the_robot_drives(names: list[str]) -> None:
     clock, world, states = opened(level=50.0)
     for name in names:
-        goal = START if name == "start" else AREAS[name].observation[0]
+        goal = START if name == "start" else AREAS[name].observation_poses[0]
         world.body.drive([goal.point_m], Way.FORWARD, lambda _: None)
         clock.sleep(12)
     levels = [state.robot.battery_percent for state in states]
@@ -111,7 +111,7 @@ def test_a_bump_into_a_person_outside_all_laser_views_is_counted() -> None:
     outcomes: list[Outcome] = []
     world.body.drive([(8.2, 9.0)], Way.FORWARD, outcomes.append)
     clock.sleep(5)
-    x_m, y_m = world.state().robot.at.out(0.75)
+    x_m, y_m = world.state().robot.at.point_at(0.75)
     world.add_person(resting_person((x_m, y_m)))
     clock.sleep(2)
 
@@ -134,7 +134,7 @@ def test_no_motion_touches_a_person_beside_the_fork_with_only_the_near_side_in_v
 ) -> None:
     """Backing up would move the body into the person; a curve or a turn would move the fork."""
     at = Pose2D(4.6, 8.6, pi / 2)
-    clock, world, _ = opened(at=at, people=(resting_person(at.out(-0.29, beside_m)),))
+    clock, world, _ = opened(at=at, people=(resting_person(at.point_at(-0.29, beside_m)),))
     getattr(world.body, command)(*values, lambda _: None)
     clock.sleep(6)
 
@@ -142,7 +142,7 @@ def test_no_motion_touches_a_person_beside_the_fork_with_only_the_near_side_in_v
 
 
 def test_people_stop_before_the_robot_and_finally_turn_back() -> None:
-    walker = crossing((8.2, 6.0), [(8.2, 0.5)], 1, (8.2, 0.5))
+    walker = new_visitor((8.2, 6.0), [(8.2, 0.5)], 1, (8.2, 0.5))
     clock, _, states = opened(people=(walker,))
     clock.sleep(30)
 
@@ -151,8 +151,8 @@ def test_people_stop_before_the_robot_and_finally_turn_back() -> None:
 
 
 def test_one_more_person_does_not_change_the_others() -> None:
-    alone_clock, _, alone = opened(people=(shopper(5, 0),))
-    many_clock, _, many = opened(people=(shopper(5, 0), shopper(5, 1), shopper(5, 2)))
+    alone_clock, _, alone = opened(people=(new_shopper(5, 0),))
+    many_clock, _, many = opened(people=(new_shopper(5, 0), new_shopper(5, 1), new_shopper(5, 2)))
     alone_clock.sleep(60)
     many_clock.sleep(60)
 
@@ -161,13 +161,13 @@ def test_one_more_person_does_not_change_the_others() -> None:
 
 
 def test_people_never_walk_through_shelves() -> None:
-    clock, _, states = opened(at=DOCK, people=tuple(shopper(seed, seed) for seed in range(4)))
+    clock, _, states = opened(at=DOCK, people=tuple(new_shopper(seed, seed) for seed in range(4)))
     clock.sleep(240)
     inside = [
         (state.instant_s, name)
         for state in states
         for name, at_m in state.people_m
-        if min(box.distance_m(at_m) for box in FIXED) < 0.2
+        if min(box.distance_m(at_m) for box in FIXED_BOXES) < 0.2
     ]
 
     assert inside == []
@@ -195,7 +195,7 @@ def test_a_carried_container_moves_along_and_stays_where_it_is_set_down() -> Non
     (box,) = world.state().containers
 
     assert box.where is Whereabouts.FLOOR
-    assert box.at.distance_m(world.state().robot.at.ahead(-0.4)) < 1e-6
+    assert box.at.distance_m(world.state().robot.at.pose_ahead(-0.4)) < 1e-6
     assert box.at.x_m > PLACE.x_m + 1.4
 
 
@@ -239,8 +239,10 @@ def test_the_robot_drives_no_faster_than_its_maximum_speed() -> None:
 
 
 def test_reading_sensors_does_not_change_their_values() -> None:
-    asked_clock, asked, asked_states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
-    clock, world, states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
+    asked_clock, asked, asked_states = opened(
+        people=(new_shopper(5, 0),), containers=(Container(name="box", at=PLACE),)
+    )
+    clock, world, states = opened(people=(new_shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
     for shop in (asked, world):
         shop.body.drive([(8.2, 9.0)], Way.FORWARD, lambda _: None)
     looks = []
