@@ -13,7 +13,7 @@ from codra_papers.store.geometry import Disc, Pose2D
 from codra_papers.store.knowledge import named_floor_poses
 from codra_papers.store.layout import AREAS, CORRIDORS_X_M, DEPTH_M, FIXED_BOXES, LENGTH_M, PICKING_AREAS, START
 from codra_papers.store.routes import LANE_M, TURNING_ROOM_M, NoRouteError, clearance_m, has_room, route
-from codra_papers.store.simulator.sensors import SMALLEST_SHARE, visible_share
+from codra_papers.store.simulator.sensors import SMALLEST_VISIBLE_SHARE, visible_share
 from codra_papers.store.simulator.state import Container, RobotState, StoreState
 
 OPEN = sorted(name for name in named_floor_poses() if not name.endswith("_delivery"))
@@ -35,7 +35,7 @@ def test_from_each_observation_pose_one_of_the_places_is_in_sight(name: str, pos
         state = StoreState(step=0, instant_s=0.0, robot=robot, containers=(container,), people_m=())
         shares.append(visible_share(state, container.box()))
 
-    assert [share >= SMALLEST_SHARE for share in shares][pose] == seen[pose]
+    assert [share >= SMALLEST_VISIBLE_SHARE for share in shares][pose] == seen[pose]
     assert shares[1] == 0.0 if pose == 0 else shares[1] > 0.5
 
 

@@ -248,7 +248,7 @@ def test_a_trial_that_raises_is_named_and_its_traceback_is_in_a_file(tmp_path: P
 
 
 def test_missing_graphics_are_reported_before_a_trial_begins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gl, "_known", [])
+    monkeypatch.setattr(gl, "_known_backends", [])
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
 
