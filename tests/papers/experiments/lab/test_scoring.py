@@ -10,9 +10,11 @@ from codra_dsl.runtime.journal import Event, Kind
 from codra_papers.experiments.lab.scoring import Piece, held_pieces, overlaps, pieces, score
 
 
-def variable_event(instant_s: float, value: bool | None, source: str = "look", present: bool = True) -> Event:
-    what = "unknown" if value is None else "identified"
-    return Event(instant_s, Kind.VARIABLE, "open", what, {"value": value, "source": source, "present": present})
+def variable_event(instant_s: float, value: bool | None, source: str = "look", is_present: bool = True) -> Event:
+    event_name = "unknown" if value is None else "identified"
+    return Event(
+        instant_s, Kind.VARIABLE, "open", event_name, {"value": value, "source": source, "present": is_present}
+    )
 
 
 def record_of(*events: Event) -> EventLog:
@@ -26,11 +28,11 @@ def test_right_wrong_and_unknown_seconds_follow_from_held_values_and_the_truth()
     record = record_of(variable_event(2.0, True), variable_event(6.0, False), variable_event(9.0, None))
     truth = [Piece(0.0, 4.0, True), Piece(4.0, 10.0, False)]
 
-    result = score("open", held_pieces(record, ["open"], 10.0)["open"], truth, record)
+    variable_score = score("open", held_pieces(record, ["open"], 10.0)["open"], truth, record)
 
-    assert (result.right_s, result.wrong_s, result.unknown_s) == (5.0, 2.0, 3.0)
-    assert result.ratio == 5.0 / 7.0
-    assert (result.identified, result.first_s) == (2, 2.0)
+    assert (variable_score.right_s, variable_score.wrong_s, variable_score.unknown_s) == (5.0, 2.0, 3.0)
+    assert variable_score.ratio == 5.0 / 7.0
+    assert (variable_score.identified, variable_score.first_s) == (2, 2.0)
 
 
 def test_a_value_of_the_main_execution_is_held_but_does_not_count_as_identified_by_an_observer() -> None:
@@ -42,7 +44,7 @@ def test_a_value_of_the_main_execution_is_held_but_does_not_count_as_identified_
 
 
 def test_evidence_that_only_went_into_the_history_was_never_held() -> None:
-    record = record_of(variable_event(1.0, True, present=False))
+    record = record_of(variable_event(1.0, True, is_present=False))
 
     assert held_pieces(record, ["open"], 3.0)["open"] == (Piece(0.0, 3.0, None),)
 
