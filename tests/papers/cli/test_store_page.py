@@ -84,7 +84,7 @@ def copied_spec(folder: Path) -> Path:
     return Path(shutil.copy(ROOT / "specs/store.yaml", folder))
 
 
-def opened(browser: Browser, run: Run, **settings: Any) -> Page:
+def open_page(browser: Browser, run: Run, **settings: Any) -> Page:
     """Return the page as soon as it shows the robot's knowledge."""
     page = browser.new_page(**settings)
     page.goto(run.url)
@@ -93,7 +93,7 @@ def opened(browser: Browser, run: Run, **settings: Any) -> Page:
 
 
 def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.locator("#provide").get_by_label("To").select_option("Area 3")
     page.get_by_role("button", name="Request a container").click()
     expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
@@ -108,7 +108,7 @@ def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None
 
 
 def test_delivery_is_asked_for_and_the_robot_starts(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.get_by_role("button", name="Ask for delivery").click()
     navigating = page.locator("#tasks tr").filter(has_text="Navigating")
     expect(navigating).to_contain_text("under way for mission", timeout=1000 * TIMEOUT_S)
@@ -120,7 +120,7 @@ def test_delivery_is_asked_for_and_the_robot_starts(browser: Browser, run: Run) 
 
 
 def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.get_by_role("button", name="Ask for delivery").click()
     page.get_by_role("button", name="Take back order 1").click()
     expect(page.locator("#orders")).to_contain_text("cancelled", timeout=1000 * TIMEOUT_S)
@@ -132,7 +132,7 @@ def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
 
 
 def test_a_container_is_marked_full_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:
-    page, other_page = opened(browser, run), opened(browser, run, viewport={"width": 390, "height": 844})
+    page, other_page = open_page(browser, run), open_page(browser, run, viewport={"width": 390, "height": 844})
     full_button = page.get_by_role("button", name="Full")
     full_button.focus()
     page.keyboard.press("Enter")
@@ -151,7 +151,7 @@ def test_missing_parts_of_a_run_are_named_on_the_page(browser: Browser, tmp_path
     spec.write_text(spec.read_text("utf-8").partition("\nmetrics:\n")[0], "utf-8")
     run = Run(tmp_path, "--pace", "real", spec=spec.name)
     try:
-        page = opened(browser, run)
+        page = open_page(browser, run)
 
         expect(page.locator("#no-metrics")).to_have_text("No agent of this run computes metrics.")
         expect(page.locator("#parameters")).to_have_text("Maximum speedunknown (never observed)")
@@ -168,7 +168,7 @@ def test_a_refused_click_names_the_agent_with_the_permission(browser: Browser, t
     run = Run(tmp_path, "--pace", "real", spec="store.yaml")
     reason = "'robot.container_load' is for fork to write, not for 'picker_page'"
     try:
-        page = opened(browser, run)
+        page = open_page(browser, run)
         page.get_by_role("button", name="Full").click()
         expect(page.locator("#problem")).to_have_text(f"Refused (picker_page): {reason}")
         expect(page.locator("#refusals")).to_contain_text(f"picker_page: {reason}")
@@ -181,7 +181,7 @@ def test_a_refused_click_names_the_agent_with_the_permission(browser: Browser, t
 
 
 def test_the_page_of_an_ended_run_shows_that_it_is_outdated(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     assert run.interrupt()[0] == 130
 
     expect(page.locator("#connection")).to_have_text("No connection: the values shown are old. Trying again …")
@@ -190,7 +190,7 @@ def test_the_page_of_an_ended_run_shows_that_it_is_outdated(browser: Browser, ru
 
 
 def test_the_page_fits_any_screen_and_all_controls_have_names(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     for width in (320, 390, 1024, 1400):
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") == width
@@ -203,7 +203,7 @@ def test_the_page_fits_any_screen_and_all_controls_have_names(browser: Browser, 
 
 def test_an_interrupted_run_leaves_a_complete_journal_that_replays(browser: Browser, tmp_path: Path) -> None:
     run = Run(tmp_path, "--pace", "fast")
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.get_by_role("button", name="Request a container").click()
     expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
     expect(page.locator("#orders")).to_contain_text("open")

@@ -51,12 +51,12 @@ def test_a_route_leads_there_and_leaves_room_to_turn_all_along(start: str, goal:
 
 @pytest.mark.parametrize("name", AREAS)
 def test_from_a_recess_the_route_first_leads_straight_out(name: str) -> None:
-    inside = AREAS[name].delivery
-    points = route(inside, START)
+    delivery = AREAS[name].delivery
+    points = route(delivery, START)
 
-    assert inside.relative_point(points[0])[0] > 0.3
-    assert abs(inside.relative_point(points[0])[1]) < 1e-9
-    assert has_room(inside.point_m, points[0], LANE_M)
+    assert delivery.relative_point(points[0])[0] > 0.3
+    assert abs(delivery.relative_point(points[0])[1]) < 1e-9
+    assert has_room(delivery.point_m, points[0], LANE_M)
 
 
 def test_a_route_goes_around_places_to_avoid() -> None:
