@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 OBSERVERS_PER_CHAIN = 10
-"""The number of observers of a chain, each of which waits for the previous one."""
+"""The number of observers of a chain. Each of them waits for the previous observer."""
 
 WRITTEN_PER_CHAIN = 2
 """The number of variables of a chain that the main execution writes."""

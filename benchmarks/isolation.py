@@ -1,4 +1,4 @@
-"""The effect of a misbehaving perception process on other algorithms: the 99th percentile of their lateness.
+"""The effect of a misbehaving perception process on other algorithms: the 99th percentile of their jobs' lateness.
 
 The peer is the same robot without this process, plus 100 ms. `python benchmarks/isolation.py SPEC_FOLDER NAME` runs
 one such robot.

@@ -48,10 +48,10 @@ _READY_GAZES: Mapping[str, Gaze] = MappingProxyType(
 )
 """Gazes to which the arm returns after it touched a machine, in the machine's base frame.
 
-The camera is then so close that an open lid of the large machine is out of view."""
+The camera is then so close that an open lid of the centrifuge is out of view."""
 
 DECK_GAZE: Gaze = (0.05, 0.175, 0.57, 0.34, 0.175, 0.164)
-"""The gaze down on the robot's own deck, to put a tray there or take it, in the robot's base frame."""
+"""The gaze down on the robot's own deck, to put a tray on it or to take the tray, in the robot's base frame."""
 
 _STAND_OFF_M = 0.16
 """Distance of the hand from a part before the hand grips the part, and after the hand has released the part."""

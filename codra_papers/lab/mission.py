@@ -83,7 +83,7 @@ class Mission:
         Args:
             robot: the robot's body.
             perception: looks for a value if context does not know the value.
-            codra: the context. If it knows no value at all, the robot looks for every decision, as in P1 without
+            codra: the context. If context knows no value at all, the robot looks for every decision, as in P1 without
                 observers.
             clock: the clock with which the mission waits.
             expect: whether the mission announces the next skill in advance.
@@ -101,7 +101,7 @@ class Mission:
         """Process one batch of samples, from the centrifuge through the PCR-cycler and back.
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
             self._process_a_batch()
@@ -113,7 +113,7 @@ class Mission:
         """Drive to a machine, then several times unlock, open, close and lock the machine (P1, section 4.2).
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
             self._drive_to(machine)
@@ -129,7 +129,7 @@ class Mission:
         """Drive to a machine, open it, wait in front of it until an instant, and close it.
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
             self._drive_to(machine)
@@ -160,7 +160,7 @@ class Mission:
         robot checks whether the action reached its goal (situation monitoring).
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
             OutOfReachError: the machine is too far away.
         """
         self._unlock(machine)
@@ -170,7 +170,7 @@ class Mission:
         """Close and lock a machine within reach. As in `open_machine`, this takes four perception tasks.
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
             OutOfReachError: the machine is too far away.
         """
         self._close(machine)

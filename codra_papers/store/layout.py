@@ -1,8 +1,8 @@
 """The shop: 20 m by 15 m, shelves with corridors of 2 m between them (P2, section 6), and the named poses.
 
-Five rows of shelves run from 4 m to 13 m north; in front of them is an open zone. A picking area is a recess in a row
-for roll containers, open to the corridor east of it. From the first observation pose of an area, the shelf hides the
-southern end of the recess. From the second pose, this end is in sight (P2, Figure 8).
+Five rows of shelves run from 4 m to 13 m north; in front of them is an open zone. A picking area is a recess for roll
+containers in a row. The recess is open to the corridor east of the row. From the first observation pose of an area, the
+shelf hides the southern end of the recess. From the second pose, this end is in sight (P2, Figure 8).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CORRIDORS_X_M = (1.0, 4.6, 8.2, 11.8, 15.4, 19.0)
 """The middles of the corridors between the rows."""
 
 FRONT_Y_M, BACK_Y_M = 2.0, 14.0
-"""The middles of the ways in front of the rows and behind them."""
+"""The middles of the ways in front of the rows and behind the rows."""
 
 CONTAINER_M = 0.7
 """The length and width of a roll container."""
@@ -41,7 +41,7 @@ REACH_M = 0.83
 """Distance of the robot's farthest corner from its axle. The robot turns about the axle."""
 
 FORK_M = 0.4
-"""How far the middle of the fork, and of a container on it, is behind the robot's axle."""
+"""How far the middle of the fork, and of a container on the fork, is behind the robot's axle."""
 
 DEPTH_OF_PLACE_M = 1.0
 """Depth of a container's middle in a recess."""

@@ -50,7 +50,7 @@ def is_strange(points_m: Floats, robot: Pose2D, containers_m: Sequence[Point]) -
 
 
 def bodies_m(scan: Scan) -> Floats:
-    """Return, for each laser point, the middle of a body that would cause the point; shape (points, 2)."""
+    """Return, for each laser point, the middle of a body that the ray would hit at this point; shape (points, 2)."""
     points = scan.points_m()
     directions = points - (scan.mount.x_m, scan.mount.y_m)
     middles: Floats = points + PERSON_M * directions / np.maximum(

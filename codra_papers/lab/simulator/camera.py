@@ -106,7 +106,7 @@ class ArmCamera:
         return self._frames.frame_at(self._clock.now_s())
 
     def processing_s(self, mean_s: float) -> float:
-        """Return the duration of work that the camera's computer begins now, given its mean duration."""
+        """Return the duration of work that the camera's computer begins now, given the mean duration of such work."""
         return self._frames.computer.processing_s(self._clock.now_s(), mean_s)
 
 

@@ -145,8 +145,9 @@ class _Track:
     def at(self, t_s: float) -> Values:
         """Return the values at an instant.
 
-        A move has no effect on the values at its start instant, but right after this instant. So the frame of an
-        instant is the same whether a move that starts at this instant is scheduled before or after the frame is taken.
+        A move has no effect on the values at its start instant. Its effect begins right after this instant. So the
+        frame of an instant is the same whether a move that starts at this instant is scheduled before or after the
+        frame is taken.
         """
         index = bisect_left(self.starts_s, t_s)
         return self.segments[index - 1].at(t_s) if index else self.initial

@@ -1,4 +1,4 @@
-"""P2's ContainerDetectionAgent: it detects roll containers and their poses when `robot -wants-> detecting`."""
+"""P2's ContainerDetectionAgent: on request (`robot -wants-> detecting`), it detects roll containers and their poses."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ class Mission:
         return next(match.target for match in self._knowledge.snapshot().edges(edge, origin=self._taken_order))
 
     def _set_aside(self) -> bool:
-        """Set the order aside. The leaf fails if no order is taken, or if its container is already on the fork."""
+        """Set the order aside. The leaf fails if no order is taken, or if the container is already on the fork."""
         if not self._taken_order or self._is_loaded():
             return False
         self._orders_aside.add(self._taken_order)
@@ -142,7 +142,7 @@ class Mission:
         return True
 
     def _complete(self, ports: Ports) -> bool:
-        """Close the order after its container was set down: as `done` if this was at its target, else as `aborted`."""
+        """Close the order after its container was set down: at the order's target as `done`, elsewhere as `aborted`."""
         if self._taken_order:
             is_at_target = ports.text("at") == f"{self._area_of_order('to_area')}_delivery"
             self._close(self._taken_order, "done" if is_at_target else "aborted")

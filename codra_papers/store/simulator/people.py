@@ -89,7 +89,7 @@ class Person:
         return gap_m >= KEEP_OFF_M or gap_m >= distance_to_robot_m(self.at_m)
 
     def _sidestep(self, step_m: float, distance_to_robot_m: Callable[[Point], float]) -> Point | None:
-        """Return a step past the robot that leads nearer to the goal, and not into a shelf; None if there is none."""
+        """Return a step past the robot that leads nearer to the goal, and not into a shelf; None if no step does."""
         way_rad = atan2(self._goal[1] - self.at_m[1], self._goal[0] - self.at_m[0])
         for turn_rad in SIDESTEP_ANGLES_RAD:
             next_point = (

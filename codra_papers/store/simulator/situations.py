@@ -81,7 +81,7 @@ class StoreSettings:
 
 
 def beginning(settings: StoreSettings) -> Beginning:
-    """Return the shop when it opens, with a container at the supply, one in the back room, and often one to collect."""
+    """Return the shop when it opens: with containers at the supply, in the back room and, mostly, in the area."""
     places = PICKING_AREAS[settings.area].places
     first_places = {
         Situation.ORDINARY: places[0],

@@ -64,7 +64,7 @@ class RobotState:
     """The robot's body.
 
     Attributes:
-        at: the pose of its axle.
+        at: the pose of the robot's axle.
         turn_rate_rad_s: the turn rate, positive counter-clockwise.
         is_fork_up: whether the fork is raised.
         bumped_s: when a bumper was last touched.
