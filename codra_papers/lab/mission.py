@@ -104,7 +104,7 @@ class Mission:
             MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
-            self._process_a_batch()
+            self._process_batch()
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
         self.loops += 1
@@ -139,7 +139,7 @@ class Mission:
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
 
-    def _process_a_batch(self) -> None:
+    def _process_batch(self) -> None:
         self._visit(CENTRIFUGE, self._take_from_centrifuge)
         self._visit(PCR_CYCLER, lambda: self._bring_samples(PCR_CYCLER))
         self._clock.sleep(self._robot.laboratory.amplification_s)

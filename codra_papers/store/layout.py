@@ -158,12 +158,12 @@ def _row(row: int) -> list[Box]:
 
 
 def _walls() -> tuple[Box, ...]:
-    t = 0.2
+    thickness_m = 0.2
     return (
-        Box.between(-t, -t, LENGTH_M + t, 0.0),
-        Box.between(-t, DEPTH_M, LENGTH_M + t, DEPTH_M + t),
-        Box.between(-t, 0.0, 0.0, DEPTH_M),
-        Box.between(LENGTH_M, 0.0, LENGTH_M + t, DEPTH_M),
+        Box.between(-thickness_m, -thickness_m, LENGTH_M + thickness_m, 0.0),
+        Box.between(-thickness_m, DEPTH_M, LENGTH_M + thickness_m, DEPTH_M + thickness_m),
+        Box.between(-thickness_m, 0.0, 0.0, DEPTH_M),
+        Box.between(LENGTH_M, 0.0, LENGTH_M + thickness_m, DEPTH_M),
     )
 
 

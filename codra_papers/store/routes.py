@@ -139,10 +139,10 @@ def _grid_point(column: int, row: int) -> Point:
 
 def _grid_without(avoid: Sequence[Disc]) -> nx.Graph[Point]:
     grid = _grid()
-    return grid.subgraph([point for point in grid if not _is_near(point, avoid)])
+    return grid.subgraph([point for point in grid if not _is_near_disc(point, avoid)])
 
 
-def _is_near(point: Point, avoid: Sequence[Disc]) -> bool:
+def _is_near_disc(point: Point, avoid: Sequence[Disc]) -> bool:
     return any(_distance_m(point, disc.centre_m) < disc.radius_m + TURNING_ROOM_M for disc in avoid)
 
 

@@ -186,11 +186,11 @@ class GreyFrameSource:
         self.computer = Computer(world.seed)
         self._world = world
         self._optics = _Optics(world)
-        self._exposed = np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8)
+        self._grey_picture = np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8)
 
     def frame_at(self, instant_s: float) -> Frame:
         """Return the grey frame of an instant."""
-        return self._optics.frame(self._exposed, self._world.state(instant_s))
+        return self._optics.frame(self._grey_picture, self._world.state(instant_s))
 
 
 def exposed_states(world: LabWorld, instant_s: float) -> list[LabState]:
@@ -315,9 +315,9 @@ class _Optics:
             np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise)
         )
         self._mounting = _mounting_error(world.seed)
-        self._exposed: Pixels | None = None
-        self._light = 0.0
-        self._blurred: Pixels = self._brightening_noise
+        self._last_picture: Pixels | None = None
+        self._last_light = 0.0
+        self._last_image: Pixels = self._brightening_noise
 
     def frame(self, picture: Pixels, state: LabState) -> Frame:
         """Return the frame that the sensor makes of the room, given a picture of the room in ordinary light.
@@ -337,11 +337,11 @@ class _Optics:
 
     def _image_behind_lens(self, picture: Pixels, light: float) -> Pixels:
         """Return the image on the sensor. If picture and light are those of the last call, return the last image."""
-        if picture is not self._exposed or light != self._light:
+        if picture is not self._last_picture or light != self._last_light:
             lit_image = picture if light == 1.0 else cv2.convertScaleAbs(picture, alpha=light)
-            self._blurred = np.asarray(cv2.GaussianBlur(lit_image, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
-            self._exposed, self._light = picture, light
-        return self._blurred
+            self._last_image = np.asarray(cv2.GaussianBlur(lit_image, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
+            self._last_picture, self._last_light = picture, light
+        return self._last_image
 
     def _noise_place(self, instant_s: float) -> tuple[slice, slice]:
         """Return the rows and columns of the noise bank that (seed, camera, instant) determine."""

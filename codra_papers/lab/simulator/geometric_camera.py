@@ -120,19 +120,19 @@ class GeometricCamera:
         camera_from_tag = map_from_camera.inverse() @ map_from_tag
         corners_m = camera_from_tag.apply(_square(tag.size_m, _CORNERS))
         faces_camera = float(camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m) < 0
-        middle_inside = _inside_image(map_from_camera.inverse().apply(map_from_tag.translation_m[np.newaxis]))[0]
-        if not faces_camera or not middle_inside or corners_m[:, 2].min() < _NEAREST_M:
+        is_middle_inside = _inside_image(map_from_camera.inverse().apply(map_from_tag.translation_m[np.newaxis]))[0]
+        if not faces_camera or not is_middle_inside or corners_m[:, 2].min() < _NEAREST_M:
             return None
         corners_px = INTRINSICS.project(corners_m)
         grid_m = map_from_tag.apply(_square(tag.size_m * TILE_PER_TAG, _GRID))
-        unhidden = self._unhidden(state, map_from_camera.translation_m, grid_m)
+        is_unhidden = self._unhidden(state, map_from_camera.translation_m, grid_m)
         last = np.array([INTRINSICS.width - 1.0, INTRINSICS.height - 1.0])
         return TagInView(
             tag_id=tag.tag_id,
             corners_px=corners_px,
             width_px=_width_px(corners_px),
             margin_px=float(min(corners_px.min(), (last - corners_px).min())),
-            covered=1.0 - float(np.count_nonzero(unhidden)) / len(unhidden),
+            covered=1.0 - float(np.count_nonzero(is_unhidden)) / len(is_unhidden),
         )
 
     def _unhidden(self, state: LabState, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
@@ -154,10 +154,12 @@ def image_motion_px(before: LabState, after: LabState) -> float:
     camera = before.map_from_camera()
     reference_m = camera.apply(_reference_points())
     parts = [(machine, part) for machine in before.laboratory.machines for part in machine.parts()]
-    first = camera.inverse().apply(np.concatenate((reference_m, _corners_in_map(before, parts)[0])))
-    second = after.map_from_camera().inverse().apply(np.concatenate((reference_m, _corners_in_map(after, parts)[0])))
-    in_both = _inside_image(first) & (second[:, 2] > _NEAREST_M)
-    motions_px = INTRINSICS.project(second[in_both]) - INTRINSICS.project(first[in_both])
+    points_before_m = camera.inverse().apply(np.concatenate((reference_m, _corners_in_map(before, parts)[0])))
+    points_after_m = (
+        after.map_from_camera().inverse().apply(np.concatenate((reference_m, _corners_in_map(after, parts)[0])))
+    )
+    is_in_both = _inside_image(points_before_m) & (points_after_m[:, 2] > _NEAREST_M)
+    motions_px = INTRINSICS.project(points_after_m[is_in_both]) - INTRINSICS.project(points_before_m[is_in_both])
     return sqrt(np.add.reduce(motions_px * motions_px, axis=1).max())
 
 
@@ -201,7 +203,7 @@ def _inside_image(points_m: Array) -> NDArray[np.bool_]:
 
     Points have the shape (n, 3) and are given in the camera's frame.
     """
-    inside: NDArray[np.bool_] = points_m[:, 2] > _NEAREST_M
-    pixels = INTRINSICS.project(points_m[inside])
-    inside[inside] = ((pixels >= -0.5) & (pixels <= _LAST_PX)).all(axis=1)
-    return inside
+    is_inside: NDArray[np.bool_] = points_m[:, 2] > _NEAREST_M
+    pixels = INTRINSICS.project(points_m[is_inside])
+    is_inside[is_inside] = ((pixels >= -0.5) & (pixels <= _LAST_PX)).all(axis=1)
+    return is_inside

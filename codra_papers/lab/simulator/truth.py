@@ -82,11 +82,11 @@ class GroundTruth:
         once.
         """
         spans: list[TruthSpan] = []
-        for piece_start_s, piece_end_s in _pieces(self._world, start_s, end_s):
-            values = self.at((piece_start_s + piece_end_s) / 2)
+        for span_start_s, span_end_s in _sampled_spans(self._world, start_s, end_s):
+            values = self.at((span_start_s + span_end_s) / 2)
             if spans and spans[-1].values == values:
-                piece_start_s = spans.pop().start_s  # noqa: PLW2901
-            spans.append(TruthSpan(start_s=piece_start_s, end_s=piece_end_s, values=values))
+                span_start_s = spans.pop().start_s  # noqa: PLW2901
+            spans.append(TruthSpan(start_s=span_start_s, end_s=span_end_s, values=values))
         return tuple(spans)
 
 
@@ -114,7 +114,7 @@ def _rotor_truth(state: LabState) -> dict[str, bool]:
     return truth
 
 
-def _pieces(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:
+def _sampled_spans(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:
     """Yield spans of time, in order and without gaps. One sample is taken for each span."""
     covered_until_s = start_s
     for moving_from_s, moving_until_s in world.moving_spans():
@@ -123,10 +123,10 @@ def _pieces(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[flo
             yield covered_until_s, motion_start_s
             covered_until_s = motion_start_s
         count = ceil(max(motion_end_s - covered_until_s, 0.0) * SAMPLES_PER_S)
-        edges_s = [covered_until_s + (motion_end_s - covered_until_s) * index / count for index in range(count)] + [
-            motion_end_s
-        ]
-        yield from pairwise(edges_s)
+        boundaries_s = [
+            covered_until_s + (motion_end_s - covered_until_s) * index / count for index in range(count)
+        ] + [motion_end_s]
+        yield from pairwise(boundaries_s)
         covered_until_s = max(covered_until_s, motion_end_s)
     if end_s > covered_until_s:
         yield covered_until_s, end_s

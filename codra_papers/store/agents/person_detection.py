@@ -74,7 +74,7 @@ class PersonDetection:
             self._delete_gone_people(change)
             self._update_near_edges(change)
             robot = self._body.believed_pose()
-            gaps_m = [_distance_m(at_m, robot.point_m) for at_m, _ in self._last_sightings.values()]
+            gaps_m = [_distance_m(place_m, robot.point_m) for place_m, _ in self._last_sightings.values()]
             if picture.is_steady or gaps_m:
                 change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
 
@@ -82,16 +82,18 @@ class PersonDetection:
         robot = self._body.believed_pose()
         unmatched_people = dict(self._last_sightings)
         for sighting in people:
-            at_m = robot.point_at(sighting.at.x_m, sighting.at.y_m)
+            place_m = robot.point_at(sighting.at.x_m, sighting.at.y_m)
             name = min(
-                unmatched_people, key=lambda known: (_distance_m(unmatched_people[known][0], at_m), known), default=None
+                unmatched_people,
+                key=lambda known: (_distance_m(unmatched_people[known][0], place_m), known),
+                default=None,
             )
-            if name is None or _distance_m(unmatched_people[name][0], at_m) > SAME_PERSON_M:
+            if name is None or _distance_m(unmatched_people[name][0], place_m) > SAME_PERSON_M:
                 self._person_count += 1
                 name = f"person_{self._person_count}"
                 change.insert_node(name, "person")
             unmatched_people.pop(name, None)
-            self._place(change, name, at_m)
+            self._place(change, name, place_m)
 
     def _follow_by_lasers(self, change: Transaction) -> None:
         """Move people whom the camera does not see now to the laser points that are nearest to their last places."""
@@ -108,14 +110,14 @@ class PersonDetection:
                 own_points = [point for point in points if _distance_m(point, nearest) < BREADTH_M]
                 self._place(change, name, (fmean(x for x, _ in own_points), fmean(y for _, y in own_points)))
 
-    def _place(self, change: Transaction, name: str, at_m: Point) -> None:
-        self._last_sightings[name] = (at_m, self._clock.now_s())
-        change.place("world", "person_pose", name, Pose.of((*at_m, 0.0)))
+    def _place(self, change: Transaction, name: str, place_m: Point) -> None:
+        self._last_sightings[name] = (place_m, self._clock.now_s())
+        change.place("world", "person_pose", name, Pose.of((*place_m, 0.0)))
 
     def _delete_gone_people(self, change: Transaction) -> None:
         now_s, robot = self._clock.now_s(), self._body.believed_pose()
-        for name, (at_m, seen_s) in list(self._last_sightings.items()):
-            if now_s - seen_s >= (FORGET_S if _is_observable(robot, at_m) else REMEMBER_S):
+        for name, (place_m, seen_s) in list(self._last_sightings.items()):
+            if now_s - seen_s >= (FORGET_S if _is_observable(robot, place_m) else REMEMBER_S):
                 del self._last_sightings[name]
                 change.delete_node(name)
 
@@ -126,9 +128,9 @@ class PersonDetection:
             if snapshot.parent(node.name) is not None:
                 x_m, y_m, _ = snapshot.transform("world", node.name).pose.translation_m
                 others[node.name] = (x_m, y_m)
-        for name, (at_m, _) in self._last_sightings.items():
-            for other, place_m in others.items():
-                is_near = _distance_m(at_m, place_m) < NEAR_M
+        for name, (place_m, _) in self._last_sightings.items():
+            for other, other_place_m in others.items():
+                is_near = _distance_m(place_m, other_place_m) < NEAR_M
                 was_near = snapshot.has_edge(name, "near", other) if name in snapshot else False
                 if is_near and not was_near:
                     change.insert_edge(name, "near", other)
@@ -136,11 +138,13 @@ class PersonDetection:
                     change.delete_edge(name, "near", other)
 
 
-def _is_observable(robot: Pose2D, at_m: Point) -> bool:
+def _is_observable(robot: Pose2D, place_m: Point) -> bool:
     """Return whether a laser or the camera would see a person at a place, even if the person has moved a little."""
-    if _distance_m(robot.point_m, at_m) < LASERS_FARTHEST_M:
+    if _distance_m(robot.point_m, place_m) < LASERS_FARTHEST_M:
         return True
-    ahead_m, left_m = Pose2D(*robot.point_at(CAMERA_POSE.x_m, CAMERA_POSE.y_m), robot.heading_rad).relative_point(at_m)
+    ahead_m, left_m = Pose2D(*robot.point_at(CAMERA_POSE.x_m, CAMERA_POSE.y_m), robot.heading_rad).relative_point(
+        place_m
+    )
     range_m, inside_rad = hypot(ahead_m, left_m), CAMERA_VIEW_RAD / 2 - abs(atan2(left_m, ahead_m))
     return range_m <= CAMERA_FARTHEST_M and inside_rad > 0.0 and range_m * sin(inside_rad) > EDGE_MARGIN_M
 

@@ -193,12 +193,12 @@ class StoreWorld:
             wrapped(robot.at.heading_rad + wish.turn_rate_rad_s * STEP_S),
         )
         moved_robot = replace(robot, at=at, speed_m_s=wish.speed_m_s, turn_rate_rad_s=wish.turn_rate_rad_s)
-        obstacle = self._hit(moved_robot) if at != robot.at else ""
+        obstacle = self._obstacle_hit(moved_robot) if at != robot.at else ""
         if obstacle:
             return replace(robot, speed_m_s=0.0, turn_rate_rad_s=0.0), obstacle
         return moved_robot, ""
 
-    def _hit(self, robot: RobotState) -> str:
+    def _obstacle_hit(self, robot: RobotState) -> str:
         carried_container = self._state.carried_container()
         moved_container = (
             None

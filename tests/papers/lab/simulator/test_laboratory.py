@@ -111,7 +111,7 @@ def test_perception_knows_the_machines_of_the_laboratory_that_its_robot_works_in
         machine_named("shaker")
 
 
-def tags_seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
+def detected_and_resolved_ids(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
     """Return the tags that are detected when the robot looks at a part, and the tags that are resolved by geometry."""
     world, clock = LabWorld(1, laboratory), SimClock()
     robot = Robot(world, clock, SteadyHand())
@@ -125,7 +125,7 @@ def tags_seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int
 
 def test_a_third_machine_of_another_shape_shows_all_its_tags() -> None:
     laboratory = LABORATORY.with_machines(shaker(5.3, 1.6, pi))
-    detected_ids, resolved_ids = tags_seen(laboratory, "shaker", Part.LID)
+    detected_ids, resolved_ids = detected_and_resolved_ids(laboratory, "shaker", Part.LID)
 
     assert {30, 31, 32, 33, 34, 35} <= detected_ids
     assert resolved_ids <= detected_ids
@@ -134,7 +134,7 @@ def test_a_third_machine_of_another_shape_shows_all_its_tags() -> None:
 def test_another_machine_of_the_same_shape_is_another_machine() -> None:
     second_machine = LABORATORY.machine("pcr_cycler").named("second", 40).at_place(5.3, 1.6, pi)
     laboratory = LABORATORY.with_machines(second_machine)
-    detected_ids, _ = tags_seen(laboratory, "second", Part.LID)
+    detected_ids, _ = detected_and_resolved_ids(laboratory, "second", Part.LID)
 
     assert set(range(40, 48)) <= detected_ids
     assert second_machine.map_from_base.translation_m.tolist() == [5.3, 1.6, 0.72]
@@ -142,12 +142,12 @@ def test_another_machine_of_the_same_shape_is_another_machine() -> None:
 
 
 def test_small_tags_are_not_detected_from_the_waiting_pose() -> None:
-    assert tags_seen(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
+    assert detected_and_resolved_ids(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
 
 
 def test_a_moved_machine_is_tended_at_its_new_place() -> None:
     laboratory = LABORATORY.with_machine_at("pcr_cycler", 5.3, 1.6, pi)
-    detected_ids, _ = tags_seen(laboratory, "pcr_cycler", Part.LID)
+    detected_ids, _ = detected_and_resolved_ids(laboratory, "pcr_cycler", Part.LID)
 
     assert set(range(20, 28)) <= detected_ids
 

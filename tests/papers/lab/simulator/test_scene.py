@@ -121,7 +121,7 @@ def test_the_backend_that_was_chosen_draws_and_is_named_to_mujoco() -> None:
     assert os.environ["MUJOCO_GL"] == backend
 
 
-WITHOUT_GRAPHICS = {
+ENVIRONMENT_WITHOUT_GRAPHICS = {
     "MUJOCO_GL": "egl",
     "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null",
     "PYTHONPATH": os.pathsep.join(sys.path),
@@ -131,7 +131,11 @@ WITHOUT_GRAPHICS = {
 
 def output_without_graphics(program: str) -> str:
     done = subprocess.run(
-        [sys.executable, "-c", program], env=os.environ | WITHOUT_GRAPHICS, capture_output=True, text=True, check=True
+        [sys.executable, "-c", program],
+        env=os.environ | ENVIRONMENT_WITHOUT_GRAPHICS,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return done.stdout
 
