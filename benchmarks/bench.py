@@ -1,6 +1,7 @@
 """`make bench`: measure every row and its peer, and write `results.json`.
 
-`python benchmarks/bench.py GROUP...` measures some groups: `compiling`, or a row about a running forest by its name.
+`python benchmarks/bench.py GROUP...` measures some groups, such as `compiling`. Each row about a running forest is a
+group of its own, with the name of the row.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ EXIT_UNAVAILABLE = 2
 
 
 def main() -> int:
-    """Measure the requested groups (by default all), keep the rows of the others, and return the exit code."""
-    wanted = sys.argv[1:] or list(GROUPS)
-    unknown = [group for group in wanted if group not in GROUPS]
-    if unknown:
-        print(f"unknown group {unknown[0]!r}: there are {', '.join(GROUPS)}", file=sys.stderr)
+    """Measure the requested groups (by default all), keep the rows of the other groups, and return the exit code."""
+    requested_groups = sys.argv[1:] or list(GROUPS)
+    unknown_groups = [group for group in requested_groups if group not in GROUPS]
+    if unknown_groups:
+        print(f"unknown group {unknown_groups[0]!r}: there are {', '.join(GROUPS)}", file=sys.stderr)
         return EXIT_UNAVAILABLE
     print(f"{'row':24} {'ours':>10} {'peer':>10} {'ratio':>8} {'target':>8}")
-    return max([_measure(group) for group in wanted])
+    return max([_measure(group) for group in requested_groups])
 
 
 def _measure(group: str) -> int:

@@ -1,4 +1,4 @@
-"""Measure calls within one process by the processor time of all its threads, so that other programs do not count.
+"""Measure calls within one process by the processor time of all its threads, which excludes the time of other programs.
 
 The sides are measured in turns, so that a slower machine affects all of them.
 """
@@ -31,7 +31,7 @@ def in_turns(sides: Sequence[Callable[[], None]], call_counts: Sequence[int], tu
 
 def _turn_s(side: Callable[[], None], call_count: int) -> float:
     call_indices = range(call_count)
-    began_s = time.process_time()
+    start_s = time.process_time()
     for _ in call_indices:
         side()
-    return (time.process_time() - began_s) / call_count
+    return (time.process_time() - start_s) / call_count

@@ -12,25 +12,30 @@ from processes import Cost, in_turns, run
 from rows import Row
 
 RUNS = 5
-SMALL, LARGE = 10_000, 50_000
+SMALL_VARIABLE_COUNT, LARGE_VARIABLE_COUNT = 10_000, 50_000
 MEMORY_BYTES = 10**9
 
 _HERE = Path(__file__).parent
-_PEER = (sys.executable, _HERE / "yaml_load.py", ".")
+_PEER_COMMAND = (sys.executable, _HERE / "yaml_load.py", ".")
 
 
 def rows(scratch: Path) -> Iterator[Row]:
     """Yield the rows, measured in a scratch folder."""
-    small, large = _project(scratch / "flat", flat(SMALL)), _project(scratch / "large", flat(LARGE))
+    small, large = (
+        _project(scratch / "flat", flat(SMALL_VARIABLE_COUNT)),
+        _project(scratch / "large", flat(LARGE_VARIABLE_COUNT)),
+    )
     yield from _cold_and_warm("compile", small)
-    yield from _cold_and_warm("compile_templated", _project(scratch / "templated", templated(SMALL)))
-    few, many = in_turns(RUNS, lambda: _cold(small), lambda: _cold(large))
-    yield Row(name="compile_growth", ours=many.wall_s, peer=few.wall_s, target=5.5)
-    yield Row(name="compile_memory", ours=float(many.peak_bytes), peer=float(MEMORY_BYTES), target=1.0)
+    yield from _cold_and_warm("compile_templated", _project(scratch / "templated", templated(SMALL_VARIABLE_COUNT)))
+    small_cost, large_cost = in_turns(
+        RUNS, lambda: _compile_without_cache(small), lambda: _compile_without_cache(large)
+    )
+    yield Row(name="compile_growth", ours=large_cost.wall_s, peer=small_cost.wall_s, target=5.5)
+    yield Row(name="compile_memory", ours=float(large_cost.peak_bytes), peer=float(MEMORY_BYTES), target=1.0)
 
 
 def _cold_and_warm(name: str, project: Path) -> Iterator[Row]:
-    cold, peer = in_turns(RUNS, lambda: _cold(project), lambda: run(_PEER, project))
+    cold, peer = in_turns(RUNS, lambda: _compile_without_cache(project), lambda: run(_PEER_COMMAND, project))
     yield Row(name=f"{name}_cold", ours=cold.wall_s, peer=peer.wall_s, target=1.0)
     _compile(project)
     (warm,) = in_turns(RUNS, lambda: _compile(project))
@@ -43,7 +48,7 @@ def _project(folder: Path, files: Mapping[str, str]) -> Path:
     return folder
 
 
-def _cold(project: Path) -> Cost:
+def _compile_without_cache(project: Path) -> Cost:
     """Compile without any results of earlier runs."""
     shutil.rmtree(project / "generated", ignore_errors=True)
     return _compile(project, "--no-cache")
@@ -54,10 +59,10 @@ def _compile(project: Path, *options: str) -> Cost:
 
 
 def _require_that_an_edit_is_noticed(project: Path) -> None:
-    """Require that an edited output is renewed although no spec has changed; otherwise the speed would be worthless."""
-    edited = next((project / "generated").rglob("graph.json"))
-    before = edited.read_bytes()
-    edited.write_bytes(before + b"\n")
+    """Require that an edited output is renewed even if no spec has changed; otherwise the speed is worthless."""
+    edited_file = next((project / "generated").rglob("graph.json"))
+    original_bytes = edited_file.read_bytes()
+    edited_file.write_bytes(original_bytes + b"\n")
     _compile(project)
-    if edited.read_bytes() != before:
-        raise RuntimeError(f"{edited} was edited and is not renewed")
+    if edited_file.read_bytes() != original_bytes:
+        raise RuntimeError(f"{edited_file} was edited and is not renewed")

@@ -1,6 +1,7 @@
 """The duration of a decision that context answers, while the laboratory's observers run in real time.
 
-`python benchmarks/deciding.py` prints quantiles of wall-clock time, for calls within the process and from another one.
+`python benchmarks/deciding.py` prints quantiles of wall-clock time, for calls within the process and for calls from
+another process.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from generated import lab
 
 DECISIONS = 5_000
 PAUSE_S = 0.002
-"""A main execution makes decisions from time to time, not as fast as possible."""
+"""The pause before each decision: a main execution decides from time to time, not as fast as possible."""
 
 VARIABLE = "robot_is_localized"
 
@@ -37,8 +38,8 @@ def main() -> None:
                 codra.declare(name)
             _print_quantiles("in process", _decision_durations_s(lambda: codra.decide(VARIABLE, _must_not_look)))
             address = str(Path(folder) / "codra")
-            with Server(codra, address), multiprocessing.get_context("spawn").Pool(1) as other:
-                _print_quantiles("from another process", other.apply(_remote_durations_s, (address,)))
+            with Server(codra, address), multiprocessing.get_context("spawn").Pool(1) as process_pool:
+                _print_quantiles("from another process", process_pool.apply(_remote_durations_s, (address,)))
 
 
 def _remote_durations_s(address: str) -> list[float]:
@@ -54,9 +55,9 @@ def _decision_durations_s(decide: Callable[[], object]) -> list[float]:
     durations_s = []
     for _ in range(DECISIONS):
         time.sleep(PAUSE_S)
-        began_s = time.perf_counter()
+        start_s = time.perf_counter()
         decide()
-        durations_s.append(time.perf_counter() - began_s)
+        durations_s.append(time.perf_counter() - start_s)
     return durations_s
 
 

@@ -1,7 +1,8 @@
 """Specs of any size, flat and templated: chains of ten observers with two preconditions each.
 
-The same number gives the same bytes. Both forms have eight lines per variable, and observers for five in six variables.
-`flat` writes out everything. In `templated` each chain is a use of one template, with arguments for its own values.
+The same number of variables always gives the same bytes. Both forms have eight lines per variable, and observers for
+five in six variables. `flat` writes every declaration. In `templated` each chain is a use of one template, with
+arguments for its own values.
 """
 
 from __future__ import annotations
@@ -9,20 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-CHAIN = 10
-"""The number of observers of a chain, each of which waits for the previous one."""
+OBSERVERS_PER_CHAIN = 10
+"""The number of observers of a chain. Each of them waits for the previous observer."""
 
-OWN = 2
+WRITTEN_PER_CHAIN = 2
 """The number of variables of a chain that the main execution writes."""
 
-CHAINS_IN_FILE = 80
+CHAINS_PER_FILE = 80
 
 _HEAD = "codra: 1"
 _TYPES = "{markers: {type: int, range: [0, 12]}, angle: {type: float, unit: rad}}"
 
 
 def flat(variables: int) -> Mapping[str, str]:
-    """Return the files of a flat spec by path: the spec itself, and parts with its chains."""
+    """Return the files of a flat spec, as a mapping from paths to texts: the spec itself, and parts with its chains."""
     return _files("flat", variables, _flat_part)
 
 
@@ -39,16 +40,21 @@ def write(files: Mapping[str, str], folder: Path) -> None:
         (folder / path).write_text(text, "utf-8")
 
 
-def _files(name: str, variables: int, part: Callable[[range], Iterator[str]], *more: str) -> dict[str, str]:
-    """Return a spec and its parts; the spec itself contains the variables that do not fill a chain."""
-    chains, left = divmod(variables, CHAIN + OWN)
-    parts = [range(first, min(first + CHAINS_IN_FILE, chains)) for first in range(0, chains, CHAINS_IN_FILE)]
+def _files(name: str, variables: int, part: Callable[[range], Iterator[str]], *template_paths: str) -> dict[str, str]:
+    """Return a spec and its parts. The spec itself contains the remaining variables, which are too few for a chain."""
+    chains, remaining_variables = divmod(variables, OBSERVERS_PER_CHAIN + WRITTEN_PER_CHAIN)
+    parts = [range(first, min(first + CHAINS_PER_FILE, chains)) for first in range(0, chains, CHAINS_PER_FILE)]
     paths = {f"parts/{name}_{chains.start:05}.yaml": chains for chains in parts}
-    lines = [_HEAD, f"name: {name}", "include:", *(f"  - {path}" for path in (*more, *paths))]
+    lines = [_HEAD, f"name: {name}", "include:", *(f"  - {path}" for path in (*template_paths, *paths))]
     lines += ["resources:", "  camera: {}", "  vision: {slots: 2}", "context:"]
-    lines += [f"  hall_{number}_is_lit: {{type: bool, source: main_execution}}" for number in range(left)]
-    lines += ["skills:", f"  enter: {{preview: [{', '.join(f'hall_{number}_is_lit' for number in range(left))}]}}"]
-    spec = {f"{name}.yaml": _text(lines if left else lines[:-3])}
+    lines += [
+        f"  hall_{number}_is_lit: {{type: bool, source: main_execution}}" for number in range(remaining_variables)
+    ]
+    lines += [
+        "skills:",
+        f"  enter: {{preview: [{', '.join(f'hall_{number}_is_lit' for number in range(remaining_variables))}]}}",
+    ]
+    spec = {f"{name}.yaml": _text(lines if remaining_variables else lines[:-3])}
     return spec | {path: _text([_HEAD, *part(chains)]) for path, chains in paths.items()}
 
 
@@ -60,8 +66,8 @@ def _bays(chains: range) -> Iterator[str]:
     return (f"bay_{chain:05}" for chain in chains)
 
 
-def _needed(bay: str, number: int) -> tuple[str, str]:
-    """Return the preconditions of a door: a light, and the door before."""
+def _preconditions(bay: str, number: int) -> tuple[str, str]:
+    """Return the preconditions of a door: a light, and the previous door, or the place in front of the first door."""
     return f"{bay}_is_lit", f"{bay}_door_{number - 1}_open" if number else f"{bay}_is_near"
 
 
@@ -70,27 +76,27 @@ def _flat_part(chains: range) -> Iterator[str]:
     for bay in _bays(chains):
         yield f"  {bay}_is_lit: {{type: bool, source: main_execution, valid_for: 1 min}}"
         yield f"  {bay}_is_near: {{type: bool, source: main_execution, valid_for: 20 s}}"
-        for number in range(CHAIN):
+        for number in range(OBSERVERS_PER_CHAIN):
             yield f"  {bay}_door_{number}_open: {{type: bool, valid_for: {number + 60} s}}"
     yield "perception:"
     for bay in _bays(chains):
-        for number in range(CHAIN):
+        for number in range(OBSERVERS_PER_CHAIN):
             yield f"  find_{bay}_door_{number}:"
             yield "    call: robot.perception:find_door"
             yield "    uses: {camera: read, vision: slot}"
             yield f"    returns: {_TYPES}"
             yield "    observable_when:"
-            yield from (f"      - {name}" for name in _needed(bay, number))
+            yield from (f"      - {name}" for name in _preconditions(bay, number))
             yield f"    identifies: {{{bay}_door_{number}_open: angle > 0.{number + 1} rad}}"
     yield "skills:"
     for bay in _bays(chains):
         yield f"  pass_{bay}:"
-        yield f"    preview: [{bay}_door_{CHAIN - 1}_open]"
-        yield f"    monitor: [{bay}_door_{CHAIN - 1}_open, {bay}_door_{CHAIN - 2}_open]"
+        yield f"    preview: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open]"
+        yield f"    monitor: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open, {bay}_door_{OBSERVERS_PER_CHAIN - 2}_open]"
         yield f"    changes: [{bay}_is_near]"
 
 
-_OWN_OF_DOOR = {
+_DOOR_PARAMETERS = {
     "title": ("str", "Door {number} of {bay}"),
     "valid": ("quantity", "{later} min"),
     "hinge": ("str", "left"),
@@ -109,8 +115,8 @@ def _part_with_uses(chains: range) -> Iterator[str]:
     for bay in _bays(chains):
         yield f"  {bay}:"
         yield "    template: bay"
-        for number in range(CHAIN):
-            for name, (_, argument) in _OWN_OF_DOOR.items():
+        for number in range(OBSERVERS_PER_CHAIN):
+            for name, (_, argument) in _DOOR_PARAMETERS.items():
                 yield f"    {name}_{number}: {argument.format(number=number, later=number + 1, bay=bay)}"
 
 
@@ -118,16 +124,16 @@ def _template() -> Iterator[str]:
     yield "templates:"
     yield "  bay:"
     yield "    parameters:"
-    for number in range(CHAIN):
-        yield from (f"      {name}_{number}: {type_}" for name, (type_, _) in _OWN_OF_DOOR.items())
+    for number in range(OBSERVERS_PER_CHAIN):
+        yield from (f"      {name}_{number}: {type_}" for name, (type_, _) in _DOOR_PARAMETERS.items())
     bay = "$(instance)"
     yield "    context:"
     yield f"      {bay}_is_lit: {{type: bool, source: main_execution, valid_for: 1 min}}"
     yield f"      {bay}_is_near: {{type: bool, source: main_execution, valid_for: 20 s}}"
-    for number in range(CHAIN):
+    for number in range(OBSERVERS_PER_CHAIN):
         yield f"      {bay}_door_{number}_open: {{type: bool, valid_for: $(valid_{number}), label: $(title_{number})}}"
     yield "    perception:"
-    for number in range(CHAIN):
+    for number in range(OBSERVERS_PER_CHAIN):
         arguments = ", ".join(f"{name}: $({name}_{number})" for name in ("hinge", "width", "lit"))
         yield f"      find_{bay}_door_{number}:"
         yield "        call: robot.perception:find_door"
@@ -137,11 +143,11 @@ def _template() -> Iterator[str]:
         yield f"        min_interval: $(interval_{number})"
         yield f"        returns: {_TYPES}"
         yield "        observable_when:"
-        yield from (f"          - {name}" for name in _needed(bay, number))
+        yield from (f"          - {name}" for name in _preconditions(bay, number))
         yield f"        accept_when: [markers >= $(least_{number})]"
         yield f"        identifies: {{{bay}_door_{number}_open: angle > $(angle_{number})}}"
     yield "    skills:"
     yield f"      pass_{bay}:"
-    yield f"        preview: [{bay}_door_{CHAIN - 1}_open]"
-    yield f"        monitor: [{bay}_door_{CHAIN - 1}_open, {bay}_door_{CHAIN - 2}_open]"
+    yield f"        preview: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open]"
+    yield f"        monitor: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open, {bay}_door_{OBSERVERS_PER_CHAIN - 2}_open]"
     yield f"        changes: [{bay}_is_near]"

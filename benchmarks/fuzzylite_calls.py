@@ -15,12 +15,14 @@ from rows import PeerMissingError
 
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = ROOT / ".venv-fuzzylite"
-READY = ENVIRONMENT / ".ready"
-PROGRAM = (ENVIRONMENT / "bin" / "python", Path(__file__).with_name("fuzzylite_peer.py"))
+READY_FILE = ENVIRONMENT / ".ready"
+PEER_COMMAND = (ENVIRONMENT / "bin" / "python", Path(__file__).with_name("fuzzylite_peer.py"))
 
 
 class FuzzyLite:
-    """Two engines, built once and called for some rows; the second reads the first. Use it in a `with` statement.
+    """Two engines, built once and called for some rows. The second reads the outputs of the first.
+
+    Use it in a `with` statement.
 
     Attributes:
         weights: the outputs of the second engine for each row.
@@ -37,9 +39,9 @@ class FuzzyLite:
         Raises:
             PeerMissingError: if FuzzyLite's environment has not been made.
         """
-        if not READY.exists():
-            raise PeerMissingError(f"FuzzyLite is not installed: `make {READY.relative_to(ROOT)}` installs it")
-        self._process = subprocess.Popen(PROGRAM, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        if not READY_FILE.exists():
+            raise PeerMissingError(f"FuzzyLite is not installed: `make {READY_FILE.relative_to(ROOT)}` installs it")
+        self._process = subprocess.Popen(PEER_COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         task = {"engines": list(map(str, engines)), "names": list(names), "rows": [list(row) for row in rows]}
         self.weights: list[list[float]] = json.loads(self._ask(json.dumps(task)))
 

@@ -1,7 +1,7 @@
-"""FuzzyLite's side of the rows with this peer, run in the environment of FuzzyLite.
+"""FuzzyLite's side of the rows whose peer is FuzzyLite, run in the environment of FuzzyLite.
 
-The first line of the input is a task as JSON: the files of both engines, the names of the inputs, and rows of their
-values. The answer is the weights of the rows. Each following line is `scalar N` (N rows, one call each) or
+The first line of the input is a task as JSON: the files of both engines, the names of the inputs, and rows of input
+values. The answer contains the weights of each row. Each following line is `scalar N` (N rows, one call each) or
 `vectorised N` (N rows in one call); the answer is the processor time in seconds per row.
 """
 
@@ -37,15 +37,15 @@ def main() -> None:
 
     print(json.dumps([cascade(row).ravel().tolist() for row in rows]), flush=True)
     for line in sys.stdin:
-        kind, count = line.split()
-        chosen = rows[: int(count)]
-        began_s = time.process_time()
+        kind, count_text = line.split()
+        selected_rows = rows[: int(count_text)]
+        start_s = time.process_time()
         if kind == "scalar":
-            for row in chosen:
+            for row in selected_rows:
                 cascade(row)
         else:
-            cascade(chosen)
-        print((time.process_time() - began_s) / len(chosen), flush=True)
+            cascade(selected_rows)
+        print((time.process_time() - start_s) / len(selected_rows), flush=True)
 
 
 if __name__ == "__main__":

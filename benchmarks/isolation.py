@@ -1,4 +1,4 @@
-"""The effect of a misbehaving perception process on others: the 99th percentile of the lateness of their jobs.
+"""The effect of a misbehaving perception process on other algorithms: the 99th percentile of their jobs' lateness.
 
 The peer is the same robot without this process, plus 100 ms. `python benchmarks/isolation.py SPEC_FOLDER NAME` runs
 one such robot.
@@ -14,13 +14,13 @@ from pathlib import Path
 from statistics import quantiles
 from typing import Any
 
-from misbehaving import BAD, LOOKED_S
+from misbehaving import LOOK_STARTS_S, MISBEHAVIOURS
 from rows import Row
 
-OTHERS = 4
+OTHER_COUNT = 4
 PERIOD_S = 0.1
-LASTS_S = 20.0
-ALLOWED_S = 0.1
+RUN_S = 20.0
+ALLOWED_LATENESS_S = 0.1
 
 _PERCEPTION = """\
   {name}:
@@ -32,19 +32,19 @@ _PERCEPTION = """\
 
 
 def rows(scratch: Path) -> Iterator[Row]:
-    """Measure each kind of misbehavior, and compare it with a robot without it."""
+    """Measure a robot with each kind of misbehavior, and compare it with a robot without misbehavior."""
     (scratch / "pyproject.toml").write_text("[tool.codra]\n", "utf-8")
     (scratch / "robot.yaml").write_text(_spec(), "utf-8")
-    compile_ = [sys.executable, "-m", "codra_dsl", "compile", "robot.yaml"]
-    subprocess.run(compile_, cwd=scratch, check=True, stdout=subprocess.DEVNULL)
+    compile_command = [sys.executable, "-m", "codra_dsl", "compile", "robot.yaml"]
+    subprocess.run(compile_command, cwd=scratch, check=True, stdout=subprocess.DEVNULL)
     baseline = _robot(scratch, "none")
-    for name in BAD:
+    for name in MISBEHAVIOURS:
         figures = _robot(scratch, name)
-        about = (
+        description = (
             f"{name}: {figures['reason']} {figures['detail']}, p99 {figures['p99_s']:.4f} s of {figures['jobs']} jobs"
         )
-        print(f"{about}; without it {baseline['p99_s']:.4f} s", file=sys.stderr)
-        peer_s = baseline["p99_s"] + ALLOWED_S
+        print(f"{description}; without it {baseline['p99_s']:.4f} s", file=sys.stderr)
+        peer_s = baseline["p99_s"] + ALLOWED_LATENESS_S
         yield Row(name=f"isolated_{name}", ours=figures["p99_s"], peer=peer_s, target=1.0)
 
 
@@ -58,13 +58,15 @@ def _robot(scratch: Path, name: str) -> dict[str, Any]:
 
 
 def _spec() -> str:
-    others = [f"other_{number}" for number in range(OTHERS)]
-    names = [*others, *BAD]
+    others = [f"other_{number}" for number in range(OTHER_COUNT)]
+    names = [*others, *MISBEHAVIOURS]
     perception = [
-        _PERCEPTION.format(name=name, function="looks", more=f"\n    with: {{other: {number}}}")
+        _PERCEPTION.format(name=name, function="look_at_once", more=f"\n    with: {{other: {number}}}")
         for number, name in enumerate(others)
     ]
-    perception += [_PERCEPTION.format(name=name, function=name, more="\n    isolate: process") for name in BAD]
+    perception += [
+        _PERCEPTION.format(name=name, function=name, more="\n    isolate: process") for name in MISBEHAVIOURS
+    ]
     return "".join(
         (
             "codra: 1\nname: robot\ncontext:\n",
@@ -77,31 +79,31 @@ def _spec() -> str:
     )
 
 
-def main(scratch: Path, bad: str) -> None:
-    """Run the robot: the other algorithms look all the time, and one misbehaves."""
+def main(scratch: Path, misbehaviour: str) -> None:
+    """Run the robot: one algorithm misbehaves, while the other algorithms look all the time."""
     sys.path.insert(0, str(scratch))
     from codra_dsl.runtime import Kind, WallClock  # noqa: PLC0415 - the measuring parent does not need it
     from generated import robot  # noqa: PLC0415
 
     with WallClock() as clock, robot.start(clock=clock, resources={}) as codra:
-        for number in range(OTHERS):
+        for number in range(OTHER_COUNT):
             codra.declare(f"other_{number}_seen")
-        if bad in BAD:
-            codra.declare(f"{bad}_seen")
-        clock.sleep(LASTS_S)
-        readings = [codra.get(f"{name}_seen") for name in BAD if name == bad]
+        if misbehaviour in MISBEHAVIOURS:
+            codra.declare(f"{misbehaviour}_seen")
+        clock.sleep(RUN_S)
+        readings = [codra.get(f"{name}_seen") for name in MISBEHAVIOURS if name == misbehaviour]
         jobs = codra.record.of(Kind.JOB)
-    late_s: list[float] = []
-    for other in range(OTHERS):
+    lateness_s: list[float] = []
+    for other in range(OTHER_COUNT):
         job_starts = [job for job in jobs if job.name == f"other_{other}" and job.what == "started"]
-        looked_s = (LOOKED_S.get((other, job.details["index"])) for job in job_starts[1:])
+        look_starts_s = (LOOK_STARTS_S.get((other, job.details["index"])) for job in job_starts[1:])
         due_s = [job.instant_s + PERIOD_S for job in job_starts]
-        late_s += [at_s - due for at_s, due in zip(looked_s, due_s, strict=False) if at_s is not None]
+        lateness_s += [at_s - due for at_s, due in zip(look_starts_s, due_s, strict=False) if at_s is not None]
     reasons_and_details = {
         "reason": [reading.reason for reading in readings],
         "detail": [reading.detail for reading in readings],
     }
-    print(json.dumps({"p99_s": quantiles(late_s, n=100)[98], "jobs": len(late_s), **reasons_and_details}))
+    print(json.dumps({"p99_s": quantiles(lateness_s, n=100)[98], "jobs": len(lateness_s), **reasons_and_details}))
 
 
 if __name__ == "__main__":

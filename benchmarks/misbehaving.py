@@ -6,15 +6,15 @@ import os
 import signal
 from typing import Any
 
-LOOKED_S: dict[tuple[int, int], float] = {}
-"""The real start of the jobs of the well-behaved function, by algorithm and number."""
+LOOK_STARTS_S: dict[tuple[int, int], float] = {}
+"""The real start of each job of the well-behaved function. The key is (number of the algorithm, index of the job)."""
 
-BAD = ("is_deaf", "eats_a_core", "returns_100_mb", "dies", "floods")
+MISBEHAVIOURS = ("is_deaf", "eats_a_core", "returns_100_mb", "dies", "floods")
 
 
-def looks(*, other: int, job: Any) -> dict[str, object]:
+def look_at_once(*, other: int, job: Any) -> dict[str, object]:
     """Record the time, and return at once."""
-    LOOKED_S[other, job.index] = job.now_s()
+    LOOK_STARTS_S[other, job.index] = job.now_s()
     return {"seen": True}
 
 

@@ -16,8 +16,8 @@ class Cost:
     """The cost of a process.
 
     Attributes:
-        wall_s: the time from its start to its end.
-        peak_bytes: its peak memory.
+        wall_s: the time from the start to the end of the process.
+        peak_bytes: the peak memory of the process.
     """
 
     wall_s: float
@@ -26,13 +26,13 @@ class Cost:
 
 def run(command: Sequence[str | Path], folder: Path) -> Cost:
     """Run a command in a folder, require that it succeeds, and return its cost."""
-    began_s = time.perf_counter()
+    start_s = time.perf_counter()
     environment = {name: value for name, value in os.environ.items() if name != "CI"}  # with CI there is no cache
     process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     assert process.stderr is not None
     stderr_output = process.stderr.read()
     _, status, usage = os.wait4(process.pid, 0)
-    wall_s = time.perf_counter() - began_s
+    wall_s = time.perf_counter() - start_s
     process.returncode = os.waitstatus_to_exitcode(status)
     process.stderr.close()
     if process.returncode != 0:
@@ -41,7 +41,7 @@ def run(command: Sequence[str | Path], folder: Path) -> Cost:
 
 
 def in_turns(run_count: int, *measurements: Callable[[], Cost]) -> list[Cost]:
-    """Run several measurements in turns, so that a slower machine affects all of them; return the median of each."""
+    """Run measurements in turns, so that a slower machine affects all of them, and return their medians."""
     costs_by_side: list[list[Cost]] = [[] for _ in measurements]
     for _ in range(run_count):
         for costs, measure in zip(costs_by_side, measurements, strict=True):

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 
 class PeerMissingError(Exception):
-    """A peer is not installed; the message names it and the command that installs it."""
+    """A peer is not installed. The message names the peer and the command that installs it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One measurement; both sides are from the same run and in the same unit, seconds or bytes."""
+    """One measurement. Both sides are from the same run and in the same unit, seconds or bytes."""
 
     name: str
     ours: float

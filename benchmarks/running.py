@@ -17,18 +17,18 @@ from typing import Any
 
 import plain_py_trees
 from calls import in_turns
-from forests import CHAIN, OWN, flat, write
+from forests import OBSERVERS_PER_CHAIN, WRITTEN_PER_CHAIN, flat, write
 from py_trees.blackboard import Blackboard, Client
 from py_trees.common import Access
 from rows import Row
 
 from codra_dsl.runtime import Clock, SimClock, WallClock
 
-OBSERVERS = 1_000
-DUE = 10
-CHAINS = OBSERVERS // CHAIN
-WRITERS = 7
-READS = 20_000
+OBSERVER_COUNT = 1_000
+DUE_COUNT = 10
+CHAIN_COUNT = OBSERVER_COUNT // OBSERVERS_PER_CHAIN
+WRITER_COUNT = 7
+READ_COUNT = 20_000
 
 _ROBOT = """
 import time
@@ -44,14 +44,14 @@ def rows_of(name: str) -> Callable[[Path], Iterator[Row]]:
     """Return the function that measures one row."""
 
     def rows(scratch: Path) -> Iterator[Row]:
-        yield _MEASURES[name](_package(scratch))
+        yield _MEASURE_FUNCTIONS[name](_package(scratch))
 
     return rows
 
 
 def _package(scratch: Path) -> ModuleType:
     """Compile a forest of a thousand observers and import it."""
-    write({**flat(CHAINS * (CHAIN + OWN)), "robot/perception.py": _ROBOT}, scratch)
+    write({**flat(CHAIN_COUNT * (OBSERVERS_PER_CHAIN + WRITTEN_PER_CHAIN)), "robot/perception.py": _ROBOT}, scratch)
     subprocess.run((sys.executable, "-m", "codra_dsl", "compile", "."), cwd=scratch, check=True, capture_output=True)
     for module in [name for name in sys.modules if name.split(".")[0] in ("generated", "robot")]:
         del sys.modules[module]
@@ -60,36 +60,36 @@ def _package(scratch: Path) -> ModuleType:
 
 
 @contextmanager
-def _started(package: ModuleType, clock: Clock, camera: float | None = None) -> Iterator[Any]:
+def _running_robot(package: ModuleType, clock: Clock, camera: float | None = None) -> Iterator[Any]:
     with package.start(clock=clock, resources={"camera": camera}) as codra:
         yield codra
 
 
-def _near(chain: int) -> str:
+def _near_variable(chain: int) -> str:
     return f"bay_{chain:05}_is_near"
 
 
-def _last_door(chain: int) -> str:
-    return f"bay_{chain:05}_door_{CHAIN - 1}_open"
+def _last_door_variable(chain: int) -> str:
+    return f"bay_{chain:05}_door_{OBSERVERS_PER_CHAIN - 1}_open"
 
 
 # Context beside a blackboard
 
 
 def _get(package: ModuleType) -> Row:
-    """Measure reading a variable with a validity, beside a blackboard value without one."""
-    with WallClock() as clock, _started(package, clock) as codra:
-        board, name = _client(), _near(0)
+    """Measure reading a variable with a validity, beside reading a blackboard value without a validity."""
+    with WallClock() as clock, _running_robot(package, clock) as codra:
+        blackboard, name = _client(), _near_variable(0)
         codra.set(name, True)
-        board.set(name, True)
-        ours, peer = in_turns([partial(codra.get, name), partial(board.get, name)], [5000, 5000])
+        blackboard.set(name, True)
+        ours, peer = in_turns([partial(codra.get, name), partial(blackboard.get, name)], [5000, 5000])
     return Row(name="context_get", ours=ours, peer=peer, target=0.1)
 
 
 def _set(package: ModuleType) -> Row:
-    """Measure writing a new value, which wakes a running observer."""
-    with WallClock() as clock, _started(package, clock) as codra:
-        board, name = _client(), _near(0)
+    """Measure writing a new value on which a running observer depends."""
+    with WallClock() as clock, _running_robot(package, clock) as codra:
+        blackboard, name = _client(), _near_variable(0)
         codra.declare(f"bay_{0:05}_door_0_open")
         values = [True, False]
 
@@ -99,7 +99,7 @@ def _set(package: ModuleType) -> Row:
 
         def peer() -> None:
             values.reverse()
-            board.set(name, values[0])
+            blackboard.set(name, values[0])
 
         ours_s, peer_s = in_turns([ours, peer], [2000, 2000])
     return Row(name="context_set", ours=ours_s, peer=peer_s, target=1.2)
@@ -108,25 +108,25 @@ def _set(package: ModuleType) -> Row:
 def _client() -> Client:
     Blackboard.clear()
     client = Client(name="robot")
-    client.register_key(key=_near(0), access=Access.WRITE)
+    client.register_key(key=_near_variable(0), access=Access.WRITE)
     return client
 
 
 def _get_under_load(package: ModuleType) -> Row:
     """Measure the slowest of a hundred reads while seven threads write, and a callback and perception take a second."""
-    with WallClock() as clock, _started(package, clock, camera=1.0) as codra:
-        name, is_over = _near(0), threading.Event()
+    with WallClock() as clock, _running_robot(package, clock, camera=1.0) as codra:
+        name, is_over = _near_variable(0), threading.Event()
         codra.set(name, True)
-        codra.declare(_last_door(1))
+        codra.declare(_last_door_variable(1))
 
-        def write_on(number: int) -> None:
+        def keep_writing(number: int) -> None:
             value = True
             while not is_over.is_set():
                 value = not value
-                codra.set(_near(number), value)
+                codra.set(_near_variable(number), value)
 
         idle_s = statistics.median(_p99_s(codra, name) for _ in range(5))
-        threads = [threading.Thread(target=write_on, args=(number,), daemon=True) for number in range(WRITERS)]
+        threads = [threading.Thread(target=keep_writing, args=(number,), daemon=True) for number in range(WRITER_COUNT)]
         codra.subscribe(name, lambda _: time.sleep(1.0))
         for thread in threads:
             thread.start()
@@ -138,12 +138,12 @@ def _get_under_load(package: ModuleType) -> Row:
 
 
 def _p99_s(codra: Any, name: str) -> float:
-    taken_s = []
-    for _ in range(READS):
-        began_s = time.perf_counter()
+    durations_s = []
+    for _ in range(READ_COUNT):
+        start_s = time.perf_counter()
         codra.get(name)
-        taken_s.append(time.perf_counter() - began_s)
-    return statistics.quantiles(taken_s, n=100)[98]
+        durations_s.append(time.perf_counter() - start_s)
+    return statistics.quantiles(durations_s, n=100)[98]
 
 
 # Rounds beside ticks
@@ -152,11 +152,11 @@ def _p99_s(codra: Any, name: str) -> float:
 def _idle(package: ModuleType) -> Row:
     """Measure passing time while a thousand observers have nothing to do."""
     clock = SimClock()
-    with _started(package, clock) as codra:
-        for chain in range(CHAINS):
+    with _running_robot(package, clock) as codra:
+        for chain in range(CHAIN_COUNT):
             _run_chain(codra, chain)
         clock.sleep(0.5)
-        ours, peer = in_turns([lambda: clock.sleep(1e-6), _peers_round(due=0)], [2000, 1])
+        ours, peer = in_turns([lambda: clock.sleep(1e-6), _peers_round(due_count=0)], [2000, 1])
         _require_that_all_look(codra, clock)
     return Row(name="forest_idle", ours=ours, peer=peer, target=1 / 1000)
 
@@ -164,36 +164,40 @@ def _idle(package: ModuleType) -> Row:
 def _due(package: ModuleType) -> Row:
     """Measure rounds in which ten observers look and their jobs end, every hundredth of a second."""
     clock = SimClock()
-    with _started(package, clock) as codra:
-        for chain in range(CHAINS):
+    with _running_robot(package, clock) as codra:
+        for chain in range(CHAIN_COUNT):
             _run_chain(codra, chain)
-            clock.sleep(1.0 / CHAINS)
-        clock.sleep(0.5 / CHAINS)
-        ours, peer = in_turns([lambda: clock.sleep(1.0 / CHAINS), _peers_round(due=DUE)], [20, 1])
+            clock.sleep(1.0 / CHAIN_COUNT)
+        clock.sleep(0.5 / CHAIN_COUNT)
+        ours, peer = in_turns([lambda: clock.sleep(1.0 / CHAIN_COUNT), _peers_round(due_count=DUE_COUNT)], [20, 1])
         _require_that_all_look(codra, clock)
     return Row(name="forest_due", ours=ours, peer=peer, target=1 / 40)
 
 
 def _run_chain(codra: Any, chain: int) -> None:
     codra.set(f"bay_{chain:05}_is_lit", True)
-    codra.set(_near(chain), True)
-    codra.declare(_last_door(chain))
+    codra.set(_near_variable(chain), True)
+    codra.declare(_last_door_variable(chain))
 
 
 def _require_that_all_look(codra: Any, clock: SimClock) -> None:
-    """Require that all observers look: a forest that does nothing would be the fastest."""
-    for chain in range(CHAINS):
+    """Require that all observers look, because a forest that does nothing would be the fastest."""
+    for chain in range(CHAIN_COUNT):
         codra.set(f"bay_{chain:05}_is_lit", True)
-        codra.set(_near(chain), True)
+        codra.set(_near_variable(chain), True)
     clock.sleep(1.0)
-    doors = [f"bay_{chain:05}_door_{number}_open" for chain in range(CHAINS) for number in range(CHAIN)]
-    late = [name for name in doors if not codra.get(name).known or codra.get(name).age_s(clock.now_s()) > 1.0 + 1e-9]
-    if late or len(codra.running()) != OBSERVERS:
-        raise RuntimeError(f"{len(late)} of {len(doors)} variables are not kept up")
+    doors = [
+        f"bay_{chain:05}_door_{number}_open" for chain in range(CHAIN_COUNT) for number in range(OBSERVERS_PER_CHAIN)
+    ]
+    outdated_names = [
+        name for name in doors if not codra.get(name).known or codra.get(name).age_s(clock.now_s()) > 1.0 + 1e-9
+    ]
+    if outdated_names or len(codra.running()) != OBSERVER_COUNT:
+        raise RuntimeError(f"{len(outdated_names)} of {len(doors)} variables are not kept up")
 
 
-def _peers_round(due: int) -> Callable[[], None]:
-    """Return a function that ticks all trees once; for trees that are due, this includes the last leaf."""
+def _peers_round(due_count: int) -> Callable[[], None]:
+    """Return a function that ticks all trees once. In trees that are due, a tick includes the last leaf."""
     Blackboard.clear()
     keys = {"wanted": True, "never": False, "always": True}
     client = Client(name="robot")
@@ -201,8 +205,8 @@ def _peers_round(due: int) -> Callable[[], None]:
         client.register_key(key=key, access=Access.WRITE)
         client.set(key, value)
     trees = [
-        plain_py_trees.tree(f"t{number}", ("lit", "near"), "always" if number < due else "never")
-        for number in range(OBSERVERS)
+        plain_py_trees.tree(f"t{number}", ("lit", "near"), "always" if number < due_count else "never")
+        for number in range(OBSERVER_COUNT)
     ]
 
     def tick() -> None:
@@ -212,7 +216,7 @@ def _peers_round(due: int) -> Callable[[], None]:
     return tick
 
 
-_MEASURES: Mapping[str, Callable[[ModuleType], Row]] = {
+_MEASURE_FUNCTIONS: Mapping[str, Callable[[ModuleType], Row]] = {
     "context_get": _get,
     "context_set": _set,
     "context_get_p99": _get_under_load,
@@ -220,5 +224,5 @@ _MEASURES: Mapping[str, Callable[[ModuleType], Row]] = {
     "forest_due": _due,
 }
 
-GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {name: rows_of(name) for name in _MEASURES}
-"""Every row is a group of its own, by its name."""
+GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {name: rows_of(name) for name in _MEASURE_FUNCTIONS}
+"""Every row is a group of its own, with the name of the row."""

@@ -38,7 +38,7 @@ _FRAMES = "frames_rendered"
 
 def _frames_rendered() -> int:
     camera = sys.modules.get("codra_papers.lab.simulator.camera")
-    return 0 if camera is None else int(camera.frames_rendered())
+    return 0 if camera is None else int(camera.drawn_frame_count())
 
 
 class FramesOfWorkers:

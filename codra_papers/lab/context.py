@@ -1,4 +1,4 @@
-"""The calls to the context that the main execution of the laboratory makes, independent of who answers them."""
+"""The calls that the main execution of the laboratory makes to its context, whatever object answers them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class ActingSkill(Protocol):
     """A running skill."""
 
     def acting(self) -> AbstractContextManager[None]:
-        """Act until the `with` statement ends. Once it begins, the variables that the skill changes may change."""
+        """Act until the `with` statement ends. While it runs, the variables that the skill changes may change."""
         ...
 
 
@@ -27,7 +27,7 @@ class Context(Protocol):
         ...
 
     def set(self, name: str, value: Any) -> None:
-        """Set the value of a variable, which the main execution knows by itself."""
+        """Set the value of a variable that the main execution knows by itself."""
         ...
 
     def decide(
@@ -37,5 +37,5 @@ class Context(Protocol):
         ...
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:
-        """Hold a slot of each resource until the `with` statement ends. Requests of observers come after this one."""
+        """Hold a slot of each resource until the `with` statement ends. This request precedes those of observers."""
         ...

@@ -36,7 +36,7 @@ _SIDE_GAZES: Mapping[str, Gaze] = MappingProxyType(
 )
 """Gazes that show the complete machine from half left, to check the latch, in the machine's base frame."""
 
-_BOWL_GAZE: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
+_ROTOR_GAZE: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
 """The gaze down on the centrifuge's rotor, past the open lid, in the machine's base frame."""
 
 _READY_GAZES: Mapping[str, Gaze] = MappingProxyType(
@@ -48,15 +48,15 @@ _READY_GAZES: Mapping[str, Gaze] = MappingProxyType(
 )
 """Gazes to which the arm returns after it touched a machine, in the machine's base frame.
 
-The camera is then so close that an open lid of the large machine is out of view."""
+The camera is then so close that an open lid of the centrifuge is out of view."""
 
 DECK_GAZE: Gaze = (0.05, 0.175, 0.57, 0.34, 0.175, 0.164)
-"""The gaze down on the robot's own deck, to put a tray there or take it, in the robot's base frame."""
+"""The gaze down on the robot's own deck, to put a tray on it or to take the tray, in the robot's base frame."""
 
 _STAND_OFF_M = 0.16
-"""Distance of the hand from a part before the hand grips the part and after it has let go."""
+"""Distance of the hand from a part before the hand grips the part, and after the hand has released the part."""
 
-_GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyType(
+_GRIP_POINTS_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyType(
     {
         ("centrifuge", Part.LID): (0.515, 0.0, 0.065),
         ("centrifuge", Part.LATCH): (0.0, 0.03, 0.0),
@@ -69,7 +69,7 @@ _GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyTyp
 )
 """Where the fingers hold a part, in the part's frame."""
 
-_HAND_RAD: Mapping[tuple[str, Part], tuple[tuple[float, float], tuple[float, float]]] = MappingProxyType(
+_HAND_ANGLES_RAD: Mapping[tuple[str, Part], tuple[tuple[float, float], tuple[float, float]]] = MappingProxyType(
     {
         ("centrifuge", Part.LID): ((0.55, 0.0), (0.05, 0.0)),
         ("centrifuge", Part.LATCH): ((0.45, 0.0), (0.45, 0.0)),
@@ -82,16 +82,16 @@ _HAND_RAD: Mapping[tuple[str, Part], tuple[tuple[float, float], tuple[float, flo
 )
 """Pitch (down) and yaw (from right to left) of the hand at the two ends of a part's motion."""
 
-_TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
+_TRAY_POINTS_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
     {"centrifuge": (0.06, 0.0, 0.31), "pcr_cycler": (0.03, 0.0, 0.23), "shaker": (0.04, 0.0, 0.26)}
 )
 """Where a machine holds the sample tray, in its base frame."""
 
 
 def observation_gaze(shape: str, part: Part) -> Gaze:
-    """Return a gaze that shows a part of a machine well, in the machine's base frame. It depends on the shape."""
+    """Return a gaze, in the machine's base frame, that shows a part of a machine with this shape well."""
     if part is Part.ROTOR:
-        return _BOWL_GAZE
+        return _ROTOR_GAZE
     return _SIDE_GAZES[shape] if part is Part.LATCH else _OVERVIEW_GAZES[shape]
 
 
@@ -105,39 +105,39 @@ def grip_gaze(machine: Machine, part: Part, angle_rad: float) -> Gaze:
     joint = machine.joint(part)
     base_from_part = machine.map_from_base.inverse() @ machine.map_from_part(part, angle_rad)
     low_rad, high_rad = joint.range_rad
-    first_rad, last_rad = (np.array(hand_rad) for hand_rad in _HAND_RAD[machine.shape, part])
+    first_rad, last_rad = (np.array(angles_rad) for angles_rad in _HAND_ANGLES_RAD[machine.shape, part])
     share = (angle_rad - low_rad) / (high_rad - low_rad)
     pitch_rad, yaw_rad = first_rad + (last_rad - first_rad) * share
-    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_M[machine.shape, part])), pitch_rad, yaw_rad)
+    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_POINTS_M[machine.shape, part])), pitch_rad, yaw_rad)
 
 
 def tray_gaze(shape: str) -> Gaze:
     """Return the gaze while the fingers hold the tray in a machine with this shape, in the machine's base frame."""
-    return _gaze_at_finger_tip(np.array(_TRAY_M[shape]), pitch_rad=0.95, yaw_rad=0.0)
+    return _gaze_at_finger_tip(np.array(_TRAY_POINTS_M[shape]), pitch_rad=0.95, yaw_rad=0.0)
 
 
-def stand_off(gaze: Gaze) -> Gaze:
-    """Return a gaze moved back along its own axis, so that the hand is clear of the part that it held."""
+def stand_off_gaze(gaze: Gaze) -> Gaze:
+    """Return a gaze moved back along its own axis, so that the hand no longer touches the part that it held."""
     eye_m, target_m = np.array(gaze[:3]), np.array(gaze[3:])
     back_m = (eye_m - target_m) / np.linalg.norm(eye_m - target_m) * _STAND_OFF_M
     return _gaze(eye_m + back_m, target_m + back_m)
 
 
-def in_frame(gaze: Gaze, frame_from_machine: Pose) -> Gaze:
+def gaze_in_frame(gaze: Gaze, frame_from_machine: Pose) -> Gaze:
     """Transform a gaze from a machine's base frame to another frame."""
     return _gaze(*frame_from_machine.apply(np.array(gaze).reshape(2, 3)))
 
 
-def _gaze_at_finger_tip(grip_m: Array, pitch_rad: float, yaw_rad: float) -> Gaze:
+def _gaze_at_finger_tip(finger_tip_m: Array, pitch_rad: float, yaw_rad: float) -> Gaze:
     """Return the gaze of a hand that comes from the machine's front and whose finger tips are at a point.
 
-    The hand points down by the pitch, and from the machine's right to its left by the yaw. The camera is behind and
-    above the fingers.
+    The pitch turns the hand down, and the yaw turns the hand from the machine's right to its left. The camera is behind
+    and above the fingers.
     """
-    ahead = cos(pitch_rad)
-    forward = np.array([-ahead * cos(yaw_rad), -ahead * sin(yaw_rad), -sin(pitch_rad)])
+    horizontal_length = cos(pitch_rad)
+    forward = np.array([-horizontal_length * cos(yaw_rad), -horizontal_length * sin(yaw_rad), -sin(pitch_rad)])
     axes = looking_at(np.zeros(3), forward).rotation
-    eye_m = grip_m - axes @ np.array(FINGER_TIP_M)
+    eye_m = finger_tip_m - axes @ np.array(FINGER_TIP_M)
     return _gaze(eye_m, eye_m + 0.5 * forward)
 
 

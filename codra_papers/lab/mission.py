@@ -29,7 +29,7 @@ SKILLS = (
 )
 """The skills of the mission: a spec must declare all of them."""
 
-DECIDES_ON = (
+DECISION_VARIABLES = (
     "robot_is_localized",
     *(
         f"{machine}_{property_name}"
@@ -41,17 +41,17 @@ DECIDES_ON = (
 )
 """The context-variables that the mission decides on. All of them are true or false."""
 
-TRIES = 2
+MAX_TRIES = 2
 """How often an action is tried before the mission gives up."""
 
 WAIT_S = 8.0
-"""How long the robot waits for observers after an action. It would take longer if the robot looked by itself."""
+"""How long the robot waits for observers after an action. A look by the robot itself would take longer."""
 
 _ROTOR_VARIABLES = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
 
 
 class MissionError(RuntimeError):
-    """The main execution cannot continue: an unrecoverable error of P1, section 4.1."""
+    """The main execution cannot continue. P1, section 4.1, calls this an unrecoverable error."""
 
 
 class Expect(StrEnum):
@@ -82,8 +82,8 @@ class Mission:
 
         Args:
             robot: the robot's body.
-            perception: looks for a value that context does not have.
-            codra: the context. If it knows no value at all, the robot looks for every decision, as in P1 without
+            perception: looks for a value if context does not know the value.
+            codra: the context. If context knows no value at all, the robot looks for every decision, as in P1 without
                 observers.
             clock: the clock with which the mission waits.
             expect: whether the mission announces the next skill in advance.
@@ -94,17 +94,17 @@ class Mission:
         self._perception = perception
         self._codra = codra
         self._clock = clock
-        self._expecting = expect
+        self._expect_mode = expect
         self._wait_s = wait_s
 
     def run_loop(self) -> None:
         """Process one batch of samples, from the centrifuge through the PCR-cycler and back.
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
-            self._process_a_batch()
+            self._process_batch()
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
         self.loops += 1
@@ -113,7 +113,7 @@ class Mission:
         """Drive to a machine, then several times unlock, open, close and lock the machine (P1, section 4.2).
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
             self._drive_to(machine)
@@ -126,10 +126,10 @@ class Mission:
             raise MissionError(str(error)) from error
 
     def wait_beside(self, machine: str, until_s: float) -> None:
-        """Drive to a machine and open it, wait in front of it until an instant, and close it.
+        """Drive to a machine, open it, wait in front of it until an instant, and close it.
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
             self._drive_to(machine)
@@ -139,7 +139,7 @@ class Mission:
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
 
-    def _process_a_batch(self) -> None:
+    def _process_batch(self) -> None:
         self._visit(CENTRIFUGE, self._take_from_centrifuge)
         self._visit(PCR_CYCLER, lambda: self._bring_samples(PCR_CYCLER))
         self._clock.sleep(self._robot.laboratory.amplification_s)
@@ -160,7 +160,7 @@ class Mission:
         robot checks whether the action reached its goal (situation monitoring).
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
             OutOfReachError: the machine is too far away.
         """
         self._unlock(machine)
@@ -170,7 +170,7 @@ class Mission:
         """Close and lock a machine within reach. As in `open_machine`, this takes four perception tasks.
 
         Raises:
-            MissionError: a decision got no answer or not the necessary one, or an action failed in every try.
+            MissionError: a decision did not get the necessary answer, or every try of an action failed.
             OutOfReachError: the machine is too far away.
         """
         self._close(machine)
@@ -248,12 +248,12 @@ class Mission:
 
     def _act(self, skill: ActingSkill, action: Callable[[], None], variable: str, *, goal: bool) -> None:
         """Act, then check with evidence from after the action whether the action reached its goal."""
-        for _ in range(TRIES):
+        for _ in range(MAX_TRIES):
             with skill.acting():
                 action()
             if self._decide(variable, since_s=self._clock.now_s(), wait_up_to_s=self._wait_s) == goal:
                 return
-        raise MissionError(f"{variable} is not {str(goal).lower()} after {TRIES} tries")
+        raise MissionError(f"{variable} is not {str(goal).lower()} after {MAX_TRIES} tries")
 
     def _decide(self, variable: str, since_s: float = float("-inf"), wait_up_to_s: float = 0.0) -> bool:
         """Return the answer to a yes-or-no decision from context, or from a look if context has no answer."""
@@ -270,11 +270,11 @@ class Mission:
                 raise MissionError(f"{variable} is false where it must be true")
 
     def _expect(self, *skills: str) -> None:
-        if self._expecting is Expect.ONE_AHEAD:
+        if self._expect_mode is Expect.ONE_AHEAD:
             self._codra.expect(*skills)
 
     def _localize(self) -> None:
-        """Record whether the robot is localised, and localise it again if it is lost."""
+        """Record whether the robot is localised. If the robot is lost, localise it again."""
         self._codra.set("robot_is_localized", self._robot.is_localized())
         if not self._codra.decide("robot_is_localized", otherwise=self._robot.is_localized):
             self._robot.relocalize()

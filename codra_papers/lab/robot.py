@@ -1,7 +1,7 @@
 """The robot's body: it drives, looks and manipulates. Every action takes time and moves the camera.
 
-An action changes only what the hand really moves: if the robot pulls at a locked lid, the lid stays closed, and
-sometimes a lever or a lid slips. The robot gets no report of success or failure, so it has to look.
+An action changes only what the hand really moves: if the robot pulls at a locked lid, the lid stays closed. Sometimes a
+lever or a lid slips from the hand. The robot gets no report of success or failure, so it has to look.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Protocol
 from codra_papers.lab.gaze import (
     DECK_GAZE,
     Gaze,
+    gaze_in_frame,
     grip_gaze,
-    in_frame,
     observation_gaze,
     ready_gaze,
-    stand_off,
+    stand_off_gaze,
     tray_gaze,
 )
 from codra_papers.lab.perception.layout import Machine, Part
@@ -77,7 +77,7 @@ SLIP_CHANCE = 0.03
 """Probability that a lever or a lid slips from the hand."""
 
 SLIP_SHARE = 0.3
-"""A part that slips stops after this share of its way."""
+"""A part that slips stops after this share of its path."""
 
 LOSS_CHANCE = 0.05
 """Probability that the robot loses its localisation on a drive."""
@@ -86,7 +86,7 @@ STATION_DISTANCE_M = 0.85
 """Distance of the robot from a machine's middle while it tends the machine."""
 
 _AISLE_M = (2.05, 2.3)
-_ARRIVED_WITHIN_M = 0.05
+_ARRIVAL_TOLERANCE_M = 0.05
 _REACH_M = 0.95
 _DRIVE_M_PER_S = 0.28
 _TURN_RAD_PER_S = 0.45
@@ -117,14 +117,14 @@ class Robot:
     """
 
     def __init__(self, world: LabWorld, clock: Clock, random: Random) -> None:
-        """Take over the robot of a world.
+        """Create the robot of a world.
 
         Args:
             world: the world of the robot.
             clock: the clock with which the robot's actions wait.
-            random: the source of durations, slips and losses of localisation. Nothing else draws from it, so observers
-                do not change the actions. Durations of looks have another source, so the number of looks does not
-                change the other actions.
+            random: the source of durations, slips and losses of localisation. Nothing else draws from this source, so
+                observers do not change the actions. Durations of looks have another source, so the number of looks does
+                not change the other actions.
         """
         self._world = world
         self._clock = clock
@@ -146,10 +146,10 @@ class Robot:
     # Driving
 
     def drive_to(self, station: str) -> None:
-        """Stow the arm, drive to a station, turning on the spot at both ends, and raise the arm to tend a machine.
+        """Stow the arm, drive to a station, and raise the arm if the station is a machine.
 
-        The drive takes about a minute. The localisation may be lost on the way; the robot then finishes the drive by
-        its wheels alone. After a drive to a machine the arm is raised in front of the machine, as part of the drive.
+        The drive takes about a minute. At both ends of the drive, the robot turns on the spot. The localisation may be
+        lost on the way. The robot then finishes the drive without localisation, by its wheels alone.
 
         Args:
             station: `home`, or the name of a machine.
@@ -168,17 +168,17 @@ class Robot:
         for corner in corners:
             self._drive_straight_to(*corner)
         if is_lost_on_the_way:
-            self._schedule(self._move(Quantity.LOCALIZED, (0.0,), 0.0))
+            self._schedule(self._new_move(Quantity.LOCALIZED, (0.0,), 0.0))
         self._drive_straight_to(*end)
         self._turn(goal[2])
         if station != Station.HOME:
-            self._move_camera(self._in_robot(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM)
+            self._move_camera(self._gaze_in_robot(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM)
 
     def relocalize(self) -> None:
         """Look around until the robot is localised again."""
         duration_s = self._draw(Phase.LOOK_AROUND)
         self._clock.sleep(0.9 * duration_s)
-        self._schedule(self._move(Quantity.LOCALIZED, (1.0,), 0.0))
+        self._schedule(self._new_move(Quantity.LOCALIZED, (1.0,), 0.0))
         self._clock.sleep(0.1 * duration_s)
 
     def _goal(self, station: str) -> tuple[float, float, float]:
@@ -199,27 +199,28 @@ class Robot:
     def _drive_straight_to(self, x_m: float, y_m: float) -> None:
         from_x_m, from_y_m, heading_rad = self._world.state(self._clock.now_s()).base
         length_m = hypot(x_m - from_x_m, y_m - from_y_m)
-        if length_m < _ARRIVED_WITHIN_M:
+        if length_m < _ARRIVAL_TOLERANCE_M:
             return
-        course_rad = _nearest_heading(heading_rad, atan2(y_m - from_y_m, x_m - from_x_m))
-        self._turn(course_rad)
-        duration_s = self._draw_varied(2.0 + length_m / _DRIVE_M_PER_S)
-        self._schedule(self._move(Quantity.BASE, (x_m, y_m, course_rad), duration_s))
+        drive_heading_rad = _nearest_heading(heading_rad, atan2(y_m - from_y_m, x_m - from_x_m))
+        self._turn(drive_heading_rad)
+        duration_s = self._varied_duration_s(2.0 + length_m / _DRIVE_M_PER_S)
+        self._schedule(self._new_move(Quantity.BASE, (x_m, y_m, drive_heading_rad), duration_s))
         self._clock.sleep(duration_s)
 
     def _turn(self, heading_rad: float) -> None:
         x_m, y_m, before_rad = self._world.state(self._clock.now_s()).base
         after_rad = _nearest_heading(before_rad, heading_rad)
-        duration_s = self._draw_varied(1.5 + abs(after_rad - before_rad) / _TURN_RAD_PER_S)
-        self._schedule(self._move(Quantity.BASE, (x_m, y_m, after_rad), duration_s))
+        duration_s = self._varied_duration_s(1.5 + abs(after_rad - before_rad) / _TURN_RAD_PER_S)
+        self._schedule(self._new_move(Quantity.BASE, (x_m, y_m, after_rad), duration_s))
         self._clock.sleep(duration_s)
 
     # Looking
 
     def look_at(self, machine: str, part: Part) -> None:
-        """Plan a look, move the camera to a pose that shows a part well, and wait until it is still: about 16 s.
+        """Plan a look, move the camera to a pose that shows a part well, and wait until the camera is still.
 
-        The robot uses its believed position. The camera's position is different in each look, by about a centimetre.
+        A look takes about 16 s. The robot uses its believed position. From look to look, the camera's position varies
+        by about a centimetre.
 
         Raises:
             OutOfReachError: the machine is too far away for a close look.
@@ -228,7 +229,7 @@ class Robot:
         self._check_reach(machine)
         believed_pose = self._world.believed_map_from_robot(self._clock.now_s())
         target_machine = self._machine(machine)
-        gaze = in_frame(
+        gaze = gaze_in_frame(
             observation_gaze(target_machine.shape, part), believed_pose.inverse() @ target_machine.map_from_base
         )
         eye_m = tuple(number_m + self._looking_random.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
@@ -239,7 +240,7 @@ class Robot:
     # Manipulating
 
     def unlock(self, machine: str) -> None:
-        """Turn a machine's latch lever to unlocked: about two minutes. The arm then waits in front of the machine.
+        """Turn a machine's latch lever to unlocked, in about two minutes. The arm then waits in front of the machine.
 
         Raises:
             OutOfReachError: the machine is out of the arm's reach. All manipulating methods raise this error.
@@ -248,53 +249,53 @@ class Robot:
         self._move_part(machine, Part.LATCH, self._end_rad(machine, Part.LATCH), (Phase.PLAN_UNLOCK, Phase.TURN_LEVER))
 
     def lock(self, machine: str) -> None:
-        """Turn a machine's latch lever to locked: about a minute and a half."""
+        """Turn a machine's latch lever to locked, in about a minute and a half."""
         self._move_part(machine, Part.LATCH, 0.0, (Phase.PLAN_LOCK, Phase.TURN_LEVER))
 
     def open_lid(self, machine: str) -> None:
-        """Pull a machine's lid open: about two and a half minutes. A locked lid does not follow the hand."""
+        """Pull a machine's lid open, in about two and a half minutes. A locked lid does not follow the hand."""
         self._move_part(machine, Part.LID, self._end_rad(machine, Part.LID), (Phase.PLAN_OPEN, Phase.LIFT_LID))
 
     def close_lid(self, machine: str) -> None:
-        """Lower a machine's lid: about two minutes."""
+        """Lower a machine's lid, in about two minutes."""
         self._move_part(machine, Part.LID, 0.0, (Phase.PLAN_CLOSE, Phase.LOWER_LID))
 
     def turn_rotor(self, position: RotorPosition) -> None:
-        """Turn the centrifuge's rotor to a position: about a minute. If the lid is closed, the rotor does not turn."""
+        """Turn the centrifuge's rotor to a position, in about a minute. It does not turn if the lid is closed."""
         machine = Station.CENTRIFUGE.value
         self._check_reach(machine)
         grip = self._grip_at(machine, Part.ROTOR, 0.0)
         self._wait(Phase.PLAN_ROTOR)
-        self._reach(stand_off(grip))
+        self._reach(stand_off_gaze(grip))
         if self._lid_is_open(machine):
             self._grip(grip)
             key = JointKey(machine, Part.ROTOR)
             duration_s = self._draw(Phase.TURN_ROTOR)
-            self._schedule(self._move(key, (position.value,), duration_s))
+            self._schedule(self._new_move(key, (position.value,), duration_s))
             self._clock.sleep(duration_s)
-            self._let_go(stand_off(grip))
+            self._let_go(stand_off_gaze(grip))
         self._retreat(machine)
 
     def take_samples(self, machine: str) -> None:
-        """Take the sample tray out of a machine and lay it on the deck: about a minute.
+        """Take the sample tray out of a machine and lay it on the deck, in about a minute.
 
         If the lid is closed, the robot takes no tray and `is_carrying` stays False.
         """
         self._check_reach(machine)
-        tray = self._in_robot(machine, tray_gaze(self._machine(machine).shape))
+        tray = self._gaze_in_robot(machine, tray_gaze(self._machine(machine).shape))
         self._wait(Phase.PLAN_TRAY)
-        self._reach(stand_off(tray))
+        self._reach(stand_off_gaze(tray))
         if self._lid_is_open(machine):
             self._grip(tray)
-            self._schedule(self._move(Quantity.HOLDING, (1.0,), 0.0))
-            self._move_camera(stand_off(tray), Phase.CARRY_TRAY)
+            self._schedule(self._new_move(Quantity.HOLDING, (1.0,), 0.0))
+            self._move_camera(stand_off_gaze(tray), Phase.CARRY_TRAY)
             self._move_camera(DECK_GAZE, Phase.CARRY_TRAY)
             self._lay_down(DECK_GAZE)
             self.is_carrying = True
         self._retreat(machine)
 
     def bring_samples(self, machine: str) -> None:
-        """Take the sample tray from the deck and put it into a machine: about a minute.
+        """Take the sample tray from the deck and put it into a machine, in about a minute.
 
         If the lid is closed, the robot puts the tray back on the deck and `is_carrying` stays True.
 
@@ -305,16 +306,16 @@ class Robot:
             raise RuntimeError("the robot carries no sample tray; call take_samples() before bring_samples()")
         self._check_reach(machine)
         self._wait(Phase.PLAN_TRAY)
-        self._reach(stand_off(DECK_GAZE))
+        self._reach(stand_off_gaze(DECK_GAZE))
         self._grip(DECK_GAZE)
-        self._schedule(self._move(Quantity.HOLDING, (1.0,), 0.0))
-        tray = self._in_robot(machine, tray_gaze(self._machine(machine).shape))
-        self._move_camera(stand_off(tray), Phase.CARRY_TRAY)
-        goes_in = self._lid_is_open(machine)
-        place = tray if goes_in else DECK_GAZE
+        self._schedule(self._new_move(Quantity.HOLDING, (1.0,), 0.0))
+        tray = self._gaze_in_robot(machine, tray_gaze(self._machine(machine).shape))
+        self._move_camera(stand_off_gaze(tray), Phase.CARRY_TRAY)
+        lid_is_open = self._lid_is_open(machine)
+        place = tray if lid_is_open else DECK_GAZE
         self._move_camera(place, Phase.CARRY_TRAY)
         self._lay_down(place)
-        self.is_carrying = not goes_in
+        self.is_carrying = not lid_is_open
         self._retreat(machine)
 
     def _move_part(self, machine: str, part: Part, to_rad: float, phases: tuple[Phase, Phase]) -> None:
@@ -329,23 +330,23 @@ class Robot:
         self._check_reach(machine)
         key = JointKey(machine, part)
         self._wait(phases[0])
-        self._reach(stand_off(self._grip_at(machine, part, self._angle_rad(key))))
+        self._reach(stand_off_gaze(self._grip_at(machine, part, self._angle_rad(key))))
         from_rad = self._angle_rad(key)  # a person may have moved the part in the meantime
         grip = self._grip_at(machine, part, from_rad)
         self._grip(grip)
         self._wait(Phase.REPLAN)
         duration_s, slips = self._draw(phases[1]), self._random.random() < SLIP_CHANCE
-        if self._is_free(machine, part):
+        if self._follows_hand(machine, part):
             self._schedule(
                 Move(channel=key, path=_angle_path(from_rad, to_rad, slips=slips), duration_s=duration_s),
                 Move(channel=Quantity.GAZE, path=self._gaze_path(key, from_rad, to_rad), duration_s=duration_s),
             )
             grip = self._grip_at(machine, part, to_rad)
         self._clock.sleep(duration_s)
-        self._let_go(stand_off(grip))
+        self._let_go(stand_off_gaze(grip))
         self._retreat(machine)
 
-    def _is_free(self, machine: str, part: Part) -> bool:
+    def _follows_hand(self, machine: str, part: Part) -> bool:
         """Return whether a part follows the hand. A closed lid follows only if the latch is at least half unlocked."""
         angles_rad = self._world.state(self._clock.now_s()).joints_rad
         lid_is_shut = angles_rad[JointKey(machine, Part.LID)] < 0.05
@@ -358,12 +359,12 @@ class Robot:
         return angle_rad > self._end_rad(machine, Part.LID) / 2
 
     def _gaze_path(self, key: JointKey, from_rad: float, to_rad: float) -> Path:
-        """Return the gaze of a hand that leads a part from one angle to another."""
+        """Return the path of the gaze while the hand moves a part from one angle to another."""
         machine, robot_from_machine = self._machine(key.machine), self._robot_from_machine(key.machine)
 
         def path(progress: float) -> Gaze:
             angle_rad = from_rad + (to_rad - from_rad) * progress
-            return in_frame(grip_gaze(machine, key.part, angle_rad), robot_from_machine)
+            return gaze_in_frame(grip_gaze(machine, key.part, angle_rad), robot_from_machine)
 
         return path
 
@@ -373,9 +374,9 @@ class Robot:
         """Move the open hand in front of a part."""
         duration_s = self._draw(Phase.REACH)
         self._schedule(
-            self._move(Quantity.GAZE, gaze, duration_s),
-            self._move(Quantity.REACH, (1.0,), duration_s),
-            self._move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s),
+            self._new_move(Quantity.GAZE, gaze, duration_s),
+            self._new_move(Quantity.REACH, (1.0,), duration_s),
+            self._new_move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s),
         )
         self._clock.sleep(duration_s)
 
@@ -383,8 +384,8 @@ class Robot:
         """Move the hand around a part, then close the fingers."""
         duration_s = self._draw(Phase.GRIP)
         self._schedule(
-            self._move(Quantity.GAZE, gaze, duration_s * 0.6),
-            self._move(Quantity.OPENING, (_GRIPPING_GAP_M,), duration_s * 0.4, delay_s=duration_s * 0.6),
+            self._new_move(Quantity.GAZE, gaze, duration_s * 0.6),
+            self._new_move(Quantity.OPENING, (_GRIPPING_GAP_M,), duration_s * 0.4, delay_s=duration_s * 0.6),
         )
         self._clock.sleep(duration_s)
 
@@ -392,27 +393,29 @@ class Robot:
         """Open the fingers, then draw the hand back."""
         duration_s = self._draw(Phase.LET_GO)
         self._schedule(
-            self._move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s * 0.4),
-            self._move(Quantity.GAZE, gaze, duration_s * 0.6, delay_s=duration_s * 0.4),
+            self._new_move(Quantity.OPENING, (_OPEN_GAP_M,), duration_s * 0.4),
+            self._new_move(Quantity.GAZE, gaze, duration_s * 0.6, delay_s=duration_s * 0.4),
         )
         self._clock.sleep(duration_s)
 
     def _lay_down(self, gaze: Gaze) -> None:
-        self._schedule(self._move(Quantity.HOLDING, (0.0,), 0.0))
-        self._let_go(stand_off(gaze))
+        self._schedule(self._new_move(Quantity.HOLDING, (0.0,), 0.0))
+        self._let_go(stand_off_gaze(gaze))
 
     def _retreat(self, machine: str) -> None:
-        """Draw the hand back out of sight, and move the camera to the pose in which it waits and sees the machine."""
+        """Draw the hand back out of sight, and move the camera to the pose in which it sees the machine."""
         duration_s = self._draw(Phase.RETREAT)
         self._schedule(
-            self._move(Quantity.GAZE, self._in_robot(machine, ready_gaze(self._machine(machine).shape)), duration_s),
-            self._move(Quantity.REACH, (0.0,), duration_s),
+            self._new_move(
+                Quantity.GAZE, self._gaze_in_robot(machine, ready_gaze(self._machine(machine).shape)), duration_s
+            ),
+            self._new_move(Quantity.REACH, (0.0,), duration_s),
         )
         self._clock.sleep(duration_s)
 
     def _move_camera(self, gaze: Gaze, phase: Phase) -> None:
         duration_s = self._draw(phase)
-        self._schedule(self._move(Quantity.GAZE, gaze, duration_s))
+        self._schedule(self._new_move(Quantity.GAZE, gaze, duration_s))
         self._clock.sleep(duration_s)
 
     def _wait(self, phase: Phase) -> None:
@@ -421,25 +424,25 @@ class Robot:
     def _draw(self, phase: Phase) -> float:
         return self.laboratory.duration(phase).draw(self._looking_random if phase in _LOOKING_PHASES else self._random)
 
-    def _draw_varied(self, duration_s: float) -> float:
+    def _varied_duration_s(self, duration_s: float) -> float:
         return Spread(duration_s, 0.15 * duration_s).draw(self._random)
 
     def _schedule(self, *moves: Move) -> None:
         self._world.schedule(self._clock.now_s(), moves)
 
-    def _move(self, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0) -> Move:
+    def _new_move(self, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0) -> Move:
         return self._world.moves_to(self._clock.now_s(), channel, values, duration_s, delay_s=delay_s)
 
-    def _in_robot(self, machine: str, gaze: Gaze) -> Gaze:
+    def _gaze_in_robot(self, machine: str, gaze: Gaze) -> Gaze:
         """Transform a gaze from a machine's base frame to the robot's frame.
 
         The true pose of the robot is used, because the hand works by touch, without the localisation error.
         """
-        return in_frame(gaze, self._robot_from_machine(machine))
+        return gaze_in_frame(gaze, self._robot_from_machine(machine))
 
     def _grip_at(self, machine: str, part: Part, angle_rad: float) -> Gaze:
         """Return the gaze while the fingers hold a part whose joint is at an angle, in the robot's frame."""
-        return self._in_robot(machine, grip_gaze(self._machine(machine), part, angle_rad))
+        return self._gaze_in_robot(machine, grip_gaze(self._machine(machine), part, angle_rad))
 
     def _machine(self, name: str) -> Machine:
         return self.laboratory.machine(name)
@@ -478,5 +481,5 @@ def _angle_path(from_rad: float, to_rad: float, *, slips: bool) -> Path:
 
 
 def _nearest_heading(before_rad: float, heading_rad: float) -> float:
-    """Return `heading_rad` plus or minus full turns, such that the turn from `before_rad` to it is the shortest."""
+    """Return the angle nearest to `before_rad` that differs from `heading_rad` only by full turns."""
     return before_rad + remainder(heading_rad - before_rad, 2 * pi)

@@ -1,7 +1,7 @@
 """Sequential perception: the looks of the main execution when context cannot answer (P1, section 4.2).
 
 The main execution moves the camera to a good pose, takes an image, localises parts and evaluates the result. It uses
-the same perception functions as the observers, and the same vision slot, for which it has priority.
+the same perception functions as the observers, and the same vision slot, but with priority over observers.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from codra_papers.lab.robot import Clock, Robot
 VISION = "vision"
 """The resource whose slot a look needs."""
 
-LOOKS = 3
-"""Number of looks before the main execution gives up. Each look is from a new pose."""
+MAX_LOOKS = 3
+"""Number of looks after which the main execution gives up. Each look is from a new pose."""
 
 OPEN_RAD = 0.6
 ROTOR_TOLERANCE_RAD = 0.2
@@ -34,7 +34,7 @@ Measurement = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class _SequentialJob:
-    """The argument `job` of perception functions that the main execution calls itself. It sleeps while they work."""
+    """The argument `job` of perception functions that the main execution calls itself and waits for."""
 
     clock: Clock
     random: Random
@@ -91,7 +91,7 @@ class SequentialPerception:
         self._job = _SequentialJob(clock, random)
 
     def look_for(self, variable: str) -> bool | None:
-        """Look, and return the value of a context-variable; None if several looks do not show the value."""
+        """Look, and return the value of a context-variable; None if no look shows the value."""
         if variable == "robot_is_localized":
             return self._robot.is_localized()
         machine = self._machine_of(variable)
@@ -99,7 +99,7 @@ class SequentialPerception:
             measurement = perception.measure_distance(machine=machine, base=self._robot, job=self._job)
             return bool(measurement["distance"] < MANIPULATION_DISTANCE_M)
         plan = _look_plans(machine)[variable.removeprefix(f"{machine}_")]
-        answers = (self._look(plan) for _ in range(LOOKS))
+        answers = (self._look(plan) for _ in range(MAX_LOOKS))
         return next((answer for answer in answers if answer is not None), None)
 
     def _machine_of(self, variable: str) -> str:

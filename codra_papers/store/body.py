@@ -12,14 +12,14 @@ import numpy as np
 
 from codra_papers.store.geometry import Floats, Point, Pose2D
 
-CAMERA_AT = Pose2D(0.45, 0.0)
+CAMERA_POSE = Pose2D(0.45, 0.0)
 CAMERA_VIEW_RAD = radians(87.0)
-CAMERA_VIEW_UP_RAD = radians(58.0)
+CAMERA_VIEW_HEIGHT_RAD = radians(58.0)
 CAMERA_NEAREST_M, CAMERA_FARTHEST_M = 0.3, 6.0
 """The camera in the robot's front, as described in its data sheet (Intel D435i, depth)."""
 
 STEADY_BELOW_RAD_S = 0.3
-"""While the robot turns faster, the camera's pictures are blurred and useless."""
+"""While the robot turns faster than this, the camera's pictures are blurred and useless."""
 
 
 class Side(StrEnum):
@@ -56,19 +56,19 @@ class Outcome(StrEnum):
     BUMPED = "bumped"
 
 
-class Seen(StrEnum):
+class ObjectKind(StrEnum):
     """The kinds of objects that the camera distinguishes."""
 
     PERSON = "person"
     CONTAINER = "container"
 
 
-LASERS_AT = {
+LASER_POSES = {
     Side.FRONT_LEFT: Pose2D(0.45, 0.35, radians(70.0)),
     Side.FRONT_RIGHT: Pose2D(0.45, -0.35, radians(-70.0)),
     Side.BACK: Pose2D(-0.75, 0.0, pi),
 }
-"""The poses of the lasers in the robot's frame. Those at the front corners also look to the sides.
+"""The poses of the lasers in the robot's frame. The lasers at the front corners also look to the sides.
 
 The laser at the tip of the fork sees the wheels of containers, not their frames."""
 
@@ -91,8 +91,8 @@ class Scan:
 
     def points_m(self) -> Floats:
         """Return the points that the rays hit, in the robot's frame, from right to left; shape (points, 2)."""
-        is_met = self.ranges_m < self.farthest_m
-        bearings, ranges = self.bearings_rad[is_met] + self.mount.heading_rad, self.ranges_m[is_met]
+        has_hit = self.ranges_m < self.farthest_m
+        bearings, ranges = self.bearings_rad[has_hit] + self.mount.heading_rad, self.ranges_m[has_hit]
         points: Floats = np.stack(
             (self.mount.x_m + ranges * np.cos(bearings), self.mount.y_m + ranges * np.sin(bearings)), axis=1
         )
@@ -108,7 +108,7 @@ class Sighting:
         share: the share of the object that is in sight, from 0 to 1.
     """
 
-    kind: Seen
+    kind: ObjectKind
     at: Pose2D
     share: float
 
@@ -126,15 +126,15 @@ class Picture:
     sightings: tuple[Sighting, ...]
 
 
-Done = Callable[[Outcome], None]
-Stop = Callable[[], None]
-"""A call brakes, and ends a command as stopped. If the command has ended or was replaced, a call does nothing."""
+EndCallback = Callable[[Outcome], None]
+StopFunction = Callable[[], None]
+"""A function that brakes and ends a command as stopped. If the command has ended or was replaced, it does nothing."""
 
 
 class Body(Protocol):
     """The robot's hardware with the manufacturer's own layer (P2: MIRA and CogniDrive)."""
 
-    def believed(self) -> Pose2D:
+    def believed_pose(self) -> Pose2D:
         """Return the pose from the localisation, which is a few centimetres off."""
         ...
 
@@ -159,7 +159,7 @@ class Body(Protocol):
         ...
 
     def has_load(self) -> bool:
-        """Return whether the fork carries a load, measured by the weight on it."""
+        """Return whether the fork carries a load, measured by the weight on the fork."""
         ...
 
     def is_bumped(self) -> bool:
@@ -174,14 +174,14 @@ class Body(Protocol):
         """Drive no faster than this from now on."""
         ...
 
-    def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> Stop:
-        """Drive from point to point by the believed pose. Backwards, the robot does not turn on the spot."""
+    def drive(self, points_m: Sequence[Point], way: Way, done: EndCallback) -> StopFunction:
+        """Drive from point to point by the believed pose. Backwards, the robot drives without turning on the spot."""
         ...
 
-    def turn(self, angle_rad: float, done: Done) -> Stop:
+    def turn(self, angle_rad: float, done: EndCallback) -> StopFunction:
         """Turn on the spot."""
         ...
 
-    def lift(self, lift: Lift, done: Done) -> Stop:
+    def lift(self, lift: Lift, done: EndCallback) -> StopFunction:
         """Raise or lower the fork."""
         ...

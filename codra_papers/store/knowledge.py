@@ -28,12 +28,12 @@ from codra_dsl.runtime.knowledge import (
     some,
 )
 from codra_papers.store.body import (
-    CAMERA_AT,
     CAMERA_FARTHEST_M,
     CAMERA_NEAREST_M,
+    CAMERA_POSE,
+    CAMERA_VIEW_HEIGHT_RAD,
     CAMERA_VIEW_RAD,
-    CAMERA_VIEW_UP_RAD,
-    LASERS_AT,
+    LASER_POSES,
     Side,
     Way,
 )
@@ -45,14 +45,14 @@ PLANNERS = ("mission", "picking")
 LOADS = ("empty", "loading", "full")
 NOTICES = ("none", "container_not_found", "container_not_placed", "mission_aborted")
 FARTHEST_M = 10.0
-"""Largest value of distances, and their value if no object is seen."""
+"""Largest distance in the graph, and the distance in the graph if no object is seen."""
 
 
 def named_floor_poses() -> dict[str, Pose2D]:
-    """Return the named poses of the map, by name (P2, Figure 8)."""
+    """Return the named poses of the map: a mapping from names to poses (P2, Figure 8)."""
     poses = {"start": START, "dock": DOCK}
     for area in AREAS.values():
-        for number, pose in enumerate(area.observation, start=1):
+        for number, pose in enumerate(area.observation_poses, start=1):
             poses[f"{area.name}_pose_{number}"] = pose
         poses[f"{area.name}_approach"] = area.approach
         poses[f"{area.name}_delivery"] = area.delivery
@@ -89,7 +89,7 @@ def _attribute(name: str, type: ValueType, *sources: str, valid_for_s: float = f
     return AttributeModel(name=name, type=type, sources=by(*sources), valid_for_s=valid_for_s)
 
 
-def _metres() -> ValueType:
+def _distance_type() -> ValueType:
     return real(0, FARTHEST_M, unit="m")
 
 
@@ -108,7 +108,7 @@ def _node_types() -> tuple[NodeTypeModel, ...]:
             name="camera",
             view=ViewModel(
                 horizontal_rad=CAMERA_VIEW_RAD,
-                vertical_rad=CAMERA_VIEW_UP_RAD,
+                vertical_rad=CAMERA_VIEW_HEIGHT_RAD,
                 nearest_m=CAMERA_NEAREST_M,
                 farthest_m=CAMERA_FARTHEST_M,
             ),
@@ -139,10 +139,10 @@ def _node_types() -> tuple[NodeTypeModel, ...]:
 
 def _robot_attributes() -> tuple[AttributeModel, ...]:
     return (
-        _attribute("person_distance", _metres(), "person_detection", valid_for_s=15.0),
-        _attribute("front_gap", _metres(), "lasers", valid_for_s=2.0),
-        _attribute("back_gap", _metres(), "lasers", valid_for_s=2.0),
-        _attribute("strange_gap", _metres(), "lasers", valid_for_s=2.0),
+        _attribute("person_distance", _distance_type(), "person_detection", valid_for_s=15.0),
+        _attribute("front_gap", _distance_type(), "lasers", valid_for_s=2.0),
+        _attribute("back_gap", _distance_type(), "lasers", valid_for_s=2.0),
+        _attribute("strange_gap", _distance_type(), "lasers", valid_for_s=2.0),
         _attribute("bumped", boolean(), "navigation", valid_for_s=5.0),
         _attribute("speed", real(-1.5, 1.5, unit="m/s"), "navigation", valid_for_s=5.0),
         _attribute("pose_spread", real(0, 10, unit="m"), "localisation", valid_for_s=5.0),
@@ -153,8 +153,8 @@ def _robot_attributes() -> tuple[AttributeModel, ...]:
 
 
 def _edge_types() -> tuple[EdgeTypeModel, ...]:
-    moving = Motion(history_s=10.0, extrapolate_s=0.2, valid_for_s=2.0)
-    stepping = Motion(history_s=60.0, is_static=True)
+    continuous_motion = Motion(history_s=10.0, extrapolate_s=0.2, valid_for_s=2.0)
+    stepwise_motion = Motion(history_s=60.0, is_static=True)
     container_sources = (Writer(agent="container_detection"), Writer(agent="wheel_check"), Writer(agent="fork"))
     return (
         EdgeTypeModel(name="has", origins=("robot",), targets=("battery",)),
@@ -165,38 +165,48 @@ def _edge_types() -> tuple[EdgeTypeModel, ...]:
         EdgeTypeModel(name="of_area", origins=("order",), targets=("picking_area", "depot"), sources=by("picker_page")),
         EdgeTypeModel(name="to_area", origins=("order",), targets=("picking_area", "depot"), sources=by("picker_page")),
         EdgeTypeModel(
-            name="robot_pose", origins=("world",), targets=("robot",), sources=by("localisation"), motion=moving
+            name="robot_pose",
+            origins=("world",),
+            targets=("robot",),
+            sources=by("localisation"),
+            motion=continuous_motion,
         ),
         EdgeTypeModel(
-            name="person_pose", origins=("world",), targets=("person",), sources=by("person_detection"), motion=moving
+            name="person_pose",
+            origins=("world",),
+            targets=("person",),
+            sources=by("person_detection"),
+            motion=continuous_motion,
         ),
         EdgeTypeModel(
             name="container_pose",
             origins=("world", "robot"),
             targets=("roll_container",),
             sources=container_sources,
-            motion=stepping,
+            motion=stepwise_motion,
         ),
-        EdgeTypeModel(name="goal_pose", origins=("world",), targets=("goal",), sources=by(*PLANNERS), motion=stepping),
+        EdgeTypeModel(
+            name="goal_pose", origins=("world",), targets=("goal",), sources=by(*PLANNERS), motion=stepwise_motion
+        ),
     )
 
 
 def _nodes() -> tuple[NodeModel, ...]:
-    named = ("world", "robot", "battery", "camera", "goal", "base")
+    single_names = ("world", "robot", "battery", "camera", "goal", "base")
     areas = [NodeModel(name=name, type="picking_area") for name in PICKING_AREAS]
     depots = [NodeModel(name=name, type="depot") for name in DEPOTS]
     lasers = [NodeModel(name=f"laser_{side}", type="laser") for side in Side]
     poses = [NodeModel(name=name, type="pose") for name in named_floor_poses()]
-    return (*(NodeModel(name=name, type=name) for name in named), *areas, *depots, *lasers, *poses)
+    return (*(NodeModel(name=name, type=name) for name in single_names), *areas, *depots, *lasers, *poses)
 
 
 def _static_transforms() -> Iterator[tuple[EdgeTypeModel, EdgeModel]]:
     """Yield the static transforms: named poses in the map, sensors on the robot."""
     for name, floor_pose in named_floor_poses().items():
         yield _static_transform("world", name, pose_of(floor_pose))
-    optical = Pose.about((0, 0, 1), -pi / 2) @ Pose.about((1, 0, 0), -pi / 2)
-    yield _static_transform("robot", "camera", Pose.of((CAMERA_AT.x_m, CAMERA_AT.y_m, 0.0), optical.rotation))
-    for side, mount in LASERS_AT.items():
+    optical_pose = Pose.about((0, 0, 1), -pi / 2) @ Pose.about((1, 0, 0), -pi / 2)
+    yield _static_transform("robot", "camera", Pose.of((CAMERA_POSE.x_m, CAMERA_POSE.y_m, 0.0), optical_pose.rotation))
+    for side, mount in LASER_POSES.items():
         yield _static_transform("robot", f"laser_{side}", pose_of(mount))
 
 
@@ -257,7 +267,7 @@ def _agents() -> tuple[AgentModel, ...]:
 
 
 def _rule(task: str) -> RuleModel:
-    """Return P2's triplet of an executor. Its last part holds the end and the other effects of the task."""
+    """Return P2's triplet of an executor. Its last part contains the end and the other effects of the task."""
     effects = {
         "detecting": (path("world", "container_pose", some("roll_container")),),
         "lifting": (path("robot", "carries", some("roll_container")),),

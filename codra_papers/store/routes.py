@@ -10,20 +10,19 @@ import networkx as nx
 import numpy as np
 
 from codra_papers.store.geometry import Disc, Floats, Point, Pose2D
-from codra_papers.store.layout import DEPTH_M, FIXED, LENGTH_M
+from codra_papers.store.layout import DEPTH_M, FIXED_BOXES, LENGTH_M
 
 GRID_M = 0.2
 TURNING_ROOM_M = 0.9
-"""Where the robot turns, its axle is at least this far from shelves and walls.
+"""At places where the robot turns, its axle is at least this far from shelves and walls.
 
-The farthest corner of the robot is 0.83 m from the axle.
-"""
+The farthest corner of the robot is 0.83 m from the axle."""
 
 LANE_M = 0.38
 """Half the width that the robot needs to drive straight on."""
 
 _ROUNDING_M = 1e-6
-_OFF_M = 0.01
+_PLACE_TOLERANCE_M = 0.01
 """A place has room to turn even if its clearance is this much less: the robot may be a little off the grid's points."""
 
 _REACH_M = 0.3
@@ -34,25 +33,25 @@ class NoRouteError(LookupError):
     """No wide enough route leads from the start to the goal."""
 
 
-_MIDDLES_M = np.array([box.centre.point_m for box in FIXED])
-_HALVES_M = np.array([(box.length_m / 2, box.width_m / 2) for box in FIXED])
+_MIDDLES_M = np.array([box.centre.point_m for box in FIXED_BOXES])
+_HALVES_M = np.array([(box.length_m / 2, box.width_m / 2) for box in FIXED_BOXES])
 """Half lengths and widths of shelves and walls, which are parallel to the axes of the map."""
 
 
 def clearance_m(point_m: Point) -> float:
-    """Return the distance of a point from the nearest shelf or wall: 0 inside of one."""
+    """Return the distance of a point from the nearest shelf or wall: 0 inside a shelf or a wall."""
     return float(clearances_m(np.array([point_m]))[0])
 
 
 def clearances_m(points_m: Floats) -> Floats:
-    """Return the same for many points. The points have the shape (points, 2), the result has the shape (points,)."""
+    """Return `clearance_m` for many points of shape (points, 2). The result has the shape (points,)."""
     outside_m = np.maximum(np.abs(points_m[:, None, :] - _MIDDLES_M) - _HALVES_M, 0.0)
     distances_m: Floats = np.hypot(outside_m[..., 0], outside_m[..., 1]).min(axis=1)
     return distances_m
 
 
 def has_room(start_m: Point, end_m: Point, room_m: float) -> bool:
-    """Return whether a straight way keeps a distance from shelves and walls, checked every 5 cm."""
+    """Return whether a straight way keeps the distance `room_m` from shelves and walls, checked every 5 cm."""
     steps = max(1, ceil(hypot(end_m[0] - start_m[0], end_m[1] - start_m[1]) / 0.05))
     shares = np.arange(steps + 1)[:, None] / steps
     points = np.array(start_m) + (np.array(end_m) - np.array(start_m)) * shares
@@ -62,7 +61,7 @@ def has_room(start_m: Point, end_m: Point, room_m: float) -> bool:
 def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Point, ...]:
     """Return the points to drive through after the start, up to and including the goal.
 
-    If the robot has no room to turn, as in a recess, it first goes straight on, or straight back.
+    If the robot has no room to turn, as in a recess, it first drives straight on, or straight back.
 
     Args:
         start: the pose of the robot.
@@ -73,7 +72,7 @@ def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Poin
         NoRouteError: no route leads to the goal.
     """
     grid = _grid() if not avoid else _grid_without(avoid)
-    out_m, first = _turning_place(start, grid, avoid)
+    turning_place_m, first = _turning_place(start, grid, avoid)
     last = _nearest(grid, goal.point_m)
     if last is None:
         raise NoRouteError(f"the robot has no room to turn at ({goal.x_m:.2f}, {goal.y_m:.2f})")
@@ -81,15 +80,15 @@ def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Poin
         points_m: list[Point] = nx.astar_path(grid, first, last, heuristic=_distance_m, weight="length_m")
     except nx.NetworkXNoPath:
         raise NoRouteError(f"no route leads from {start.point_m} to {goal.point_m}") from None
-    corners = _straightened(out_m, points_m, avoid)
-    beginning = () if out_m == start.point_m else (out_m,)
-    return (*beginning, *corners[:-1], goal.point_m)
+    corners = _straightened(turning_place_m, points_m, avoid)
+    first_points = () if turning_place_m == start.point_m else (turning_place_m,)
+    return (*first_points, *corners[:-1], goal.point_m)
 
 
 def _turning_place(start: Pose2D, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tuple[Point, Point]:
     """Return the first place with room to turn, and the nearest point of the grid.
 
-    The place is the start itself, or straight ahead of it, or straight behind it, in this order.
+    The place is the start itself, or lies straight ahead of the start, or straight behind it, in this order.
 
     Raises:
         NoRouteError: no such place is near.
@@ -98,17 +97,17 @@ def _turning_place(start: Pose2D, grid: nx.Graph[Point], avoid: Sequence[Disc]) 
     room_m = min(LANE_M, clearance_m(start.point_m))
     for sign in (1.0, -1.0):
         for step in range(31):
-            end_m = start.out(sign * step * 0.1)
+            end_m = start.point_at(sign * step * 0.1)
             if not has_room(start.point_m, end_m, room_m) or _approaches(start.point_m, end_m, avoid):
                 break
             node = _nearest(grid, end_m)
-            if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _OFF_M:
+            if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _PLACE_TOLERANCE_M:
                 return end_m, node
     raise NoRouteError(f"the robot has no room to turn near {start.point_m}")
 
 
 def _approaches(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
-    """Return whether a step leads near to a place to avoid, and nearer than before."""
+    """Return whether a step leads near to a place to avoid, and nearer to this place than the step's start."""
     return any(
         _distance_m(end_m, disc.centre_m) < min(_distance_m(start_m, disc.centre_m), disc.radius_m + LANE_M)
         for disc in avoid
@@ -121,8 +120,8 @@ def _grid() -> nx.Graph[Point]:
     graph: nx.Graph[Point] = nx.Graph()
     columns, rows = round(LENGTH_M / GRID_M), round(DEPTH_M / GRID_M)
     places = [(column, row) for column in range(columns + 1) for row in range(rows + 1)]
-    rooms_m = clearances_m(np.array(places) * GRID_M)
-    for (column, row), room_m in zip(places, rooms_m.tolist(), strict=True):
+    clearances_of_places_m = clearances_m(np.array(places) * GRID_M)
+    for (column, row), room_m in zip(places, clearances_of_places_m.tolist(), strict=True):
         if room_m < TURNING_ROOM_M - _ROUNDING_M:
             continue
         point = _grid_point(column, row)
@@ -140,10 +139,10 @@ def _grid_point(column: int, row: int) -> Point:
 
 def _grid_without(avoid: Sequence[Disc]) -> nx.Graph[Point]:
     grid = _grid()
-    return grid.subgraph([point for point in grid if not _is_near(point, avoid)])
+    return grid.subgraph([point for point in grid if not _is_near_disc(point, avoid)])
 
 
-def _is_near(point: Point, avoid: Sequence[Disc]) -> bool:
+def _is_near_disc(point: Point, avoid: Sequence[Disc]) -> bool:
     return any(_distance_m(point, disc.centre_m) < disc.radius_m + TURNING_ROOM_M for disc in avoid)
 
 
@@ -151,33 +150,35 @@ def _nearest(grid: nx.Graph[Point], point_m: Point) -> Point | None:
     """Return the nearest point of the grid within reach, or None."""
     steps = range(-2, 3)
     column, row = round(point_m[0] / GRID_M), round(point_m[1] / GRID_M)
-    around = [_grid_point(column + a, row + b) for a in steps for b in steps]
-    near = [node for node in around if node in grid and _distance_m(node, point_m) <= _REACH_M]
+    nearby_points = [_grid_point(column + a, row + b) for a in steps for b in steps]
+    near = [node for node in nearby_points if node in grid and _distance_m(node, point_m) <= _REACH_M]
     return min(near, key=lambda node: (_distance_m(node, point_m), node), default=None)
 
 
 def _straightened(start_m: Point, points_m: Sequence[Point], avoid: Sequence[Disc]) -> list[Point]:
-    """Return the corners of a route: each is the farthest point that can be reached straight on from the one before."""
-    corners, at, index = list[Point](), start_m, 0
+    """Return the corners of a route. From each corner, the next is as far as a straight way can lead."""
+    corners, corner, index = list[Point](), start_m, 0
     while index < len(points_m):
         farthest = index
         for candidate in range(len(points_m) - 1, index, -1):
-            if has_room(at, points_m[candidate], TURNING_ROOM_M) and not _passes(at, points_m[candidate], avoid):
+            if has_room(corner, points_m[candidate], TURNING_ROOM_M) and not _passes(
+                corner, points_m[candidate], avoid
+            ):
                 farthest = candidate
                 break
-        at, index = points_m[farthest], farthest + 1
-        corners.append(at)
+        corner, index = points_m[farthest], farthest + 1
+        corners.append(corner)
     return corners
 
 
 def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
     """Return whether a straight way passes a place to avoid with less room than turning requires."""
     length_m = _distance_m(start_m, end_m) or 1.0
-    along = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
+    direction = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
     for disc in avoid:
         dx, dy = disc.centre_m[0] - start_m[0], disc.centre_m[1] - start_m[1]
-        reached_m = min(max(dx * along[0] + dy * along[1], 0.0), length_m)
-        if hypot(dx - along[0] * reached_m, dy - along[1] * reached_m) < disc.radius_m + TURNING_ROOM_M:
+        nearest_m = min(max(dx * direction[0] + dy * direction[1], 0.0), length_m)
+        if hypot(dx - direction[0] * nearest_m, dy - direction[1] * nearest_m) < disc.radius_m + TURNING_ROOM_M:
             return True
     return False
 

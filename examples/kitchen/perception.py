@@ -1,10 +1,10 @@
 """The robot's perception of the kitchen: each function reads the handle `kitchen` and returns values of the spec."""
 
 
-def taken_now(job, working_s, **seen):
+def result_of_picture(job, processing_s, **values):
     job.evidence(job.now_s(), job.now_s())  # the picture is taken at this instant
-    job.sleep(working_s)  # processing it takes time
-    return seen
+    job.sleep(processing_s)  # processing it takes time
+    return values
 
 
 def measure_distance(*, kitchen, target, offset, job):
@@ -12,7 +12,7 @@ def measure_distance(*, kitchen, target, offset, job):
 
 
 def look_at_door(*, kitchen, door, job):
-    return taken_now(job, 0.5, angle=kitchen.angle_rad.get(door), edges=kitchen.edges)
+    return result_of_picture(job, 0.5, angle=kitchen.angle_rad.get(door), edges=kitchen.edges)
 
 
 def find_kettle(*, kitchen, job):
@@ -24,8 +24,13 @@ def ask_dock(*, kitchen, job):
 
 
 def look_at_kettle(*, kitchen, job):
-    seen = {"water": kitchen.water_kg, "steam": kitchen.steam, "warmth": kitchen.warmth, "sharpness": kitchen.sharpness}
-    return taken_now(job, kitchen.kettle_work_s, **seen)
+    values = {
+        "water": kitchen.water_kg,
+        "steam": kitchen.steam,
+        "warmth": kitchen.warmth,
+        "sharpness": kitchen.sharpness,
+    }
+    return result_of_picture(job, kitchen.kettle_work_s, **values)
 
 
 def weigh_kettle(*, kitchen, job):
@@ -33,7 +38,7 @@ def weigh_kettle(*, kitchen, job):
 
 
 def look_at_hob(*, kitchen, job):
-    return taken_now(job, 0.3, lamp=kitchen.lamp, power=kitchen.power_w, pot=kitchen.pot_on_hob)
+    return result_of_picture(job, 0.3, lamp=kitchen.lamp, power=kitchen.power_w, pot=kitchen.pot_on_hob)
 
 
 def look_into_pot(*, kitchen, hob_power, job):

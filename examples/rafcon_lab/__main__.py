@@ -10,7 +10,7 @@ import logging
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from examples.rafcon_lab.comparison import Arm, table
+from examples.rafcon_lab.comparison import Arm, comparison_table
 from examples.rafcon_lab.running import run
 
 
@@ -23,15 +23,15 @@ def main() -> None:
     parser.add_argument("--journals", type=Path, help="the folder for the journals")
     arguments = parser.parse_args()
     logging.getLogger("rafcon").setLevel(logging.ERROR)
-    with TemporaryDirectory() as forgotten:
-        folder = arguments.journals or Path(forgotten)
+    with TemporaryDirectory() as temporary_folder:
+        folder = arguments.journals or Path(temporary_folder)
         folder.mkdir(parents=True, exist_ok=True)
         runs = []
         for seed in range(1, arguments.seeds + 1):
             for arm in Arm:
                 path = folder / f"seed-{seed}-{arm}-observers.mcap"
                 runs.append((seed, arm, run(arm, seed, path).outcome, path))
-        print(table(runs))
+        print(comparison_table(runs))
 
 
 if __name__ == "__main__":

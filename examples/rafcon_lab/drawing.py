@@ -48,7 +48,7 @@ RELOCALIZE = """def execute(self, inputs, outputs, gvm):
 """
 
 Transitions = Mapping[tuple[str, str], str]
-"""From (name of a state, its outcome) to the name of the next state, or `DONE` or `GAVE_UP`."""
+"""A mapping from (name of a state, its outcome) to the name of the next state, or to `DONE` or `GAVE_UP`."""
 
 
 def script(
@@ -65,9 +65,9 @@ def script(
 
 
 def look(name: str, variable: str, wait_up_to_s: str = "") -> ExecutionState:
-    """Return a state that looks for the value of a decision; it is skipped if context knows the value."""
-    waits = {"wait_up_to_s": wait_up_to_s} if wait_up_to_s else {}
-    state = script(name, LOOK, {"variable": variable}, {"decide": variable, **waits})
+    """Return a state that looks for the value of a decision. The state is skipped if context knows the value."""
+    wait_setting = {"wait_up_to_s": wait_up_to_s} if wait_up_to_s else {}
+    state = script(name, LOOK, {"variable": variable}, {"decide": variable, **wait_setting})
     state.outcomes[0].name = "not seen"
     state.add_outcome("true", 1)
     state.add_outcome("false", 2)
@@ -76,8 +76,8 @@ def look(name: str, variable: str, wait_up_to_s: str = "") -> ExecutionState:
 
 def act(name: str, action: str, skill: str, expect: str = "") -> ExecutionState:
     """Return a state that moves a part of the machine."""
-    expecting = {"expect": expect} if expect else {}
-    return script(name, ACT, {"action": action, "machine": MACHINE}, {"acting": skill, **expecting})
+    expect_setting = {"expect": expect} if expect else {}
+    return script(name, ACT, {"action": action, "machine": MACHINE}, {"acting": skill, **expect_setting})
 
 
 def hierarchy(
@@ -110,7 +110,7 @@ def hierarchy(
 
 
 def localization_state(name: str) -> HierarchyState:
-    """Return the states that write to context whether the robot is localized, and look around if it is not."""
+    """Return the states that write to context whether the robot is localized, and look around if the robot is lost."""
     feel_state = script("Feel", FEEL, {})
     feel_state.add_output_data_port("localized", bool, default_value=False, data_port_id=0)
     set_state = LibraryState("codra", "set", name="Tell", state_id="TELL")
@@ -133,38 +133,42 @@ def localization_state(name: str) -> HierarchyState:
     return hierarchy_state
 
 
-def skill(name: str, before: Sequence[tuple[State, str]], action: State, after: State, goal: str) -> HierarchyState:
-    """Return a skill: decisions before the action, the action, and a look at its result.
+def skill(
+    name: str, previous_looks: Sequence[tuple[State, str]], action: State, final_look: State, goal: str
+) -> HierarchyState:
+    """Return a skill: decisions before the action, the action, and a look at the action's result.
 
     Args:
         name: together with the machine's name, the name of the skill in the spec.
-        before: states that look, each with the outcome with which the skill continues; with the other outcome of the
-            last one, the skill is already done.
+        previous_looks: states that look, each with the outcome with which the skill continues. If the last of these
+            states has the other outcome, the skill is already done.
         action: the state that acts.
-        after: the state that looks whether the action reached its goal; if not, the action is repeated.
-        goal: the outcome of `after` for a reached goal.
+        final_look: the state that looks whether the action reached its goal. If the action did not, it is repeated.
+        goal: the outcome of `final_look` if the goal is reached.
     """
-    states = [*(state for state, _ in before), action, after]
+    states = [*(state for state, _ in previous_looks), action, final_look]
     transitions: dict[tuple[str, str], str] = {}
-    for number, (state, goes_on) in enumerate(before):
-        is_last = number == len(before) - 1
-        other = {"true": "false", "false": "true"}[goes_on]
-        transitions[state.name, goes_on] = states[number + 1].name
-        transitions[state.name, other] = DONE if is_last else GAVE_UP
+    for number, (state, continuing_outcome) in enumerate(previous_looks):
+        is_last = number == len(previous_looks) - 1
+        ending_outcome = {"true": "false", "false": "true"}[continuing_outcome]
+        transitions[state.name, continuing_outcome] = states[number + 1].name
+        transitions[state.name, ending_outcome] = DONE if is_last else GAVE_UP
         transitions[state.name, "not seen"] = GAVE_UP
-    transitions[action.name, "success"] = after.name
-    transitions[after.name, goal] = DONE
-    transitions[after.name, {"true": "false", "false": "true"}[goal]] = action.name
-    transitions[after.name, "not seen"] = GAVE_UP
+    transitions[action.name, "success"] = final_look.name
+    transitions[final_look.name, goal] = DONE
+    transitions[final_look.name, {"true": "false", "false": "true"}[goal]] = action.name
+    transitions[final_look.name, "not seen"] = GAVE_UP
     return hierarchy(name, states, transitions, {"skill": f"{name.lower()}_{MACHINE}"})
 
 
-def drawn() -> StateMachine:
-    """Return the state machine: drive there, unlock, open, close and lock."""
-    distance, is_open, locked = (f"{MACHINE}_{what}" for what in ("in_manipulation_distance", "open", "locked"))
+def state_machine() -> StateMachine:
+    """Return the state machine: drive to the machine, then unlock, open, close and lock it."""
+    is_within_reach, is_open, is_locked = (
+        f"{MACHINE}_{what}" for what in ("in_manipulation_distance", "open", "locked")
+    )
 
-    def near() -> tuple[State, str]:
-        return look("Near?", distance), "true"
+    def look_near() -> tuple[State, str]:
+        return look("Near?", is_within_reach), "true"
 
     drive = hierarchy(
         "Drive",
@@ -186,35 +190,35 @@ def drawn() -> StateMachine:
         drive,
         skill(
             "Unlock",
-            [near(), (look("Locked?", locked), "true")],
+            [look_near(), (look("Locked?", is_locked), "true")],
             act("Turn lever", "unlock", f"unlock_{MACHINE}", expect=f"open_{MACHINE}"),
-            look("Still locked?", locked, "8"),
+            look("Still locked?", is_locked, "8"),
             "false",
         ),
         skill(
             "Open",
-            [near(), (look("Locked?", locked), "false"), (look("Open?", is_open), "false")],
+            [look_near(), (look("Locked?", is_locked), "false"), (look("Open?", is_open), "false")],
             act("Pull lid", "open_lid", f"open_{MACHINE}", expect=f"close_{MACHINE}"),
             look("Now open?", is_open, "8"),
             "true",
         ),
         skill(
             "Close",
-            [near(), (look("Open?", is_open), "true")],
+            [look_near(), (look("Open?", is_open), "true")],
             act("Lower lid", "close_lid", f"close_{MACHINE}", expect=f"lock_{MACHINE}"),
             look("Still open?", is_open, "8"),
             "false",
         ),
         skill(
             "Lock",
-            [near(), (look("Open?", is_open), "false")],
+            [look_near(), (look("Open?", is_open), "false")],
             act("Turn lever", "lock", f"lock_{MACHINE}"),
-            look("Now locked?", locked, "8"),
+            look("Now locked?", is_locked, "8"),
             "true",
         ),
     ]
     transitions = {(step.name, GAVE_UP): GAVE_UP for step in steps}
-    transitions |= {(step.name, DONE): after.name for step, after in pairwise(steps)}
+    transitions |= {(step.name, DONE): next_step.name for step, next_step in pairwise(steps)}
     transitions[steps[-1].name, DONE] = DONE
     return StateMachine(hierarchy("Tend", steps, transitions), creation_time="2000-01-01 00:00:00")
 
@@ -222,7 +226,7 @@ def drawn() -> StateMachine:
 def main(folder: Path = FOLDER) -> None:
     """Save the state machine."""
     register()
-    save_state_machine_to_path(drawn(), str(folder), delete_old_state_machine=True)
+    save_state_machine_to_path(state_machine(), str(folder), delete_old_state_machine=True)
 
 
 if __name__ == "__main__":

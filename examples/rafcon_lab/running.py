@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parent / "tend_pcr_cycler"
 
 
 def run(arm: Arm, seed: int, journal: Path) -> Ended:
-    """Run it once, and write its journal."""
+    """Run the state machine once, and write the journal of the run."""
     observers, answers = (lab.MODEL.observers, Answers.CONTEXT) if arm is Arm.WITH else ((), Answers.SHADOW)
     clock, world = SimClock(), LabWorld(seed)
     with FrameSource(world) as frames, opened(FOLDER) as machine:
@@ -33,6 +33,6 @@ def run(arm: Arm, seed: int, journal: Path) -> Ended:
             record=Journal(journal),
         )
         with codra:
-            eyes = SequentialPerception(robot, camera, codra, clock, seed=seed)
-            handles = {"robot": robot, "eyes": eyes}
+            sequential_perception = SequentialPerception(robot, camera, codra, clock, seed=seed)
+            handles = {"robot": robot, "eyes": sequential_perception}
             return run_in_simulated_time(machine, codra, clock, handles=handles, answers=answers)

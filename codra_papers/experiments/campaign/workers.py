@@ -29,7 +29,7 @@ from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
 from codra_papers.experiments.campaign.experiment import AnyOutcome, AnyTrial
 from codra_papers.experiments.campaign.interrupts import interrupts_held_back
 from codra_papers.experiments.campaign.trial_records import ChangedMeanwhileError, TrialRecord
-from codra_papers.lab.simulator.gl import GraphicsUnavailableError, choose_backend, rely_on
+from codra_papers.lab.simulator.gl import GraphicsUnavailableError, choose_backend, use_backend
 
 _SPAWN = multiprocessing.get_context("spawn")
 _EXPLAINED_ERRORS = (
@@ -233,7 +233,7 @@ def _run_trial(
     """Run a trial and report how it ended."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if backend is not None:
-        rely_on(backend)
+        use_backend(backend)
     tempfile.tempdir = str(staging)
     report_connection.send(_make_record(record, staging))
     report_connection.close()

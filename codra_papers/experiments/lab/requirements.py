@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from codra_dsl.language.model import Kind, Spec
-from codra_papers.lab.mission import DECIDES_ON, SKILLS
+from codra_papers.lab.mission import DECISION_VARIABLES, SKILLS
 from codra_papers.lab.sequential_perception import VISION
 
 
@@ -14,6 +14,6 @@ def missing_declarations(spec: Spec) -> tuple[str, ...]:
     slot_resources = {resource.name for resource in spec.resources if resource.slots is not None}
     return (
         *(f"skill '{name}'" for name in SKILLS if name not in declared_skills),
-        *(f"context-variable '{name}' of type bool" for name in DECIDES_ON if name not in boolean_variables),
+        *(f"context-variable '{name}' of type bool" for name in DECISION_VARIABLES if name not in boolean_variables),
         *(f"resource '{name}' with slots" for name in (VISION,) if name not in slot_resources),
     )

@@ -1,4 +1,4 @@
-"""The map of detection error: accuracy of tag and lid measurements by distance, viewing angle and number of tags.
+"""The map of detection error: the accuracy of tag and lid measurements by distance, viewing angle and number of tags.
 
 The map is measured, not fitted: `python -m codra_papers.lab.detection.error_map FOLDER` draws frames, measures in these
 frames, and writes the map as a table and as a picture. The robot is at rest in ordinary light, so the map shows the
@@ -42,7 +42,7 @@ RANGES_M = ((0.0, 0.9), (0.9, 1.8), (1.8, 9.0))
 """Ranges of distance that group the lid measurements."""
 
 _PLACEMENT_TRIES = 400
-_BEHIND_M = 0.7
+_BASE_BEHIND_CAMERA_M = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ class View:
         is_whole: whether the tag is completely in the image and not hidden.
         corner_error_px: the error of the worst corner; None if the tag was not detected.
         lid_error_rad: the error of the lid's angle; None if the angle could not be measured.
-        lid_markers: how many tags of base and lid the measured poses are computed from.
+        lid_marker_count: the number of tags on base and lid from which the lid's angle is computed.
     """
 
     machine: str
@@ -65,7 +65,7 @@ class View:
     is_whole: bool
     corner_error_px: float | None
     lid_error_rad: float | None
-    lid_markers: int
+    lid_marker_count: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,27 +86,29 @@ class _TimelessJob:
         """Do nothing."""
 
 
-def views(cells: Iterable[tuple[str, float, int]], per_cell: int = VIEWS_PER_CELL) -> list[View]:
-    """Draw frames and measure in them.
+def views(cells: Iterable[tuple[str, float, int]], views_per_cell: int = VIEWS_PER_CELL) -> list[View]:
+    """Draw frames, measure in these frames, and return the measurements.
 
     Args:
         cells: the name of the machine, the distance in metres and the viewing angle in degrees of each cell.
-        per_cell: how many frames are drawn for each cell.
+        views_per_cell: how many frames are drawn for each cell.
     """
-    measured: list[View] = []
+    measured_views: list[View] = []
     geometry = GeometricCamera()
     for machine, distance_m, angle_deg in cells:
         random = Random(f"{SEED} {machine} {distance_m} {angle_deg}")
         world = LabWorld(SEED)
         with FrameSource(world) as frames:
-            for number in range(per_cell):
+            for number in range(views_per_cell):
                 tag = _place_camera(world, random, MACHINES[machine], distance_m, angle_deg, at_s=2.0 * number)
                 if tag is not None:
                     instant_s = 2.0 * number + 1.0
-                    seen = {view.tag_id: view for view in geometry.tags_in_view(world.state(instant_s))}
+                    tags_by_id = {view.tag_id: view for view in geometry.tags_in_view(world.state(instant_s))}
                     frame, state = frames.frame_at(instant_s), world.state(instant_s)
-                    measured.append(_view(frame, state, machine, (distance_m, angle_deg), seen.get(tag.tag_id)))
-    return measured
+                    measured_views.append(
+                        _view(frame, state, machine, (distance_m, angle_deg), tags_by_id.get(tag.tag_id))
+                    )
+    return measured_views
 
 
 def _place_camera(
@@ -124,8 +126,8 @@ def _place_camera(
         eye_m = map_from_tag.apply(_direction(random, angle_deg) * distance_m)
         if not _has_room(machine, eye_m):
             continue
-        aside_m = distance_m * np.array([random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3), 0.0])
-        target_m = map_from_tag.translation_m + looking_at(eye_m, map_from_tag.translation_m).rotation @ aside_m
+        offset_m = distance_m * np.array([random.uniform(-0.4, 0.4), random.uniform(-0.3, 0.3), 0.0])
+        target_m = map_from_tag.translation_m + looking_at(eye_m, map_from_tag.translation_m).rotation @ offset_m
         _place_robot(world, eye_m, target_m, at_s)
         world.schedule(at_s, [world.moves_to(at_s, JointKey(machine.name, Part.LID), (lid_rad,), 0.0)])
         return tag
@@ -139,16 +141,20 @@ def _direction(random: Random, angle_deg: int) -> Array:
 
 
 def _has_room(machine: Machine, eye_m: Array) -> bool:
-    """Return whether an arm's camera can be there: in the room, in front of the machine, at most 1.6 m high."""
-    in_machine = machine.map_from_base.inverse().apply(eye_m)
-    in_room = bool(np.all(eye_m[:2] > 0.2) and np.all(eye_m[:2] < np.array(ROOM_M) - 0.2))
-    return in_room and 0.5 < eye_m[2] < 1.6 and bool(in_machine[0] > 0.2 and in_machine[2] > 0.0)
+    """Return whether an arm's camera can be at a point: in the room, in front of the machine, and 0.5 to 1.6 m high."""
+    eye_in_machine_m = machine.map_from_base.inverse().apply(eye_m)
+    is_in_room = bool(np.all(eye_m[:2] > 0.2) and np.all(eye_m[:2] < np.array(ROOM_M) - 0.2))
+    return is_in_room and 0.5 < eye_m[2] < 1.6 and bool(eye_in_machine_m[0] > 0.2 and eye_in_machine_m[2] > 0.0)
 
 
 def _place_robot(world: LabWorld, eye_m: Array, target_m: Array, at_s: float) -> None:
-    """Move the robot instantly to a place behind its camera."""
+    """Move the robot instantly, such that its camera is at `eye_m` and looks at `target_m`."""
     heading_rad = atan2(target_m[1] - eye_m[1], target_m[0] - eye_m[0])
-    base = (eye_m[0] - _BEHIND_M * cos(heading_rad), eye_m[1] - _BEHIND_M * sin(heading_rad), heading_rad)
+    base = (
+        eye_m[0] - _BASE_BEHIND_CAMERA_M * cos(heading_rad),
+        eye_m[1] - _BASE_BEHIND_CAMERA_M * sin(heading_rad),
+        heading_rad,
+    )
     robot_from_map = Pose.planar(*base).inverse()
     gaze = np.concatenate((robot_from_map.apply(eye_m), robot_from_map.apply(target_m)))
     jumps = {Quantity.BASE: base, Quantity.GAZE: tuple(gaze.tolist())}
@@ -170,18 +176,20 @@ def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], 
         is_whole=is_whole,
         corner_error_px=corner_error_px,
         lid_error_rad=None if lid["lid_angle"] is None else abs(lid["lid_angle"] - true_rad),
-        lid_markers=lid["markers"],
+        lid_marker_count=lid["markers"],
     )
 
 
-def table(measured: Sequence[View]) -> list[MapRow]:
-    """Return the rows of the map: one row for each cell with measurements."""
-    return [*_tag_rows(measured), *_lid_rows(measured)]
+def table(measured_views: Sequence[View]) -> list[MapRow]:
+    """Return the rows of the map: one row for each cell that has measurements."""
+    return [*_tag_rows(measured_views), *_lid_rows(measured_views)]
 
 
-def _tag_rows(measured: Sequence[View]) -> Iterator[MapRow]:
-    for machine, distance_m, angle_deg in dict.fromkeys((v.machine, v.distance_m, v.angle_deg) for v in measured):
-        cell_views = [v for v in measured if (v.machine, v.distance_m, v.angle_deg) == (machine, distance_m, angle_deg)]
+def _tag_rows(measured_views: Sequence[View]) -> Iterator[MapRow]:
+    for machine, distance_m, angle_deg in dict.fromkeys((v.machine, v.distance_m, v.angle_deg) for v in measured_views):
+        cell_views = [
+            v for v in measured_views if (v.machine, v.distance_m, v.angle_deg) == (machine, distance_m, angle_deg)
+        ]
         complete_views = [view for view in cell_views if view.is_whole]
         errors = [view.corner_error_px for view in complete_views if view.corner_error_px is not None]
         yield MapRow(
@@ -198,13 +206,13 @@ def _tag_rows(measured: Sequence[View]) -> Iterator[MapRow]:
         )
 
 
-def _lid_rows(measured: Sequence[View]) -> Iterator[MapRow]:
-    machines = dict.fromkeys(view.machine for view in measured)
+def _lid_rows(measured_views: Sequence[View]) -> Iterator[MapRow]:
+    machines = dict.fromkeys(view.machine for view in measured_views)
     for machine, (from_m, to_m), markers in product(machines, RANGES_M, range(2, 8)):
         errors = [
             view.lid_error_rad
-            for view in measured
-            if view.machine == machine and from_m <= view.distance_m < to_m and view.lid_markers == markers
+            for view in measured_views
+            if view.machine == machine and from_m <= view.distance_m < to_m and view.lid_marker_count == markers
             if view.lid_error_rad is not None
         ]
         if errors:

@@ -21,7 +21,7 @@ class Intrinsics:
     focal_px: float
 
     def matrix(self) -> Array:
-        """Return the camera matrix, shape (3, 3), as OpenCV expects it. It is read-only."""
+        """Return the camera matrix for OpenCV, shape (3, 3). The matrix is read-only."""
         return _matrix(self)
 
     def project(self, points_m: Array) -> Array:
@@ -55,7 +55,8 @@ class Frame:
     Attributes:
         pixels: shape (height, width, 3), RGB, uint8, read-only.
         intrinsics: the camera's calibration.
-        believed_map_from_camera: the pose according to the robot's own localisation and joints, with their errors.
+        believed_map_from_camera: the camera's pose according to the robot's own localisation and joints, with the
+            errors of both.
         stamp_s: when the shutter closed, in seconds of the world's clock.
     """
 
@@ -73,7 +74,7 @@ class Camera(Protocol):
         ...
 
     def processing_s(self, mean_s: float) -> float:
-        """Return the duration of work that the camera's computer begins now, given its mean duration."""
+        """Return the duration of work that the camera's computer begins now, given the mean duration of such work."""
         ...
 
 

@@ -39,13 +39,13 @@ LOCALIZE_LID_S = 2.4
 LOCALIZE_ROTOR_S = 1.6
 """Mean time of `localize_rotor`."""
 
-_POSES_KEPT = 32
-"""Number of poses that are cached. Observers of several arms use the same frame within an instant or two, so a few
-poses per part are enough."""
+_POSE_CACHE_SIZE = 32
+"""Number of poses that are cached. Observers of several arms use the same frame at nearly the same time, so a few poses
+per part are enough."""
 
 
 def measure_distance(*, machine: str, base: Base, job: Job) -> Mapping[str, Any]:
-    """Measure the distance of the robot from a machine, only with the robot's localisation.
+    """Measure the distance of the robot from a machine. Only the robot's localisation is used.
 
     Returns:
         `distance`: the horizontal distance in metres from the origin of the robot's base, at its believed pose, to the
@@ -64,8 +64,8 @@ def find_in_view(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     Returns:
         `base_share`, `lid_share`: the percentage of the corners of the part's tags that the frame shows (see
         `_share_in_view`).
-        `sharpness`: the quality of the frame (see `sharpness.sharpness`). It tells whether a tag that is not
-        detected is really not in view.
+        `sharpness`: the quality of the frame (see `sharpness.sharpness`). In a sharp frame, an undetected tag is really
+        not in view.
     """
     frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
@@ -81,7 +81,7 @@ def localize_lid(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     """Measure the joint angles of a machine's lid and latch.
 
     Returns:
-        `markers`: from how many tags of base and lid the poses are computed.
+        `markers`: the number of tags on base and lid from which the poses are computed.
         `lid_angle`: the hinge's angle in rad; None unless base and lid were both localised. With few markers the angle
         may be far off (P1, section 4.1: too few visible markers for reliable localisation).
         `latched`: whether the lever is nearer to its locked than to its open end; None unless base and lever were
@@ -105,7 +105,7 @@ def localize_rotor(*, machine: str, camera: Camera, job: Job) -> Mapping[str, An
     """Measure the rotor angle of a centrifuge.
 
     Returns:
-        `markers`: from how many tags of the rotor its pose is computed.
+        `markers`: the number of tags from which the rotor's pose is computed.
         `rotor_angle`: the angle in rad, from -pi / 2 to 3 / 2 pi, so that neither of the two positions, 0 and pi, lies
         at an end of this range; None unless base and rotor were both localised.
     """
@@ -126,7 +126,7 @@ def _take_frame(camera: Camera, job: Job) -> Frame:
     return frame
 
 
-@lru_cache(maxsize=_POSES_KEPT)
+@lru_cache(maxsize=_POSE_CACHE_SIZE)
 def _localized_part(machine: Machine, part: Part, frame: Frame) -> PartPose | None:
     return part_pose(machine.tags_on(part), detect(frame), frame.intrinsics)
 
@@ -136,34 +136,37 @@ def _marker_count(pose: PartPose | None) -> int:
 
 
 def _joint_angle_rad(joint: Joint, base: PartPose | None, moving: PartPose | None) -> float | None:
-    """Return the angle about a joint's axis that fits the poses of its two parts best, in (-pi, pi]."""
+    """Return the joint's angle, in (-pi, pi], that fits the poses of its two parts best; None if a pose is unknown."""
     if base is None or moving is None:
         return None
     base_from_moving = base.camera_from_part.inverse() @ moving.camera_from_part
-    turned = joint.base_from_part.rotation.T @ base_from_moving.rotation
+    joint_rotation = joint.base_from_part.rotation.T @ base_from_moving.rotation
     axis = np.array(joint.axis)
-    sine = axis @ (turned[[2, 0, 1], [1, 2, 0]] - turned[[1, 2, 0], [2, 0, 1]])
-    cosine = np.trace(turned) - axis @ turned @ axis
+    sine = axis @ (joint_rotation[[2, 0, 1], [1, 2, 0]] - joint_rotation[[1, 2, 0], [2, 0, 1]])
+    cosine = np.trace(joint_rotation) - axis @ joint_rotation @ axis
     return float(np.arctan2(sine, cosine))
 
 
 def _share_in_view(machine: Machine, part: Part, frame: Frame) -> float:
     """Return the percentage of the corners of a part's tags that a frame shows; 0 if the part could not be localised.
 
-    All four corners of a detected tag count. A detector cannot find a tag that the edge of the image cuts. The pose
-    from the other tags shows which corners of such a tag are inside the image, and these corners count. All other
-    undetected tags count as hidden or as facing away. In 500 views, the share lies on the right side of 50 % in 93 of
-    100 cases. In one of 100 cases it is too large; in six it is too small, for parts whose tags are seen at a slant.
+    A detected tag is shown with all four corners. A tag that the edge of the image cuts cannot be detected. The pose
+    from the other tags tells which corners of a cut tag are inside the image, and these corners are shown. All other
+    undetected tags are taken to be hidden or to face away. In 500 views, the share lies on the correct side of 50 % in
+    93 of 100 cases. In one of 100 cases the share is too large. In six of 100 cases the share is too small; these are
+    parts whose tags are seen at a slant.
     """
     pose = _localized_part(machine, part, frame)
     if pose is None:
         return 0.0
     tags = machine.tags_on(part)
-    shown = [4 if tag.tag_id in pose.tag_ids else _corners_of_a_cut_tag(tag, pose, frame.intrinsics) for tag in tags]
-    return 100.0 * sum(shown) / (4 * len(tags))
+    corner_counts = [
+        4 if tag.tag_id in pose.tag_ids else _cut_tag_corner_count(tag, pose, frame.intrinsics) for tag in tags
+    ]
+    return 100.0 * sum(corner_counts) / (4 * len(tags))
 
 
-def _corners_of_a_cut_tag(tag: Tag, pose: PartPose, intrinsics: Intrinsics) -> int:
+def _cut_tag_corner_count(tag: Tag, pose: PartPose, intrinsics: Intrinsics) -> int:
     """Return how many corners of an undetected tag lie inside the image, if at least one corner lies outside.
 
     Return 0 for a tag that is completely inside the image, because the tag could have been detected. Also return 0 for
@@ -176,5 +179,5 @@ def _corners_of_a_cut_tag(tag: Tag, pose: PartPose, intrinsics: Intrinsics) -> i
         return 0
     corners_px = intrinsics.project(corners_m)
     last_px = np.array([intrinsics.width - 1.0, intrinsics.height - 1.0])
-    inside = int(((corners_px >= 0.0) & (corners_px <= last_px)).all(axis=1).sum())
-    return inside if inside < len(corners_px) else 0
+    inside_count = int(((corners_px >= 0.0) & (corners_px <= last_px)).all(axis=1).sum())
+    return inside_count if inside_count < len(corners_px) else 0

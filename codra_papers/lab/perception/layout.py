@@ -1,4 +1,4 @@
-"""The laboratory as built: machines, their joints, and the AprilTags on them, as a tag survey would list them.
+"""The laboratory as built: machines, their joints, and the AprilTags on the machines, as a tag survey would list them.
 
 Perception may use this module, because a robot has a map of the tags. Perception never gets the state of the joints.
 """
@@ -72,8 +72,8 @@ class Joint:
         part: the part that moves.
         base_from_part: the pose of the part at 0 rad.
         axis: the axis of the hinge, through the part's origin: a unit vector in the part's own frame. Positive angles
-            are right-handed turns about it.
-        range_rad: the angles at the two ends of the motion.
+            are right-handed turns about the axis.
+        range_rad: the angles at the two ends of the joint's motion.
     """
 
     part: Part
@@ -120,7 +120,7 @@ class Machine:
         return tuple(tag for tag in self.tags if tag.part is part)
 
     def map_from_part(self, part: Part, angle_rad: float) -> Pose:
-        """Return the pose of a part in the map if its joint is at an angle.
+        """Return the pose of a part in the map when the part's joint is at an angle.
 
         The base has no joint, so for the base the angle is ignored.
         """
@@ -148,7 +148,7 @@ class Machine:
         return replace(self, map_from_base=_table_pose(x_m, y_m, heading_rad, height_m))
 
     def named(self, name: str, first_tag_id: int) -> Machine:
-        """Return a machine with another name that is otherwise the same, with its tags numbered from an id on."""
+        """Return the same machine with another name, and with ids of tags that begin at `first_tag_id`."""
         ids = {tag.tag_id: first_tag_id + index for index, tag in enumerate(self.tags)}
         return replace(self, name=name, tags=tuple(replace(tag, tag_id=ids[tag.tag_id]) for tag in self.tags))
 

@@ -53,8 +53,8 @@ class Pose:
 
 def rotation_about(axis: tuple[float, float, float], angle_rad: float) -> Array:
     """Return the right-handed rotation, shape (3, 3), about an axis (Rodrigues)."""
-    cross, squared = _cross_matrices(axis)
-    rotation: Array = _IDENTITY + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * squared
+    cross, squared_matrix = _cross_matrices(axis)
+    rotation: Array = _IDENTITY + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * squared_matrix
     return rotation
 
 

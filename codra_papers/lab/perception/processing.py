@@ -16,13 +16,13 @@ SHORTEST_MEAN_S = 0.35
 """Shortest mean duration of work that `Computer` accepts."""
 
 _POINTS_PER_S = 20.0
-"""Points per second, which is also the largest height of a point in 1/s. It is larger than every hazard: that of the
-shortest work is at most 18.5, and the largest hazard is inversely proportional to the mean."""
+"""Number of points per second, and also the largest height of a point in 1/s. No hazard is that large: for work with
+the shortest mean, the hazard is at most 18.5 1/s, and the largest hazard is inversely proportional to the mean."""
 
 _CELL_S = 4.0
-_CELLS_KEPT = 8
-"""Number of cells of time that are cached. Simultaneous callers need the same one or two cells. If a cell that was
-dropped is needed, it is drawn again with the same points."""
+_CELL_CACHE_SIZE = 8
+"""Number of cells of time that are cached. Simultaneous callers need the same one or two cells. If a dropped cell is
+needed, it is drawn again with the same points."""
 
 _Points = tuple[tuple[float, float], ...]
 
@@ -44,7 +44,7 @@ class Computer:
     """
 
     def __init__(self, seed: int) -> None:
-        self._points = lru_cache(maxsize=_CELLS_KEPT)(lambda cell: _points(seed, cell))
+        self._points = lru_cache(maxsize=_CELL_CACHE_SIZE)(lambda cell: _points(seed, cell))
 
     def processing_s(self, start_s: float, mean_s: float) -> float:
         """Return the duration of work that begins at an instant.
@@ -54,14 +54,14 @@ class Computer:
             mean_s: the mean duration of such work, at least `SHORTEST_MEAN_S`.
 
         Raises:
-            ValueError: the mean is shorter than that, or not finite.
+            ValueError: `mean_s` is less than `SHORTEST_MEAN_S`, or not finite.
         """
         if not SHORTEST_MEAN_S <= mean_s < inf:
             raise ValueError(f"the mean must be at least {SHORTEST_MEAN_S:g} s and finite, but is {mean_s:g} s")
-        median_log, first = _median_log(mean_s), floor(start_s / _CELL_S)
+        median_log, first_cell = _median_log(mean_s), floor(start_s / _CELL_S)
         return next(
             instant_s - start_s
-            for cell in count(first)
+            for cell in count(first_cell)
             for instant_s, height in self._points(cell)
             if instant_s > start_s and height < _hazard(instant_s - start_s, median_log)
         )
@@ -84,7 +84,7 @@ def _draw_points(random: Random, start_s: float) -> Iterator[tuple[float, float]
 
 
 def _hazard(elapsed_s: float, median_log: float) -> float:
-    """Return the hazard rate, in 1/s, of work with a log-normal duration after it has lasted for some time."""
+    """Return the hazard rate, in 1/s, of work with a log-normal duration that has lasted for `elapsed_s`."""
     deviations = (log(elapsed_s) - median_log) / SPREAD
     remaining_share = erfc(deviations / sqrt(2)) / 2
     return (

@@ -16,39 +16,39 @@ _BLUR_LIMIT_PX2 = 1.1
 """Variance of the blur, summed over two crossed directions, at which the detector begins to miss tags of 20 to 30
 pixels. A motion of 4 to 5 pixels within the exposure causes this blur."""
 
-_NEEDED_NOISE = 12.0
-"""How bright white must be for the detector to find such tags, in standard deviations of the noise."""
+_NEEDED_WHITE_OVER_NOISE = 12.0
+"""How bright white must be for the detector to find tags of 20 to 30 pixels, in standard deviations of the noise."""
 
-_NEEDED_GREYS = 10.0
-"""How bright white must be if there is no noise. It is the detector's own threshold."""
+_NEEDED_WHITE_GREYS = 10.0
+"""How bright white must be if there is no noise. This is the detector's own threshold."""
 
 _SATURATED_GREYS = 250
 _SATURATED_LIMIT = 0.2
 """If the share of saturated pixels is larger than this, a tag may be lost among these pixels."""
 
 _REACH_PX = 6
-_LENS_BLUR_PX = 0.8
+_SMOOTHING_PX = 0.8
 """Standard deviation of the isotropic blur that is added before slopes are computed from noisy pixels."""
 
-_NOISE_LEFT = 0.35
-"""Share of the noise that remains after the blur of `_LENS_BLUR_PX`. In a slope, a quarter of the noise remains."""
+_REMAINING_NOISE_SHARE = 0.35
+"""Share of the noise that remains after the blur of `_SMOOTHING_PX`. In a slope, a quarter of the noise remains."""
 
 _FLATTEST_EDGE = 1.5
 _EDGE_OVER_NOISE = 6.0
-"""An edge must be steeper than this many standard deviations of a slope, so that a frame with only noise has no
-edges."""
+"""An edge must be steeper than this many standard deviations of the noise in a slope, so that a frame with only noise
+has no edges."""
 
-_AIM_RAD = pi / 12
-"""Largest difference between the direction across an edge and a direction for which the edge counts."""
+_FACING_TOLERANCE_RAD = pi / 12
+"""An edge is used for a direction if the direction across the edge differs by at most this angle."""
 
 _FEWEST_EDGES = 40
-_FEWER_SHARE = 0.2
-"""If one direction has fewer edges than this share of the edges of the crossed direction, a motion may have blurred
-away edges of the first direction."""
+_MIN_EDGE_RATIO = 0.2
+"""If the number of edges in one direction is below this share of the number in the crossed direction, a motion may have
+blurred away edges in the first direction."""
 
 _MOST_EDGES = 12_000
 _SHARPER_PERCENTILE = 25
-"""Only the sharper quarter of the edges counts, because round surfaces, and prints seen from nearby, have soft
+"""Only the sharpest quarter of the edges is used, because round surfaces, and prints seen from nearby, have soft
 edges."""
 
 _LINE_WIDENING = 0.3
@@ -57,11 +57,11 @@ added."""
 
 _BLOCK_PX = 16
 
-_FRAMES_KEPT = 8
-"""Number of frames whose results are cached. Observers of several machines use the same frame within an instant or two,
+_FRAME_CACHE_SIZE = 8
+"""Number of frames whose results are cached. Observers of several machines use the same frame at nearly the same time,
 so a few frames are enough."""
 
-_ROUGHNESS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
+_ROUGHNESS_FILTER = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
 
 _Picture = NDArray[np.float32]
 _Places = NDArray[np.intp]
@@ -90,7 +90,7 @@ class _Direction:
         return atan2(self.down, self.right)
 
 
-_CROSSED_PAIRS = (
+_CROSSED_DIRECTION_PAIRS = (
     (_Direction(right=1, down=0, sharpest_px=3.06), _Direction(right=0, down=1, sharpest_px=3.06)),
     (_Direction(right=1, down=1, sharpest_px=3.54), _Direction(right=-1, down=1, sharpest_px=3.54)),
 )
@@ -115,7 +115,7 @@ class _Edges:
     noise: float
 
 
-@lru_cache(maxsize=_FRAMES_KEPT)
+@lru_cache(maxsize=_FRAME_CACHE_SIZE)
 def sharpness(frame: Frame) -> float:
     """Return how well a frame would show a small tag, from 0 (not at all) to 1 (best).
 
@@ -127,14 +127,15 @@ def sharpness(frame: Frame) -> float:
     edges, as in a grey frame, the result is 0.
 
     If the result is 0.5 or more and no tag is detected, this is evidence that no tag is in view. In 900 drawn frames,
-    with light from a twentieth of a day's light to that of a day and with turns of up to 1.5 rad/s, the detector found
-    these shares of the complete tags in view (20 pixels wide or more):
+    with light from a twentieth of daylight to full daylight and with turns of up to 1.5 rad/s, the detector found these
+    shares of the complete tags in view (20 pixels wide or more):
 
         sharpness   0-0.2  0.2-0.3  0.3-0.4  0.4-0.5  0.5-0.6  0.6-0.7  0.7-0.8  0.8-1
         found       58 %   80 %     75 %     87 %     100 %    99.8 %   100 %    99.8 %
 
-    From 0.5 on, these are 1774 of 1776 tags. In daylight, all still frames of machines reach 0.5, and 83 of 84 still
-    frames without a machine. In a turn of over 0.6 rad/s (4 pixels within the exposure), only one frame in eleven does.
+    At a sharpness of 0.5 or more, the detector found 1774 of 1776 tags. In daylight, all still frames with machines
+    reach 0.5, and 83 of 84 still frames without a machine do so as well. In a turn of over 0.6 rad/s (4 pixels within
+    the exposure), only one frame in eleven reaches 0.5.
     """
     grey = cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY).astype(np.float32)
     noise = _noise_greys(grey)
@@ -143,14 +144,14 @@ def sharpness(frame: Frame) -> float:
         return 0.0
     sample = grey[::4, ::4].ravel()
     white_greys = max(_percentile(sample, 95), 1.0)
-    darkness = max(_NEEDED_GREYS, _NEEDED_NOISE * noise) / white_greys
+    darkness = max(_NEEDED_WHITE_GREYS, _NEEDED_WHITE_OVER_NOISE * noise) / white_greys
     glare = int(np.count_nonzero(sample >= _SATURATED_GREYS)) / sample.size / _SATURATED_LIMIT
     return 1.0 / (1.0 + blur_px2 / _BLUR_LIMIT_PX2 + darkness + glare)
 
 
 def _noise_greys(grey: _Picture) -> float:
     """Return the standard deviation of the noise where the picture is flattest (Immerkaer's mask, block by block)."""
-    roughness = np.abs(cv2.filter2D(grey, -1, _ROUGHNESS))
+    roughness = np.abs(cv2.filter2D(grey, -1, _ROUGHNESS_FILTER))
     blocks = cv2.resize(
         roughness, (grey.shape[1] // _BLOCK_PX, grey.shape[0] // _BLOCK_PX), interpolation=cv2.INTER_AREA
     )
@@ -169,8 +170,8 @@ def _percentile(values: _Picture, percent: float) -> float:
 
 
 def _edges(grey: _Picture, noise: float) -> _Edges:
-    """Return the places that are steeper than noise; if there are very many, an evenly spaced selection of them."""
-    picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), _LENS_BLUR_PX), dtype=np.float32)
+    """Return the places that are steeper than noise, or an evenly spaced selection if these are very many."""
+    picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX), dtype=np.float32)
     height, width = picture.shape
     margin = _REACH_PX + 2
     rows, columns = slice(margin, height - margin), slice(margin, width - margin)
@@ -189,14 +190,14 @@ def _blur_px2(edges: _Edges) -> float | None:
     """Return the variance of the blur, summed over two crossed directions; None if there are too few edges.
 
     A motion blurs the edges across its direction and leaves sharp streaks along its direction. There are two pairs of
-    crossed directions. Every motion increases the larger of their two sums, or it has blurred away nearly all edges of
-    one direction.
+    crossed directions, and each pair has a sum. Every motion increases the larger sum, or blurs away nearly all edges
+    in one direction.
     """
     sums_px2: list[float] = []
-    for pair in _CROSSED_PAIRS:
+    for pair in _CROSSED_DIRECTION_PAIRS:
         facing_edges = [_facing_edges(edges, direction) for direction in pair]
         fewer, more = sorted(len(edges.places) for edges in facing_edges)
-        if more >= _FEWEST_EDGES and fewer < _FEWER_SHARE * more:
+        if more >= _FEWEST_EDGES and fewer < _MIN_EDGE_RATIO * more:
             return None
         added_px2 = [_added_blur_px2(edges, direction) for edges, direction in zip(facing_edges, pair, strict=True)]
         if None not in added_px2:
@@ -205,7 +206,7 @@ def _blur_px2(edges: _Edges) -> float | None:
 
 
 def _added_blur_px2(edges: _Edges, direction: _Direction) -> float | None:
-    """Return the variance of the blur across a direction, beyond the lens; None if there are too few edges."""
+    """Return the variance of the blur across a direction, minus a still scene's; None if there are too few edges."""
     width_px = _width_px(edges, direction)
     return None if width_px is None else max(width_px**2 - direction.sharpest_px**2, 0.0) / (2 * pi)
 
@@ -223,16 +224,18 @@ def _width_px(edges: _Edges, direction: _Direction) -> float | None:
     steepest, reach = here[is_steepest], int(_REACH_PX / direction.stride_px())
     profiles = _profiles(edges.greys, edges.places[is_steepest], upward_steps[is_steepest], reach)
     tops, feet = profiles[reach:].max(axis=0), profiles[: reach + 1].min(axis=0)
-    heights = np.maximum(tops - feet - 1.35 * _NOISE_LEFT * edges.noise, 0.0)  # the extremes of seven noisy values
+    heights = np.maximum(
+        tops - feet - 1.35 * _REMAINING_NOISE_SHARE * edges.noise, 0.0
+    )  # the extremes of seven noisy values
     step_share = np.clip((profiles[-1] - profiles[0]) / np.maximum(tops - feet, 1e-6), 0.0, 1.0)
     widths_px = heights / steepest * (1.0 + _LINE_WIDENING * (1.0 - step_share))
     widths_px = widths_px[tops < _SATURATED_GREYS]  # an edge with a saturated top is cut off and looks too sharp
     return None if len(widths_px) < _FEWEST_EDGES else _percentile(widths_px, _SHARPER_PERCENTILE)
 
 
-def _profiles(greys: _Picture, places: _Places, upwards: _Places, reach: int) -> _Picture:
+def _profiles(greys: _Picture, places: _Places, upward_steps: _Places, reach: int) -> _Picture:
     """Return the greys around places, from `reach` steps before to `reach` steps after, shape (2 * reach + 1, n)."""
-    return greys.take(places + upwards * np.arange(-reach, reach + 1)[:, None])
+    return greys.take(places + upward_steps * np.arange(-reach, reach + 1)[:, None])
 
 
 def _upward_steps(edges: _Edges, direction: _Direction) -> _Places:
@@ -242,9 +245,9 @@ def _upward_steps(edges: _Edges, direction: _Direction) -> _Places:
 
 
 def _facing_edges(edges: _Edges, direction: _Direction) -> _Edges:
-    """Return the edges that a direction crosses nearly at a right angle."""
-    off_rad = _modulo_pi(edges.angles_rad - direction.angle_rad() + pi / 2) - pi / 2
-    facing_indices = np.flatnonzero(np.abs(off_rad) < _AIM_RAD)
+    """Return the edges that a direction crosses at nearly a right angle."""
+    deviations_rad = _modulo_pi(edges.angles_rad - direction.angle_rad() + pi / 2) - pi / 2
+    facing_indices = np.flatnonzero(np.abs(deviations_rad) < _FACING_TOLERANCE_RAD)
     return replace(edges, places=edges.places[facing_indices], angles_rad=edges.angles_rad[facing_indices])
 
 

@@ -16,15 +16,15 @@ from codra_papers.lab.perception.poses import Array
 from codra_papers.lab.perception.refine import refined_corners_px
 
 CELLS_ACROSS = 8
-"""Number of cells along the side of the black square, whose side is the tag's size: 6 cells of code, and a black cell
-at each end."""
+"""Number of cells along a side of the tag's black square: 6 cells of code, and a black cell at each end. The length of
+this side is the tag's size."""
 
 FAMILY_SIZE = 587
 """How many tags the family has. The ids begin at 0."""
 
-_FRAMES_KEPT = 8
-"""Number of frames whose detections are cached. Observers of several machines use the same frame within an instant or
-two, so a few frames are enough."""
+_FRAME_CACHE_SIZE = 8
+"""Number of frames whose detections are cached. Observers of several machines use the same frame at nearly the same
+time, so a few frames are enough."""
 
 _detection_lock = Lock()
 
@@ -36,8 +36,8 @@ class Detection:
     Attributes:
         tag_id: the number of the tag in the family.
         corners_px: the sub-pixel corners of the black square, shape (4, 2): top left, top right, bottom right and
-            bottom left. These are their places on an upright tag, also if the tag is rotated in the image. Pixel
-            centres have integer coordinates.
+            bottom left. This is the order on an upright tag, even if the tag is rotated in the image. Pixel centres
+            have integer coordinates.
     """
 
     tag_id: int
@@ -62,14 +62,14 @@ def tag_image(tag_id: int) -> NDArray[np.uint8]:
 def detect(frame: Frame) -> tuple[Detection, ...]:
     """Return the laboratory's tags that a frame shows, in ascending order of their ids.
 
-    Tags with the same id in one frame are dropped. A frame is searched once for all callers, also from several threads.
-    The same pixels give the same detections in every process.
+    If several tags in a frame have the same id, all of them are dropped. A frame is searched once for all callers, even
+    if they call from several threads. The same pixels give the same detections in every process.
     """
     with _detection_lock:
         return _detect_once(frame)
 
 
-@lru_cache(maxsize=_FRAMES_KEPT)
+@lru_cache(maxsize=_FRAME_CACHE_SIZE)
 def _detect_once(frame: Frame) -> tuple[Detection, ...]:
     grey = np.asarray(cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     known_ids = known_tag_ids()
@@ -93,7 +93,8 @@ def _family() -> cv2.aruco.Dictionary:
 def _detector(tag_ids: tuple[int, ...]) -> cv2.aruco.ArucoDetector:
     """Return the shared detector for some tags.
 
-    It detects tags with sides of 15 to 150 px, in light from that of a bright day down to an eighth of it.
+    The detector finds tags with sides of 15 to 150 px, in light from that of a bright day down to an eighth of this
+    light.
     """
     # Frames are small: more threads would cost more time than they save, and take cores from other processes.
     cv2.setNumThreads(1)

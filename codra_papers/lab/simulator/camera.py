@@ -38,7 +38,7 @@ EXPOSURE_S = 0.012
 LENS_BLUR_PX = 0.7
 
 _SHARP_BELOW_PX = 0.2
-"""If the motion within an exposure is smaller than this, the frame is as sharp as a frame of a still scene."""
+"""If the motion within the exposure is smaller than this, the frame is as sharp as a frame of a still scene."""
 
 _SUBFRAMES = 6
 """The largest number of instants of an exposure that are averaged for one frame."""
@@ -48,7 +48,7 @@ _RADIUS_FACTOR = 1.001
 _UNDRAWN_GROUP = 2
 """The number of a group of geoms that no drawing option shows."""
 
-_FRAMES_KEPT = 32
+_FRAME_CACHE_SIZE = 32
 _NOISE_BANK_PX = 1024
 _UNDRAWN_FEATURES = (
     mujoco.mjtRndFlag.mjRND_SHADOW,
@@ -89,7 +89,7 @@ class FramesByInstant(Protocol):
         ...
 
 
-def frames_rendered() -> int:
+def drawn_frame_count() -> int:
     """Return how many frames of the laboratory this process has drawn."""
     return _Renderer.frames_of_process
 
@@ -106,7 +106,7 @@ class ArmCamera:
         return self._frames.frame_at(self._clock.now_s())
 
     def processing_s(self, mean_s: float) -> float:
-        """Return the duration of work that the camera's computer begins now, given its mean duration."""
+        """Return the duration of work that the camera's computer begins now, given the mean duration of such work."""
         return self._frames.computer.processing_s(self._clock.now_s(), mean_s)
 
 
@@ -163,16 +163,16 @@ class FrameSource:
             if drawn_frame is None:
                 drawn_frame = self._thread.submit(self._draw, instant_s)
                 self._frames[instant_s] = drawn_frame
-                if len(self._frames) > _FRAMES_KEPT:
+                if len(self._frames) > _FRAME_CACHE_SIZE:
                     self._frames.popitem(last=False)
         return drawn_frame.result()
 
     def _draw(self, instant_s: float) -> Frame:
-        states = exposure(self._world, instant_s)
-        exposed = self._renderer.expose(states)
+        states = exposed_states(self._world, instant_s)
+        picture = self._renderer.expose(states)
         self.rendered += 1
         _Renderer.count_frame()
-        return self._optics.frame(exposed, states[-1])
+        return self._optics.frame(picture, states[-1])
 
 
 class GreyFrameSource:
@@ -186,15 +186,15 @@ class GreyFrameSource:
         self.computer = Computer(world.seed)
         self._world = world
         self._optics = _Optics(world)
-        self._exposed = np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8)
+        self._grey_picture = np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8)
 
     def frame_at(self, instant_s: float) -> Frame:
         """Return the grey frame of an instant."""
-        return self._optics.frame(self._exposed, self._world.state(instant_s))
+        return self._optics.frame(self._grey_picture, self._world.state(instant_s))
 
 
-def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
-    """Return the states that are averaged for a frame.
+def exposed_states(world: LabWorld, instant_s: float) -> list[LabState]:
+    """Return the states of the world whose pictures are averaged for a frame.
 
     If the image is still, this is one state; otherwise about one state per pixel of motion, but at most `_SUBFRAMES`.
     """
@@ -212,12 +212,12 @@ class _Renderer:
     """A MuJoCo renderer. Its OpenGL context belongs to the thread that created it."""
 
     frames_of_process: ClassVar[int] = 0
-    _counting: ClassVar[Lock] = Lock()
+    _count_lock: ClassVar[Lock] = Lock()
 
     @classmethod
     def count_frame(cls) -> None:
         """Count one more frame of this process, over all sources."""
-        with cls._counting:
+        with cls._count_lock:
             cls.frames_of_process += 1
 
     def __init__(self, backend: str, laboratory: Laboratory) -> None:
@@ -238,19 +238,19 @@ class _Renderer:
         self._perturbation = mujoco.MjvPerturb()
         self._upside_down = np.empty((INTRINSICS.height, INTRINSICS.width, 3), dtype=np.uint8)
         self._still_values: tuple[Any, ...] = ()
-        self._still: Pixels = self._upside_down
+        self._still_picture: Pixels = self._upside_down
 
     def expose(self, states: Sequence[LabState]) -> Pixels:
         """Return the average picture of the room in some states, in ordinary light and through a perfect lens.
 
-        For one state that looks the same as the last one, the last picture is returned again.
+        If there is one state, and it looks like the last such state, the picture of the last such state is returned.
         """
         if len(states) > 1:
             return _average([self._draw(state) for state in states])
         visible_values: tuple[Any, ...] = _read_visible_fields(states[0])
         if visible_values != self._still_values:
-            self._still, self._still_values = self._draw(states[0]), visible_values
-        return self._still
+            self._still_picture, self._still_values = self._draw(states[0]), visible_values
+        return self._still_picture
 
     def _draw(self, state: LabState) -> Pixels:
         self._stage.place(state)
@@ -275,23 +275,33 @@ class _View:
 
     def __init__(self, stage: Stage, camera: int) -> None:
         model, data = stage.model, stage.data
-        high = tan(radians(float(model.cam_fovy[camera])) / 2)
-        wide = high * INTRINSICS.width / INTRINSICS.height
-        sides = np.array([[1.0, 0.0, wide], [-1.0, 0.0, wide], [0.0, 1.0, high], [0.0, -1.0, high], [0.0, 0.0, 1.0]])
+        half_height = tan(radians(float(model.cam_fovy[camera])) / 2)
+        half_width = half_height * INTRINSICS.width / INTRINSICS.height
+        sides = np.array(
+            [
+                [1.0, 0.0, half_width],
+                [-1.0, 0.0, half_width],
+                [0.0, 1.0, half_height],
+                [0.0, -1.0, half_height],
+                [0.0, 0.0, 1.0],
+            ]
+        )
         self._sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
-        self._groups_now, self._groups = model.geom_group, model.geom_group.copy()
-        self._reach_m = np.where(
+        self._current_groups, self._own_groups = model.geom_group, model.geom_group.copy()
+        self._radii_m = np.where(
             model.geom_rbound > 0.0, model.geom_rbound * _RADIUS_FACTOR + _TOUCH_TOLERANCE_M, np.inf
         )
         self._middles_m, self._eye_m = data.geom_xpos, data.cam_xpos[camera]
         self._map_from_eye = data.cam_xmat[camera].reshape(3, 3)
 
     def leave_out_unseen(self) -> None:
-        """Move geoms that are completely outside the picture to a group that is not drawn, all others to their own."""
+        """Move geoms completely outside the picture to a group that is not drawn, and the others to their own group."""
         map_from_eye = self._map_from_eye
         # The camera looks along -z of its own frame.
-        away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)
-        self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _UNDRAWN_GROUP, self._groups)
+        distances_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)
+        self._current_groups[:] = np.where(
+            (distances_m > self._radii_m[:, None]).any(axis=1), _UNDRAWN_GROUP, self._own_groups
+        )
 
 
 class _Optics:
@@ -301,33 +311,37 @@ class _Optics:
         self._world = world
         bank = default_rng(7).normal(0.0, world.laboratory.noise_greys, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
         noise = np.round(bank)
-        self._brighter, self._darker = (np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise))
+        self._brightening_noise, self._darkening_noise = (
+            np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise)
+        )
         self._mounting = _mounting_error(world.seed)
-        self._exposed: Pixels | None = None
-        self._light = 0.0
-        self._blurred: Pixels = self._brighter
+        self._last_picture: Pixels | None = None
+        self._last_light = 0.0
+        self._last_image: Pixels = self._brightening_noise
 
-    def frame(self, exposed: Pixels, state: LabState) -> Frame:
-        """Return the frame that the sensor makes of an exposure in ordinary light.
+    def frame(self, picture: Pixels, state: LabState) -> Frame:
+        """Return the frame that the sensor makes of the room, given a picture of the room in ordinary light.
 
         Args:
-            exposed: shape (height, width, 3). The caller must not change it afterwards.
+            picture: the pixels, shape (height, width, 3). The caller must not change them afterwards.
             state: the state at the exposure's end.
         """
         noise_place = self._noise_place(state.t_s)
-        brighter = cv2.add(self._image_behind_lens(exposed, max(state.light, 0.0)), self._brighter[noise_place])
-        pixels = np.asarray(cv2.subtract(brighter, self._darker[noise_place], dst=brighter), dtype=np.uint8)
+        brighter = cv2.add(
+            self._image_behind_lens(picture, max(state.light, 0.0)), self._brightening_noise[noise_place]
+        )
+        pixels = np.asarray(cv2.subtract(brighter, self._darkening_noise[noise_place], dst=brighter), dtype=np.uint8)
         pixels.setflags(write=False)
-        believed = self._world.believed_map_from_robot(state.t_s) @ state.robot_from_camera() @ self._mounting
-        return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=state.t_s)
+        believed_pose = self._world.believed_map_from_robot(state.t_s) @ state.robot_from_camera() @ self._mounting
+        return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed_pose, stamp_s=state.t_s)
 
-    def _image_behind_lens(self, exposed: Pixels, light: float) -> Pixels:
-        """Return the image on the sensor. If exposure and light are those of the last call, return the last image."""
-        if exposed is not self._exposed or light != self._light:
-            lit_image = exposed if light == 1.0 else cv2.convertScaleAbs(exposed, alpha=light)
-            self._blurred = np.asarray(cv2.GaussianBlur(lit_image, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
-            self._exposed, self._light = exposed, light
-        return self._blurred
+    def _image_behind_lens(self, picture: Pixels, light: float) -> Pixels:
+        """Return the image on the sensor. If picture and light are those of the last call, return the last image."""
+        if picture is not self._last_picture or light != self._last_light:
+            lit_image = picture if light == 1.0 else cv2.convertScaleAbs(picture, alpha=light)
+            self._last_image = np.asarray(cv2.GaussianBlur(lit_image, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
+            self._last_picture, self._last_light = picture, light
+        return self._last_image
 
     def _noise_place(self, instant_s: float) -> tuple[slice, slice]:
         """Return the rows and columns of the noise bank that (seed, camera, instant) determine."""

@@ -21,13 +21,13 @@ STEP_S = 2.0
 FADE_S = 1.0
 """How long the light takes to go down, and how long to go up again."""
 
-AHEAD_M = 0.45
+PERSON_AHEAD_M = 0.45
 """Distance of the person in front of the camera."""
 
-ASIDE_M = 2.0
-"""Distance to the left of this place from which the person comes."""
+PERSON_ASIDE_M = 2.0
+"""How far to the left of this place the person comes from."""
 
-_AGAIN_S = 1.0
+_RETRY_S = 1.0
 
 
 class Clock(Protocol):
@@ -55,43 +55,48 @@ def disturb(world: LabWorld, clock: Clock) -> None:
         clock.call_at(disturbance.at_s, begin)
 
 
-def _move_lid(world: LabWorld, clock: Clock, moved: LidMoved) -> None:
-    """Let a person move a lid. If the robot's hand is not drawn back or the lid is moving, try again later.
+def _move_lid(world: LabWorld, clock: Clock, lid_moved: LidMoved) -> None:
+    """Let a person move a lid. If the robot's hand is not drawn back, or the lid is already moving, try again later.
 
     So two hands never move the same lid.
     """
-    now_s, key = clock.now_s(), JointKey(moved.machine, Part.LID)
+    now_s, key = clock.now_s(), JointKey(lid_moved.machine, Part.LID)
     hand_is_back = world.values(Quantity.REACH, now_s) == (0.0,) and world.rests(Quantity.REACH, now_s)
     if not (hand_is_back and world.rests(key, now_s)):
-        clock.call_at(now_s + _AGAIN_S, partial(_move_lid, world, clock, moved))
+        clock.call_at(now_s + _RETRY_S, partial(_move_lid, world, clock, lid_moved))
         return
-    low_rad, high_rad = world.laboratory.machine(moved.machine).joint(Part.LID).range_rad
-    angle_rad = low_rad + moved.open_share * (high_rad - low_rad)
+    low_rad, high_rad = world.laboratory.machine(lid_moved.machine).joint(Part.LID).range_rad
+    angle_rad = low_rad + lid_moved.open_share * (high_rad - low_rad)
     world.schedule(now_s, [world.moves_to(now_s, key, (angle_rad,), LID_S)])
 
 
-def _step_in(world: LabWorld, clock: Clock, person: PersonBefore) -> None:
+def _step_in(world: LabWorld, clock: Clock, person_before: PersonBefore) -> None:
     """Let a person come from the left of the camera's current view, wait in front of the camera, and go back."""
     now_s = clock.now_s()
     map_from_camera = world.state(now_s).map_from_camera()
-    ahead = map_from_camera.rotation[:2, 2] / np.linalg.norm(map_from_camera.rotation[:2, 2])
-    left = np.array([-ahead[1], ahead[0]])
-    spot_m = map_from_camera.translation_m[:2] + AHEAD_M * ahead
-    there, away = ((float(x_m), float(y_m)) for x_m, y_m in (spot_m, spot_m + ASIDE_M * left))
-    coming, going = straight(away, there), straight(there, away)
+    forward = map_from_camera.rotation[:2, 2] / np.linalg.norm(map_from_camera.rotation[:2, 2])
+    left = np.array([-forward[1], forward[0]])
+    spot_m = map_from_camera.translation_m[:2] + PERSON_AHEAD_M * forward
+    place_m, outside_place_m = ((float(x_m), float(y_m)) for x_m, y_m in (spot_m, spot_m + PERSON_ASIDE_M * left))
+    path_in, path_out = straight(outside_place_m, place_m), straight(place_m, outside_place_m)
     moves = (
-        Move(channel=Quantity.PERSON, path=straight(OUTSIDE, away), duration_s=0.0),
-        Move(channel=Quantity.PERSON, path=coming, duration_s=STEP_S),
-        Move(channel=Quantity.PERSON, path=going, duration_s=STEP_S, delay_s=person.lasts_s),
-        Move(channel=Quantity.PERSON, path=straight(away, OUTSIDE), duration_s=0.0, delay_s=person.lasts_s + STEP_S),
+        Move(channel=Quantity.PERSON, path=straight(OUTSIDE, outside_place_m), duration_s=0.0),
+        Move(channel=Quantity.PERSON, path=path_in, duration_s=STEP_S),
+        Move(channel=Quantity.PERSON, path=path_out, duration_s=STEP_S, delay_s=person_before.lasts_s),
+        Move(
+            channel=Quantity.PERSON,
+            path=straight(outside_place_m, OUTSIDE),
+            duration_s=0.0,
+            delay_s=person_before.lasts_s + STEP_S,
+        ),
     )
     world.schedule(now_s, moves)
 
 
-def _dim(world: LabWorld, clock: Clock, dimmed: LightDown) -> None:
-    before, after = (world.laboratory.light,), (dimmed.light,)
+def _dim(world: LabWorld, clock: Clock, light_down: LightDown) -> None:
+    before, after = (world.laboratory.light,), (light_down.light,)
     moves = (
         Move(channel=Quantity.LIGHT, path=straight(before, after), duration_s=FADE_S),
-        Move(channel=Quantity.LIGHT, path=straight(after, before), duration_s=FADE_S, delay_s=dimmed.lasts_s),
+        Move(channel=Quantity.LIGHT, path=straight(after, before), duration_s=FADE_S, delay_s=light_down.lasts_s),
     )
     world.schedule(clock.now_s(), moves)

@@ -17,7 +17,7 @@ from codra_papers.lab.simulator.scene import Stage
 from codra_papers.lab.simulator.world import JointKey, LabState
 
 _NEAREST_M = 0.05
-"""Points nearer to the camera than this, measured along its axis, do not count as in front of it."""
+"""Only points at least this far from the camera, measured along the camera's axis, are in front of the camera."""
 
 _RAY_TOLERANCE_M = 0.003
 _COVER_GRID = np.linspace(-0.5, 0.5, 5)
@@ -31,7 +31,8 @@ class TagInView:
     Attributes:
         tag_id: the id of the tag.
         corners_px: the corners, shape (4, 2), in the order of `Tag.corners_m`; some may lie outside the image.
-        width_px: the smallest width of the black square in the image: its area divided by its longest side.
+        width_px: the smallest width of the black square in the image: the area of the square divided by its longest
+            side.
         margin_px: the distance from the image's edge to the nearest corner; negative if a corner lies outside.
         covered: the share of the tile, from 0 to 1, that is hidden.
     """
@@ -45,16 +46,16 @@ class TagInView:
     def is_resolved(self) -> bool:
         """Return whether a detector reliably detects the tag in a sharp frame in ordinary light.
 
-        This was measured in 600 drawn frames: all 2,600 such tags were detected, with errors of corners below 1 pixel.
-        Tags with a width of 16 to 20 px are detected too, with errors of corners up to 2 px. Of tags with a width of 14
-        to 16 px, seven in eight are detected; of tags below 10 px, none.
+        This was measured in 600 drawn frames: all 2,600 such tags were detected, with errors of corners below 1 px.
+        Tags with a width of 16 to 20 px are also detected, but with errors of corners up to 2 px. Of tags with a width
+        of 14 to 16 px, seven in eight are detected; of tags below 10 px, none.
         """
         return self.width_px >= 20.0 and self.margin_px >= 4.0 and self.covered == 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PartTags:
-    """The corners of n tags of one part, and the normal of its tag for each corner: arrays of shape (n * 4, 3)."""
+    """The corners of n tags of one part, and for each corner the normal of its tag: arrays of shape (n * 4, 3)."""
 
     corners_m: Array
     normals: Array
@@ -98,15 +99,15 @@ class GeometricCamera:
         map_from_camera = state.map_from_camera()
         machine_parts = [(state.laboratory.machine(machine), part) for machine, part in parts]
         corners_m, normals = _corners_in_map(state, machine_parts)
-        seen = _inside_image(map_from_camera.inverse().apply(corners_m))
-        seen &= np.einsum("ij,ij->i", map_from_camera.translation_m - corners_m, normals) > 0
-        if seen.any():
-            seen[seen] = self._unhidden(state, map_from_camera.translation_m, corners_m[seen])
+        is_seen = _inside_image(map_from_camera.inverse().apply(corners_m))
+        is_seen &= np.einsum("ij,ij->i", map_from_camera.translation_m - corners_m, normals) > 0
+        if is_seen.any():
+            is_seen[is_seen] = self._unhidden(state, map_from_camera.translation_m, corners_m[is_seen])
         ends = np.cumsum([len(_tags_of(machine, part).corners_m) for machine, part in machine_parts])
-        return tuple(float(share.mean()) for share in np.split(seen, ends[:-1]))
+        return tuple(float(share.mean()) for share in np.split(is_seen, ends[:-1]))
 
     def tags_in_view(self, state: LabState) -> tuple[TagInView, ...]:
-        """Return the tags that face the camera and whose middle is inside the image, ordered by their ids."""
+        """Return the tags that face the camera and have their middle inside the image, ordered by their ids."""
         views = [
             self._view(state, tag, state.map_from_part(machine.name, tag.part) @ tag.part_from_tag)
             for machine in state.laboratory.machines
@@ -119,19 +120,19 @@ class GeometricCamera:
         camera_from_tag = map_from_camera.inverse() @ map_from_tag
         corners_m = camera_from_tag.apply(_square(tag.size_m, _CORNERS))
         faces_camera = float(camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m) < 0
-        middle_inside = _inside_image(map_from_camera.inverse().apply(map_from_tag.translation_m[np.newaxis]))[0]
-        if not faces_camera or not middle_inside or corners_m[:, 2].min() < _NEAREST_M:
+        is_middle_inside = _inside_image(map_from_camera.inverse().apply(map_from_tag.translation_m[np.newaxis]))[0]
+        if not faces_camera or not is_middle_inside or corners_m[:, 2].min() < _NEAREST_M:
             return None
         corners_px = INTRINSICS.project(corners_m)
         grid_m = map_from_tag.apply(_square(tag.size_m * TILE_PER_TAG, _GRID))
-        unhidden = self._unhidden(state, map_from_camera.translation_m, grid_m)
+        is_unhidden = self._unhidden(state, map_from_camera.translation_m, grid_m)
         last = np.array([INTRINSICS.width - 1.0, INTRINSICS.height - 1.0])
         return TagInView(
             tag_id=tag.tag_id,
             corners_px=corners_px,
             width_px=_width_px(corners_px),
             margin_px=float(min(corners_px.min(), (last - corners_px).min())),
-            covered=1.0 - float(np.count_nonzero(unhidden)) / len(unhidden),
+            covered=1.0 - float(np.count_nonzero(is_unhidden)) / len(is_unhidden),
         )
 
     def _unhidden(self, state: LabState, eye_m: Array, points_m: Array) -> NDArray[np.bool_]:
@@ -141,23 +142,25 @@ class GeometricCamera:
             self._placed_state = state
         shares = self._stage.first_hit(eye_m, points_m)
         distances_m = np.linalg.norm(points_m - eye_m, axis=1)
-        reached: NDArray[np.bool_] = (shares < 0) | ((1.0 - shares) * distances_m < _RAY_TOLERANCE_M)
-        return reached
+        is_reached: NDArray[np.bool_] = (shares < 0) | ((1.0 - shares) * distances_m < _RAY_TOLERANCE_M)
+        return is_reached
 
 
 def image_motion_px(before: LabState, after: LabState) -> float:
-    """Return the largest motion in the image, of all visible points, between two states.
+    """Return, for two states, the largest motion of a visible point in the image.
 
     The points are the corners of all tags, and the points at the image's corners and middle at a distance of 1 m.
     """
     camera = before.map_from_camera()
     reference_m = camera.apply(_reference_points())
     parts = [(machine, part) for machine in before.laboratory.machines for part in machine.parts()]
-    first = camera.inverse().apply(np.concatenate((reference_m, _corners_in_map(before, parts)[0])))
-    second = after.map_from_camera().inverse().apply(np.concatenate((reference_m, _corners_in_map(after, parts)[0])))
-    in_both = _inside_image(first) & (second[:, 2] > _NEAREST_M)
-    moved_px = INTRINSICS.project(second[in_both]) - INTRINSICS.project(first[in_both])
-    return sqrt(np.add.reduce(moved_px * moved_px, axis=1).max())
+    points_before_m = camera.inverse().apply(np.concatenate((reference_m, _corners_in_map(before, parts)[0])))
+    points_after_m = (
+        after.map_from_camera().inverse().apply(np.concatenate((reference_m, _corners_in_map(after, parts)[0])))
+    )
+    is_in_both = _inside_image(points_before_m) & (points_after_m[:, 2] > _NEAREST_M)
+    motions_px = INTRINSICS.project(points_after_m[is_in_both]) - INTRINSICS.project(points_before_m[is_in_both])
+    return sqrt(np.add.reduce(motions_px * motions_px, axis=1).max())
 
 
 @lru_cache(maxsize=1)
@@ -200,7 +203,7 @@ def _inside_image(points_m: Array) -> NDArray[np.bool_]:
 
     Points have the shape (n, 3) and are given in the camera's frame.
     """
-    inside: NDArray[np.bool_] = points_m[:, 2] > _NEAREST_M
-    pixels = INTRINSICS.project(points_m[inside])
-    inside[inside] = ((pixels >= -0.5) & (pixels <= _LAST_PX)).all(axis=1)
-    return inside
+    is_inside: NDArray[np.bool_] = points_m[:, 2] > _NEAREST_M
+    pixels = INTRINSICS.project(points_m[is_inside])
+    is_inside[is_inside] = ((pixels >= -0.5) & (pixels <= _LAST_PX)).all(axis=1)
+    return is_inside

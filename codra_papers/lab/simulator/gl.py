@@ -18,8 +18,8 @@ with mujoco.Renderer(model, 8, 8) as renderer:
 """
 _PROBE_TIMEOUT_S = 60.0
 
-_known: list[str] = []
-"""The backend that draws on this computer; empty until it is known."""
+_known_backends: list[str] = []
+"""The backend that draws on this computer; the list is empty until this backend is known."""
 
 
 class Backend(StrEnum):
@@ -49,21 +49,21 @@ def choose_backend() -> str:
     """Return the first backend, "egl" or "osmesa", that draws on this computer.
 
     The environment variable MUJOCO_GL is set to this backend for later imports of MuJoCo. Each backend is tried in a
-    separate process, because after a failed attempt its process cannot try another. If MUJOCO_GL already is the name of
-    a backend, only this backend is tried. The result is remembered.
+    separate process, because a process in which a backend failed cannot try another backend. If MUJOCO_GL is already
+    the name of a backend, only this backend is tried. The result is remembered.
 
     Raises:
         GraphicsUnavailableError: no backend draws.
     """
-    if not _known:
-        rely_on(_first_working_backend())
-    return _known[0]
+    if not _known_backends:
+        use_backend(_first_working_backend())
+    return _known_backends[0]
 
 
-def rely_on(backend: str) -> None:
+def use_backend(backend: str) -> None:
     """Let `choose_backend` return this backend without a trial, because it drew in another process of this program."""
     os.environ["MUJOCO_GL"] = backend
-    _known[:] = [backend]
+    _known_backends[:] = [backend]
 
 
 def _first_working_backend() -> str:
@@ -84,10 +84,10 @@ def _first_working_backend() -> str:
 
 
 def make_context(backend: str, width: int, height: int) -> Context:
-    """Return a new context for images of this size. It also works if MuJoCo was imported before the backend was chosen.
+    """Return a new context for images of this size. MuJoCo may have been imported before the backend was chosen.
 
-    Unless LP_NUM_THREADS is set, Mesa's software renderer draws in the calling thread. The images are small, and more
-    threads would only take the other cores from other processes.
+    Unless LP_NUM_THREADS is set, Mesa's software renderer draws in the calling thread. The images are small, so more
+    threads would only take cores from other processes.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
     context: Context = importlib.import_module(f"mujoco.{Backend(backend)}").GLContext(width, height)

@@ -17,7 +17,7 @@ NOISE_GREYS = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidMoved:
-    """A person opens or closes a machine's lid as soon as the robot's hand is away from it.
+    """A person opens or closes a machine's lid as soon as the robot's hand is away from the lid.
 
     Attributes:
         at_s: the earliest instant of the move.
@@ -36,7 +36,7 @@ class PersonBefore:
 
     Attributes:
         at_s: when the person begins to step in.
-        lasts_s: how long after this instant the person steps away again.
+        lasts_s: the time from `at_s` until the person steps away again.
     """
 
     at_s: float
@@ -49,7 +49,7 @@ class LightDown:
 
     Attributes:
         at_s: when the light begins to go down.
-        lasts_s: how long after this instant the light goes up again.
+        lasts_s: the time from `at_s` until the light begins to go up again.
         light: the remaining light: 1 is that of an ordinary day, 0 is dark.
     """
 

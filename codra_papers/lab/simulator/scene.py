@@ -1,6 +1,6 @@
-"""The laboratory as a MuJoCo model: the tags and joints of layout.py, the bodies that carry them, a room, the robot.
+"""The laboratory as a MuJoCo model: the tags and joints of layout.py, bodies with the tags, a room and the robot.
 
-There is no physics: a `Stage` shows one state of the laboratory. It is drawn, or used for ray casts.
+There is no physics: a `Stage` shows one state of the laboratory, either to draw the state or to cast rays.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ CAMERA_NAME = "arm_camera"
 PCR_CYCLER_HANDLE_M = (0.485, 0.210, -0.011)
 """Where a hand grips the PCR-cycler's lid, in the lid's frame: a bar to the right of the machine, clear of its tags.
 
-The hand holds the PCR-cycler to the side of its tags, by this bar and by a stalk on the lever, so that the camera on
-the hand sees the complete machine meanwhile. The hand holds the centrifuge in the middle, so the camera then sees only
+The hand holds the PCR-cycler beside its tags, by this bar or by a stalk on the lever. So the camera on the hand sees
+the complete machine while the hand holds it. The hand holds the centrifuge in the middle, so the camera then sees only
 a part of the centrifuge."""
 
 PCR_CYCLER_KNOB_M = (0.0, -0.025, 0.095)
@@ -45,7 +45,7 @@ ARM_LENGTH_M = 2 * _LINK_M
 _WHITE = "0.86 0.87 0.88 1"
 _GREY = "0.55 0.57 0.60 1"
 _DARK = "0.22 0.23 0.25 1"
-_ROBOT = "0.80 0.55 0.20 1"
+_ORANGE = "0.80 0.55 0.20 1"
 
 
 class Stage:
@@ -59,8 +59,8 @@ class Stage:
             for machine in laboratory.machines
             for joint in machine.joints
         }
-        movable = _MOCAP_BODIES + ((_PERSON,) if _has_visitors(laboratory) else ())
-        self._mocap_ids = {name: int(self.model.body(name).mocapid[0]) for name in movable}
+        movable_names = _MOCAP_BODIES + ((_PERSON,) if _has_visitors(laboratory) else ())
+        self._mocap_ids = {name: int(self.model.body(name).mocapid[0]) for name in movable_names}
         self._angles_rad = self.data.qpos
         self._places_m, self._quaternions = self.data.mocap_pos, self.data.mocap_quat
 
@@ -71,12 +71,12 @@ class Stage:
         for name, pose in _robot_poses(state).items():
             self._put(name, pose)
         if _PERSON in self._mocap_ids:
-            self._put(_PERSON, _shifted(*state.person_m, 0.0))
+            self._put(_PERSON, _translation(*state.person_m, 0.0))
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
     def first_hit(self, origin_m: Array, points_m: Array) -> Array:
-        """Return the distance from an origin to the first hit of a ray to each point, as a share of that to the point.
+        """Return, for a ray from an origin to each point, the distance to the first hit divided by that to the point.
 
         Args:
             origin_m: shape (3,), in the map.
@@ -102,7 +102,7 @@ class Stage:
 
 
 def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
-    """Return the pictures of tags, floor and walls as PNG files. The key is the name of the file."""
+    """Return the pictures of tags, floor and walls as a mapping from the name of each PNG file to its content."""
     tags = {
         f"tag_{tag.tag_id}.png": np.kron(
             tag_image(tag.tag_id), np.ones((_TEXELS_PER_CELL, _TEXELS_PER_CELL), dtype=np.uint8)
@@ -331,7 +331,7 @@ def _shaker_lid(tag: Tag) -> str:
 
 
 def _handle_beside_the_lid() -> str:
-    """Return, as MJCF, a bar along the right side of the lid to the front, with a cross-bar for the hand at its end."""
+    """Return, as MJCF, a bar along the right side of the lid, with a cross-bar for the hand at the bar's front end."""
     x_m, y_m, z_m = PCR_CYCLER_HANDLE_M
     low_m, high_m = z_m - 0.006, z_m + 0.006
     return "".join(
@@ -369,23 +369,23 @@ def _visitor() -> str:
 # x is right, y is down and z is forward, as in the camera's frame.
 
 FINGER_TIP_M = (0.0, 0.06, 0.24)
-"""Where the fingers grip, in the camera's frame, if the hand is extended."""
+"""The point where the fingers grip, in the camera's frame, if the hand is extended."""
 
 _DRAWN_BACK_M = 0.30
-"""How far the hand is drawn back if it is not extended. It is then out of the camera's sight."""
+"""How far the hand is drawn back if it is not extended. The camera then does not see the hand."""
 
 
 def _robot_bodies() -> Iterator[str]:
     chassis = _box((-0.35, -0.25, 0.06), (0.25, 0.25, 0.30), _DARK) + _box(
         (-0.06, -0.1, 0.30), (0.16, 0.1, 0.85), _WHITE
     )
-    link = f'<geom type="capsule" fromto="0 0 0 0 0 {_LINK_M}" size="0.05" rgba="{_ROBOT}"/>'
+    link = f'<geom type="capsule" fromto="0 0 0 0 0 {_LINK_M}" size="0.05" rgba="{_ORANGE}"/>'
     finger = _box((-0.012, 0.048, 0.11), (0.012, 0.072, 0.24), _DARK)
     bodies = {
         "robot_base": chassis,
         "upper_arm": link,
         "forearm": link,
-        "palm": _box((-0.06, 0.045, -0.10), (0.06, 0.11, 0.11), _ROBOT),
+        "palm": _box((-0.06, 0.045, -0.10), (0.06, 0.11, 0.11), _ORANGE),
         "left_finger": finger,
         "right_finger": finger,
         "tray": _box((-0.07, 0.05, 0.20), (0.07, 0.08, 0.30), _GREY),
@@ -402,16 +402,16 @@ def _robot_poses(state: LabState) -> dict[str, Pose]:
     map_from_robot = state.map_from_robot()
     robot_from_camera = state.robot_from_camera()
     map_from_camera = map_from_robot @ robot_from_camera
-    hand = map_from_camera @ _shifted(0.0, 0.0, (state.reach - 1.0) * _DRAWN_BACK_M)
+    hand = map_from_camera @ _translation(0.0, 0.0, (state.reach - 1.0) * _DRAWN_BACK_M)
     wrist_m = _wrist_m(state)
     elbow_m = _elbow_m(wrist_m)
     return {
         "robot_base": map_from_robot,
-        "upper_arm": map_from_robot @ _along(np.array(_SHOULDER_M), elbow_m),
-        "forearm": map_from_robot @ _along(elbow_m, wrist_m),
+        "upper_arm": map_from_robot @ _pose_along(np.array(_SHOULDER_M), elbow_m),
+        "forearm": map_from_robot @ _pose_along(elbow_m, wrist_m),
         "palm": hand,
-        "left_finger": hand @ _shifted(-state.opening_m / 2 - 0.012, 0.0, 0.0),
-        "right_finger": hand @ _shifted(state.opening_m / 2 + 0.012, 0.0, 0.0),
+        "left_finger": hand @ _translation(-state.opening_m / 2 - 0.012, 0.0, 0.0),
+        "right_finger": hand @ _translation(state.opening_m / 2 + 0.012, 0.0, 0.0),
         "tray": hand if state.is_holding else _BELOW_THE_FLOOR,
         "camera": map_from_camera,
     }
@@ -421,12 +421,12 @@ _IDENTITY = np.eye(3)
 _BELOW_THE_FLOOR = Pose(_IDENTITY, np.array([0.0, 0.0, -5.0]))
 
 
-def _shifted(x_m: float, y_m: float, z_m: float) -> Pose:
+def _translation(x_m: float, y_m: float, z_m: float) -> Pose:
     return Pose(_IDENTITY, np.array([x_m, y_m, z_m]))
 
 
 def shoulder_to_wrist_m(state: LabState) -> float:
-    """Return the distance from the shoulder to the wrist. More than `ARM_LENGTH_M` is out of reach."""
+    """Return the distance from the shoulder to the wrist. Beyond `ARM_LENGTH_M`, a wrist is out of reach."""
     return float(np.linalg.norm(_wrist_m(state) - np.array(_SHOULDER_M)))
 
 
@@ -438,20 +438,24 @@ def _wrist_m(state: LabState) -> Array:
 def _elbow_m(wrist_m: Array) -> Array:
     """Return the position of the elbow between shoulder and wrist.
 
-    The two links have the same length. They are bent up and back, or straight if the wrist is too far away.
+    The two links have the same length. The elbow is bent up and back, or straight if the wrist is too far away.
     """
     shoulder_m = np.array(_SHOULDER_M)
-    way = wrist_m - shoulder_m
-    ahead = np.array([way[0], way[1], 0.0]) if way[0] >= 0 else -np.array([way[0], way[1], 0.0])
-    ahead /= max(length(ahead), 1e-9)
-    up_and_back = -way[2] * ahead + float(way @ ahead) * np.array([0.0, 0.0, 1.0])
-    length_m = max(length(way), 1e-9)
+    shoulder_to_wrist = wrist_m - shoulder_m
+    forward = (
+        np.array([shoulder_to_wrist[0], shoulder_to_wrist[1], 0.0])
+        if shoulder_to_wrist[0] >= 0
+        else -np.array([shoulder_to_wrist[0], shoulder_to_wrist[1], 0.0])
+    )
+    forward /= max(length(forward), 1e-9)
+    up_and_back = -shoulder_to_wrist[2] * forward + float(shoulder_to_wrist @ forward) * np.array([0.0, 0.0, 1.0])
+    length_m = max(length(shoulder_to_wrist), 1e-9)
     bend_m = sqrt(max(_LINK_M**2 - length_m**2 / 4, 0.0))
-    elbow: Array = shoulder_m + way / 2 + up_and_back / length_m * bend_m
+    elbow: Array = shoulder_m + shoulder_to_wrist / 2 + up_and_back / length_m * bend_m
     return elbow
 
 
-def _along(start_m: Array, end_m: Array) -> Pose:
+def _pose_along(start_m: Array, end_m: Array) -> Pose:
     """Return a pose at `start_m` whose z axis points to `end_m`."""
     z = (end_m - start_m) / max(length(end_m - start_m), 1e-9)
     helper = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 0.9 else np.array([1.0, 0.0, 0.0])

@@ -7,12 +7,13 @@ machine.
 - `M_in_observable_distance`: `Machine.distance_m` of the true pose of the robot's base is below 1.6 m.
 - `M_in_manipulation_distance`: the same distance is below 0.95 m.
 - `M_base_in_FOV`, `M_lid_in_FOV`: at least half of the corners of the part's tags are inside the image, in front of
-  the camera, on tags that face the camera, and not hidden. Neither the light nor the distance matters.
+  the camera, on tags that face the camera, and not hidden. Neither the light nor the distance from the camera matters.
 - `M_open`: the lid is open by more than 0.6 rad.
 - `M_locked`: the latch lever is less than half way from locked (0 rad) to unlocked (1 rad).
 - `M_rotor_in_pos_1`: a centrifuge's rotor is less than 0.2 rad from its position at 0 rad.
-- `M_rotor_in_pos_2`: a centrifuge's rotor is less than 0.2 rad from half a turn. A lid that hides the rotor does not
-  change the truth about either position.
+- `M_rotor_in_pos_2`: a centrifuge's rotor is less than 0.2 rad from its position at half a turn.
+
+A lid that hides the rotor does not change the truth about either position of the rotor.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ half the time between them."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruthSpan:
-    """The truth from one instant up to, but not including, another.
+    """The truth from one instant until just before another instant.
 
     Attributes:
         values: the true value of each context-variable.
@@ -58,7 +59,9 @@ class GroundTruth:
     def __init__(self, world: LabWorld) -> None:
         self._world = world
         self._camera = GeometricCamera(world.laboratory)
-        self._viewed = [(machine.name, part) for machine in world.laboratory.machines for part in (Part.BASE, Part.LID)]
+        self._viewed_parts = [
+            (machine.name, part) for machine in world.laboratory.machines for part in (Part.BASE, Part.LID)
+        ]
 
     def at(self, instant_s: float) -> Mapping[str, bool]:
         """Return the truth of every context-variable at an instant."""
@@ -66,22 +69,24 @@ class GroundTruth:
         truth = {"robot_is_localized": state.is_localized} | _rotor_truth(state)
         for machine in state.laboratory.machines:
             truth |= _machine_truth(state, machine)
-        for (name, part), share in zip(self._viewed, self._camera.visible_shares(state, self._viewed), strict=True):
+        for (name, part), share in zip(
+            self._viewed_parts, self._camera.visible_shares(state, self._viewed_parts), strict=True
+        ):
             truth[f"{name}_{part}_in_FOV"] = share >= IN_VIEW_FROM_SHARE
         return MappingProxyType(truth)
 
     def over(self, start_s: float, end_s: float) -> tuple[TruthSpan, ...]:
         """Return the truth from one instant to another, as spans in order and without gaps. Consecutive spans differ.
 
-        While something moves, truth is sampled `SAMPLES_PER_S` times a second. Each time without motion is sampled
+        While something moves, truth is sampled `SAMPLES_PER_S` times a second. Each span without motion is sampled
         once.
         """
         spans: list[TruthSpan] = []
-        for piece_start_s, piece_end_s in _pieces(self._world, start_s, end_s):
-            values = self.at((piece_start_s + piece_end_s) / 2)
+        for span_start_s, span_end_s in _sampled_spans(self._world, start_s, end_s):
+            values = self.at((span_start_s + span_end_s) / 2)
             if spans and spans[-1].values == values:
-                piece_start_s = spans.pop().start_s  # noqa: PLW2901
-            spans.append(TruthSpan(start_s=piece_start_s, end_s=piece_end_s, values=values))
+                span_start_s = spans.pop().start_s  # noqa: PLW2901
+            spans.append(TruthSpan(start_s=span_start_s, end_s=span_end_s, values=values))
         return tuple(spans)
 
 
@@ -109,17 +114,19 @@ def _rotor_truth(state: LabState) -> dict[str, bool]:
     return truth
 
 
-def _pieces(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:
-    """Yield the spans of time, in order and without gaps. One sample represents each span."""
-    reached_s = start_s
+def _sampled_spans(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:
+    """Yield spans of time, in order and without gaps. One sample is taken for each span."""
+    covered_until_s = start_s
     for moving_from_s, moving_until_s in world.moving_spans():
-        begin_s, finish_s = min(max(moving_from_s, reached_s), end_s), min(moving_until_s, end_s)
-        if begin_s > reached_s:
-            yield reached_s, begin_s
-            reached_s = begin_s
-        count = ceil(max(finish_s - reached_s, 0.0) * SAMPLES_PER_S)
-        edges_s = [reached_s + (finish_s - reached_s) * index / count for index in range(count)] + [finish_s]
-        yield from pairwise(edges_s)
-        reached_s = max(reached_s, finish_s)
-    if end_s > reached_s:
-        yield reached_s, end_s
+        motion_start_s, motion_end_s = min(max(moving_from_s, covered_until_s), end_s), min(moving_until_s, end_s)
+        if motion_start_s > covered_until_s:
+            yield covered_until_s, motion_start_s
+            covered_until_s = motion_start_s
+        count = ceil(max(motion_end_s - covered_until_s, 0.0) * SAMPLES_PER_S)
+        boundaries_s = [
+            covered_until_s + (motion_end_s - covered_until_s) * index / count for index in range(count)
+        ] + [motion_end_s]
+        yield from pairwise(boundaries_s)
+        covered_until_s = max(covered_until_s, motion_end_s)
+    if end_s > covered_until_s:
+        yield covered_until_s, end_s

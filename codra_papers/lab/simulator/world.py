@@ -1,4 +1,4 @@
-"""The state of the laboratory at any instant: a pure function of time and of the moves scheduled so far.
+"""The state of the laboratory at any instant: a pure function of time and of the moves that are scheduled so far.
 
 Nothing in this module runs in the background, and the state does not depend on who reads it.
 """
@@ -33,7 +33,7 @@ class Quantity(StrEnum):
     GAZE = "gaze"
     """The camera's position and a point that it looks at, both in the robot's base frame: six numbers in metres."""
     REACH = "reach"
-    """How far the hand extends past the camera: 0 (behind it, out of sight) to 1."""
+    """How far the hand extends past the camera: from 0 (behind the camera, out of sight) to 1."""
     OPENING = "opening"
     """The gap between the fingers in metres."""
     HOLDING = "holding"
@@ -109,7 +109,7 @@ class LabState:
         return planar(*self.base)
 
     def robot_from_camera(self) -> Pose:
-        """Return the pose in which the arm holds the camera."""
+        """Return the camera's pose in the robot's base frame."""
         return camera_at(self.eye_m, self.target_m)
 
     def map_from_camera(self) -> Pose:
@@ -145,8 +145,9 @@ class _Track:
     def at(self, t_s: float) -> Values:
         """Return the values at an instant.
 
-        At its start instant a move does not show yet; it shows right after this instant. So the frame of an instant is
-        the same whether it is taken before or after a move that starts at this instant is scheduled.
+        A move has no effect on the values at its start instant. Its effect begins right after this instant. So the
+        frame of an instant is the same whether a move that starts at this instant is scheduled before or after the
+        frame is taken.
         """
         index = bisect_left(self.starts_s, t_s)
         return self.segments[index - 1].at(t_s) if index else self.initial
@@ -179,7 +180,7 @@ TRAVEL_GAZE = (0.25, 0.0, 1.25, 1.6, 0.0, 0.75)
 OUTSIDE = (-3.0, -3.0)
 """The position of a visitor who is not in the room: x and y in metres."""
 
-_INITIAL: Mapping[Quantity, Values] = MappingProxyType(
+_INITIAL_VALUES: Mapping[Quantity, Values] = MappingProxyType(
     {
         Quantity.BASE: HOME,
         Quantity.GAZE: TRAVEL_GAZE,
@@ -214,12 +215,12 @@ class LabWorld:
         self.laboratory = laboratory
         joints = [JointKey(machine.name, joint.part) for machine in laboratory.machines for joint in machine.joints]
         self._joint_keys = tuple(joints)
-        initial = {**_INITIAL, Quantity.LIGHT: (laboratory.light,)}
+        initial = {**_INITIAL_VALUES, Quantity.LIGHT: (laboratory.light,)}
         self._tracks: dict[Channel, _Track] = {quantity: _Track(values) for quantity, values in initial.items()}
         self._tracks.update({joint: _Track((0.0,)) for joint in joints})
         self._lock = Lock()
         self._now_s = 0.0
-        self._error = _LocalizationError(seed)
+        self._localization_error = _LocalizationError(seed)
 
     def schedule(self, now_s: float, moves: Sequence[Move]) -> None:
         """Schedule moves, which begin now or after their delays.
@@ -230,8 +231,7 @@ class LabWorld:
 
         Raises:
             ValueError: `now_s` is earlier than in the last call, the delay or the duration of a move is negative, or
-            the
-                channel of a move is still moving. No move is scheduled then.
+                the channel of a move is still moving. In all these cases, no move is scheduled.
         """
         with self._lock:
             if now_s < self._now_s:
@@ -253,14 +253,14 @@ class LabWorld:
             return self._tracks[channel].at(t_s)
 
     def rests(self, channel: Channel, t_s: float) -> bool:
-        """Return whether a channel is at rest from an instant on, according to the moves scheduled so far."""
+        """Return whether a channel is at rest at an instant and afterwards, according to the moves scheduled so far."""
         with self._lock:
             return self._tracks[channel].rests(t_s)
 
     def moves_to(
         self, now_s: float, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0
     ) -> Move:
-        """Return the move of a channel on a straight path from its values at the start of the move to other values."""
+        """Return the move of a channel on a straight path from its values when the move starts to other values."""
         with self._lock:
             start = self._tracks[channel].right_after(now_s + delay_s)
         return Move(channel=channel, path=straight(start, values), duration_s=duration_s, delay_s=delay_s)
@@ -287,7 +287,7 @@ class LabWorld:
         )
 
     def moves_within(self, start_s: float, end_s: float) -> bool:
-        """Return whether the states at two instants, or at any instants between them, can differ."""
+        """Return whether the state can change from one instant to another."""
         with self._lock:
             return any(track.moves_within(start_s, end_s) for track in self._tracks.values())
 
@@ -308,7 +308,7 @@ class LabWorld:
         with self._lock:
             x_m, y_m, heading_rad = self._tracks[Quantity.BASE].at(t_s)
             is_localized = self._tracks[Quantity.LOCALIZED].at(t_s)[0] > 0.5
-        return planar(x_m, y_m, heading_rad) @ self._error.at(t_s, is_localized=is_localized)
+        return planar(x_m, y_m, heading_rad) @ self._localization_error.at(t_s, is_localized=is_localized)
 
 
 def straight(start: Values, end: Values) -> Path:
@@ -334,7 +334,7 @@ def _segment(now_s: float, move: Move, busy_until_s: float) -> _Segment:
 
 _ROUNDING_S = 1e-3
 """A move may begin this much before the previous move of its channel ends, because sums of durations are rounded. In so
-short a time, a move does not change its values noticeably."""
+short a time, a move does not change the values noticeably."""
 
 
 class _LocalizationError:
@@ -346,8 +346,12 @@ class _LocalizationError:
             tuple((random.uniform(90.0, 700.0), random.uniform(0.0, 2 * pi), size) for size in sizes)
             for sizes in ((0.012, 0.008), (0.012, 0.008), (0.006, 0.004))
         )
-        away_rad = random.uniform(-pi, pi)
-        self._lost_offset = (0.45 * cos(away_rad), 0.45 * sin(away_rad), random.choice((-1.0, 1.0)) * 0.25)
+        lost_direction_rad = random.uniform(-pi, pi)
+        self._lost_offset = (
+            0.45 * cos(lost_direction_rad),
+            0.45 * sin(lost_direction_rad),
+            random.choice((-1.0, 1.0)) * 0.25,
+        )
 
     def at(self, t_s: float, *, is_localized: bool) -> Pose:
         """Return the believed pose of the base, in the frame of the true base."""
@@ -362,7 +366,7 @@ class _LocalizationError:
 def _minimum_jerk(share_of_time: float) -> float:
     """Return the progress of a move: smooth, at rest at both ends (Flash and Hogan).
 
-    The second half mirrors the first, so that rounding never carries a move beyond its end.
+    The second half mirrors the first half, so that rounding never carries a move beyond its end.
     """
     if share_of_time > 0.5:
         return 1.0 - _minimum_jerk(1.0 - share_of_time)

@@ -1,4 +1,4 @@
-"""P2's ContainerDetectionAgent: woken by `robot -wants-> detecting`, it detects roll containers and their poses."""
+"""P2's ContainerDetectionAgent: on request (`robot -wants-> detecting`), it detects roll containers and their poses."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from math import atan2, cos, hypot, sin
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot, Transaction
-from codra_papers.store.agents.working import Executor, Rounds
-from codra_papers.store.body import Body, Seen
+from codra_papers.store.agents.working import Executor, PeriodicCalls
+from codra_papers.store.body import Body, ObjectKind
 from codra_papers.store.geometry import Pose2D
 from codra_papers.store.knowledge import floor_pose_of, pose_of
 
 PERIOD_S = 0.2
-PICTURES = 12
+PICTURE_COUNT = 12
 """Number of sharp pictures in one detection."""
 
 MIN_SIGHTINGS = 4
 """Smallest number of these pictures in which a container must be seen."""
 
-SAME_M = 0.5
-"""Two sightings nearer than this belong to one container."""
+SAME_CONTAINER_M = 0.5
+"""Two sightings nearer to each other than this belong to one container."""
 
 SURE_WITHIN_M = 4.0
-"""A known container is gone if it is nearer than this and in view, but was not seen."""
+"""A known container is gone if it is nearer to the robot than this and in view, but was not seen."""
 
 
 @dataclass(slots=True)
@@ -50,64 +50,68 @@ class ContainerDetection:
         self._handle = knowledge.as_agent("container_detection")
         self._body = body
         self._clock = clock
-        self._count = 0
+        self._container_count = 0
         self._candidates: list[_Candidate] = []
-        self._pictures = 0
-        self._rounds: Rounds | None = None
+        self._picture_count = 0
+        self._periodic_calls: PeriodicCalls | None = None
         self._task = Executor(knowledge, self._handle, "detecting", self._begin, self._end)
 
     def _begin(self, _: Snapshot) -> None:
-        self._candidates, self._pictures = [], 0
-        self._rounds = Rounds(self._clock, PERIOD_S, self._look)
+        self._candidates, self._picture_count = [], 0
+        self._periodic_calls = PeriodicCalls(self._clock, PERIOD_S, self._look)
 
     def _end(self) -> None:
-        if self._rounds is not None:
-            self._rounds.stop()
+        if self._periodic_calls is not None:
+            self._periodic_calls.stop()
 
     def _look(self) -> None:
         picture = self._body.look()
         if not picture.is_steady:
             return
-        self._pictures += 1
-        robot = self._body.believed()
+        self._picture_count += 1
+        robot = self._body.believed_pose()
         for sighting in picture.sightings:
-            if sighting.kind is Seen.CONTAINER:
-                x_m, y_m = robot.out(sighting.at.x_m, sighting.at.y_m)
-                self._add(Pose2D(x_m, y_m, robot.heading_rad + sighting.at.heading_rad))
-        if self._pictures == PICTURES:
+            if sighting.kind is ObjectKind.CONTAINER:
+                x_m, y_m = robot.point_at(sighting.at.x_m, sighting.at.y_m)
+                self._add_sighting(Pose2D(x_m, y_m, robot.heading_rad + sighting.at.heading_rad))
+        if self._picture_count == PICTURE_COUNT:
             self._end()
             poses = [candidate.mean() for candidate in self._candidates if len(candidate.poses) >= MIN_SIGHTINGS]
             self._write_containers(poses)
             self._task.finish("found" if poses else "lost")
 
-    def _add(self, pose: Pose2D) -> None:
+    def _add_sighting(self, pose: Pose2D) -> None:
         for candidate in self._candidates:
-            if candidate.mean().distance_m(pose) < SAME_M:
+            if candidate.mean().distance_m(pose) < SAME_CONTAINER_M:
                 candidate.poses.append(pose)
                 return
         self._candidates.append(_Candidate([pose]))
 
     def _write_containers(self, poses: Sequence[Pose2D]) -> None:
         snapshot = self._knowledge.snapshot()
-        known = {
+        known_poses = {
             node.name: floor_pose_of(snapshot.transform("world", node.name).pose)
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         }
         with self._handle.transaction() as change:
             for pose in poses:
-                name = min(known, key=lambda known_name: (known[known_name].distance_m(pose), known_name), default=None)
-                if name is None or known[name].distance_m(pose) > SAME_M:
-                    self._count += 1
-                    name = f"roll_container_{self._count}"
+                name = min(
+                    known_poses,
+                    key=lambda known_name: (known_poses[known_name].distance_m(pose), known_name),
+                    default=None,
+                )
+                if name is None or known_poses[name].distance_m(pose) > SAME_CONTAINER_M:
+                    self._container_count += 1
+                    name = f"roll_container_{self._container_count}"
                     change.insert_node(name, "roll_container")
-                known.pop(name, None)
+                known_poses.pop(name, None)
                 change.place("world", "container_pose", name, pose_of(pose))
-            self._delete_unseen(change, snapshot, known)
+            self._delete_unseen(change, snapshot, known_poses)
 
-    def _delete_unseen(self, change: Transaction, snapshot: Snapshot, unseen: dict[str, Pose2D]) -> None:
-        robot = self._body.believed()
-        for name, pose in unseen.items():
+    def _delete_unseen(self, change: Transaction, snapshot: Snapshot, unseen_poses: dict[str, Pose2D]) -> None:
+        robot = self._body.believed_pose()
+        for name, pose in unseen_poses.items():
             is_close = hypot(pose.x_m - robot.x_m, pose.y_m - robot.y_m) < SURE_WITHIN_M
             if is_close and snapshot.in_view(name, "camera"):
                 change.delete_node(name)

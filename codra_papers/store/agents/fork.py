@@ -5,13 +5,13 @@ from __future__ import annotations
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_papers.store.agents.working import Executor
-from codra_papers.store.body import Body, Lift, Outcome, Stop
+from codra_papers.store.body import Body, Lift, Outcome, StopFunction
 from codra_papers.store.geometry import Pose2D
 from codra_papers.store.knowledge import floor_pose_of
 from codra_papers.store.layout import FORK_M
 
-REACH_M = 0.5
-"""The known pose of a lifted container is nearer than this to the middle of the fork."""
+LIFTED_WITHIN_M = 0.5
+"""The known pose of the lifted container must be nearer than this to the middle of the fork."""
 
 
 class Fork:
@@ -22,20 +22,20 @@ class Fork:
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("fork")
         self._body = body
-        self._halt: Stop | None = None
+        self._stop_command: StopFunction | None = None
         self._handle.set("robot", "loaded", body.has_load())
         self._lifting = Executor(knowledge, self._handle, "lifting", self._raise, self._stop)
         self._lowering = Executor(knowledge, self._handle, "lowering", self._lower, self._stop)
 
     def _raise(self, _: Snapshot) -> None:
-        self._halt = self._body.lift(Lift.UP, self._on_raised)
+        self._stop_command = self._body.lift(Lift.UP, self._on_raised)
 
     def _lower(self, _: Snapshot) -> None:
-        self._halt = self._body.lift(Lift.DOWN, self._on_lowered)
+        self._stop_command = self._body.lift(Lift.DOWN, self._on_lowered)
 
     def _stop(self) -> None:
-        if self._halt is not None:
-            self._halt()
+        if self._stop_command is not None:
+            self._stop_command()
 
     def _on_raised(self, outcome: Outcome) -> None:
         if outcome is not Outcome.DONE:
@@ -62,7 +62,7 @@ class Fork:
 
 
 def _lifted_container(snapshot: Snapshot) -> str | None:
-    """Return the known container that the fork must have lifted."""
+    """Return the known container that the fork must have lifted; None if no known container is near enough."""
     middle = Pose2D(-FORK_M, 0.0)
     distances_m = {
         node.name: floor_pose_of(snapshot.transform("robot", node.name).pose).distance_m(middle)
@@ -70,4 +70,4 @@ def _lifted_container(snapshot: Snapshot) -> str | None:
         if snapshot.parent(node.name) == "world"
     }
     name = min(distances_m, key=lambda container: (distances_m[container], container), default=None)
-    return name if name is not None and distances_m[name] < REACH_M else None
+    return name if name is not None and distances_m[name] < LIFTED_WITHIN_M else None

@@ -12,28 +12,28 @@ from functools import partial
 from codra_dsl.runtime import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
-from codra_papers.store.agents.surroundings import away, containers_m, obstacles, people_m, room_m
-from codra_papers.store.agents.working import Executor, Rounds
-from codra_papers.store.body import Body, Outcome, Stop, Way
+from codra_papers.store.agents.surroundings import containers_m, obstacles, people_m, room_m, step_away
+from codra_papers.store.agents.working import Executor, PeriodicCalls
+from codra_papers.store.body import Body, Outcome, StopFunction, Way
 from codra_papers.store.geometry import Disc, Point, Pose2D, wrapped
 from codra_papers.store.knowledge import floor_pose_of
 from codra_papers.store.layout import CONTAINER_M
 from codra_papers.store.routes import NoRouteError, route
 
 PERIOD_S = 0.5
-TRIES = 8
+MAX_TRIES = 8
 """Number of tries before the result is `blocked`. In each try the motion layer waits for a free way."""
 
-TRIES_BACKWARD = 3
-"""Number of tries for driving backwards, where no other way exists."""
+MAX_TRIES_BACKWARD = 3
+"""Number of tries when the robot drives backwards, because there is then no other way."""
 
 MOST_BUMPS = 3
-"""If the robot bumps more often than this on one way, the result is `bumped`."""
+"""If the robot bumps more often than this on the way to a goal, the result is `bumped`."""
 
 SETTLE_S = 1.0
 """How long the robot waits after a bump."""
 
-FACING_RAD = 0.03
+FACING_TOLERANCE_RAD = 0.03
 DRAW_BACK_M = 0.5
 """How far the robot draws back from an obstacle, if there is room."""
 
@@ -48,13 +48,13 @@ class Navigation:
         self._body = body
         self._clock = clock
         self._goal = Pose2D(0.0, 0.0)
-        self._tries, self._bumps = 0, 0
+        self._try_count, self._bump_count = 0, 0
         self._way: Way | None = None
-        self._after_recovery: Callable[[], None] | None = None
-        self._halt: Stop | None = None
+        self._step_after_recovery: Callable[[], None] | None = None
+        self._stop_command: StopFunction | None = None
         self._task = Executor(knowledge, self._handle, "navigating", self._begin, self._stop)
         self._follower = knowledge.follow("robot", "max_speed", self._limit_speed)
-        self._rounds = Rounds(clock, PERIOD_S, self._record_body)
+        self._periodic_calls = PeriodicCalls(clock, PERIOD_S, self._record_body)
 
     def _record_body(self) -> None:
         body = self._body
@@ -69,115 +69,117 @@ class Navigation:
             self._body.set_max_speed(reading.value)
 
     def _begin(self, snapshot: Snapshot) -> None:
-        """Start to drive. If the robot is drawing back after a bump, it starts afterwards."""
-        if self._after_recovery is not None:
-            self._after_recovery = partial(self._set_off, snapshot)
+        """Start to drive. If the robot is still drawing back after a bump, it starts when it has drawn back."""
+        if self._step_after_recovery is not None:
+            self._step_after_recovery = partial(self._set_off, snapshot)
         else:
             self._set_off(snapshot)
 
     def _set_off(self, snapshot: Snapshot) -> None:
         self._goal = floor_pose_of(snapshot.transform("world", "goal").pose)
-        self._tries, self._bumps = 0, 0
+        self._try_count, self._bump_count = 0, 0
         way = snapshot.get("goal", "goal_way")
         if way.known and way.value == Way.BACKWARD:
             self._back_up()
         else:
-            self._go(())
+            self._drive_to_goal(())
 
     def _stop(self) -> None:
-        """Stop driving; but a robot that draws back after a bump finishes this, whatever is requested next."""
-        if self._after_recovery is not None:
-            self._after_recovery = _do_nothing
-        elif self._halt is not None:
-            self._halt()
+        """Stop driving. A robot that is drawing back after a bump first draws back completely."""
+        if self._step_after_recovery is not None:
+            self._step_after_recovery = _do_nothing
+        elif self._stop_command is not None:
+            self._stop_command()
 
     # Ways
 
-    def _go(self, avoid: tuple[Disc, ...]) -> None:
+    def _drive_to_goal(self, avoid: tuple[Disc, ...]) -> None:
         try:
-            known = (Disc(point_m, CONTAINER_M / 2) for point_m in self._containers())
-            points = route(self._body.believed(), self._goal, (*known, *avoid))
+            known_discs = (Disc(point_m, CONTAINER_M / 2) for point_m in self._containers())
+            points = route(self._body.believed_pose(), self._goal, (*known_discs, *avoid))
         except NoRouteError:
             if not avoid:
                 self._task.finish("unreachable")
                 return
-            self._go(())
+            self._drive_to_goal(())
             return
-        self._drive(points, Way.FORWARD, self._end_callback(self._turn_to_goal, self._go_round, self._go_round))
+        self._drive(points, Way.FORWARD, self._end_callback(self._turn_to_goal, self._reroute, self._reroute))
 
     def _turn_to_goal(self) -> None:
-        angle_rad = wrapped(self._goal.heading_rad - self._body.believed().heading_rad)
-        if abs(angle_rad) < FACING_RAD:
+        angle_rad = wrapped(self._goal.heading_rad - self._body.believed_pose().heading_rad)
+        if abs(angle_rad) < FACING_TOLERANCE_RAD:
             self._finish_arrived()
             return
-        self._turn(angle_rad, self._end_callback(self._finish_arrived, self._go_round, self._go_round))
+        self._turn(angle_rad, self._end_callback(self._finish_arrived, self._reroute, self._reroute))
 
     def _back_up(self) -> None:
         """Back up straight to the goal. A bump ends the task: the requester must then measure the goal again."""
-        again = partial(self._try_again, self._back_up, TRIES_BACKWARD)
+        retry = partial(self._try_again, self._back_up, MAX_TRIES_BACKWARD)
         finish_bumped = partial(self._task.finish, "bumped")
-        self._drive((self._goal.point_m,), Way.BACKWARD, self._end_callback(self._finish_arrived, again, finish_bumped))
+        self._drive((self._goal.point_m,), Way.BACKWARD, self._end_callback(self._finish_arrived, retry, finish_bumped))
 
-    def _go_round(self) -> None:
+    def _reroute(self) -> None:
         """Draw back to get room for turning, and go another way."""
-        self._try_again(partial(self._draw_back, self._go_another_way), TRIES)
+        self._try_again(partial(self._draw_back, self._go_another_way), MAX_TRIES)
 
     def _go_another_way(self) -> None:
-        self._go(obstacles(self._body, self._containers()))
+        self._drive_to_goal(obstacles(self._body, self._containers()))
 
-    def _draw_back(self, go_on: Callable[[], None]) -> None:
-        """Drive a little away from near obstacles, straight on or straight back, and continue from there.
+    def _draw_back(self, next_step: Callable[[], None]) -> None:
+        """Drive a little away from near obstacles, straight on or straight back, and then do the next step.
 
-        After a bump the robot stays, because the lasers do not see the obstacle.
+        After a bump the robot does not drive away, because the lasers do not see the obstacle.
         """
-        if self._bumps:
-            go_on()
+        if self._bump_count:
+            next_step()
             return
-        self._draw(away(self._body, self._people(), DRAW_BACK_M), self._end_callback(go_on, go_on, go_on))
+        self._drive_step(
+            step_away(self._body, self._people(), DRAW_BACK_M), self._end_callback(next_step, next_step, next_step)
+        )
 
     def _drive_back(self) -> None:
-        """Drive back a little the way that the robot came, because no laser sees the obstacle that it bumped into."""
+        """Drive a little back to where the robot came from, because no laser sees the bumped obstacle."""
         back = Way.FORWARD if self._way is Way.BACKWARD else Way.BACKWARD
         people = self._people()
         length_m = min(room_m(self._body, people, back), DRAW_BACK_M)
-        step = (back, length_m) if self._way and length_m > 0.0 else away(self._body, people, DRAW_BACK_M)
-        self._draw(step, self._on_returned)
+        step = (back, length_m) if self._way and length_m > 0.0 else step_away(self._body, people, DRAW_BACK_M)
+        self._drive_step(step, self._on_returned)
 
     def _on_returned(self, outcome: Outcome) -> None:
-        """Continue with the stored next step, even if another command has replaced the drawing back."""
+        """Continue with the stored next step, even if another command has replaced the command to draw back."""
         if outcome is Outcome.BUMPED:
             self._on_bump(_do_nothing)
             return
-        go_on, self._after_recovery = self._after_recovery, None
-        if go_on is not None:
-            go_on()
+        next_step, self._step_after_recovery = self._step_after_recovery, None
+        if next_step is not None:
+            next_step()
 
-    def _draw(self, step: tuple[Way, float], done: Callable[[Outcome], None]) -> None:
+    def _drive_step(self, step: tuple[Way, float], done: Callable[[Outcome], None]) -> None:
         way, length_m = step
         if length_m <= 0.0:
             done(Outcome.DONE)
             return
-        there_m = self._body.believed().out(length_m if way is Way.FORWARD else -length_m)
-        self._drive((there_m,), way, done)
+        end_m = self._body.believed_pose().point_at(length_m if way is Way.FORWARD else -length_m)
+        self._drive((end_m,), way, done)
 
     def _drive(self, points_m: Sequence[Point], way: Way, done: Callable[[Outcome], None]) -> None:
         self._way = way
-        self._halt = self._body.drive(points_m, way, done)
+        self._stop_command = self._body.drive(points_m, way, done)
 
     def _turn(self, angle_rad: float, done: Callable[[Outcome], None]) -> None:
         self._way = None
-        self._halt = self._body.turn(angle_rad, done)
+        self._stop_command = self._body.turn(angle_rad, done)
 
     # Ends
 
     def _end_callback(
         self, on_done: Callable[[], None], on_blocked: Callable[[], None], on_bumped: Callable[[], None]
     ) -> Callable[[Outcome], None]:
-        """Return the callback for the end of a command of the body. After a stopped command it does nothing.
+        """Return the callback for the end of a command of the body. It does nothing if the command was stopped.
 
         Args:
             on_done: called when the command was done.
-            on_blocked: called when an obstacle was in the way for long.
+            on_blocked: called when an obstacle was in the way for too long.
             on_bumped: called when the robot bumped into an obstacle and has drawn back from it.
         """
 
@@ -194,22 +196,22 @@ class Navigation:
     def _finish_arrived(self) -> None:
         self._task.finish("arrived")
 
-    def _try_again(self, again: Callable[[], None], tries: int) -> None:
-        self._tries += 1
-        if self._tries < tries:
-            again()
+    def _try_again(self, retry: Callable[[], None], max_tries: int) -> None:
+        self._try_count += 1
+        if self._try_count < max_tries:
+            retry()
         else:
             self._task.finish("blocked")
 
-    def _on_bump(self, go_on: Callable[[], None]) -> None:
+    def _on_bump(self, next_step: Callable[[], None]) -> None:
         """Wait for a moment, draw back, and continue."""
-        self._bumps += 1
-        if self._bumps > MOST_BUMPS:
-            self._after_recovery = None
+        self._bump_count += 1
+        if self._bump_count > MOST_BUMPS:
+            self._step_after_recovery = None
             self._task.finish("bumped")
             return
-        if self._after_recovery is None:
-            self._after_recovery = go_on
+        if self._step_after_recovery is None:
+            self._step_after_recovery = next_step
         self._clock.call_at(self._clock.now_s() + SETTLE_S, self._drive_back)
 
     # Knowledge

@@ -1,7 +1,7 @@
 """P2's PersonDetectionAgent: it records the people in the camera's view, their places, and the nodes near them.
 
-The lasers follow people whom the camera has seen: beside the robot, behind it, and while it turns. Lasers show that an
-object is not on the map, but not that it is a person.
+The lasers follow people whom the camera has seen when these people are beside or behind the robot, and while the robot
+turns. Lasers can show that an object is not on the map, but not that the object is a person.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import Knowledge, Transaction
 from codra_papers.store.agents.surroundings import containers_m, moving_points
-from codra_papers.store.agents.working import Rounds
+from codra_papers.store.agents.working import PeriodicCalls
 from codra_papers.store.body import (
-    CAMERA_AT,
     CAMERA_FARTHEST_M,
+    CAMERA_POSE,
     CAMERA_VIEW_RAD,
     Body,
-    Seen,
+    ObjectKind,
     Sighting,
 )
 from codra_papers.store.geometry import Point, Pose2D
@@ -28,25 +28,26 @@ from codra_papers.store.knowledge import FARTHEST_M
 
 PERIOD_S = 0.4
 NEAR_M = 1.5
-"""A person nearer than this, from middle to middle, is near."""
+"""A person is near an object if the distance between their middles is smaller than this."""
 
-SAME_M = 1.0
+SAME_PERSON_M = 1.0
 """Largest distance that a person walks between two pictures."""
 
 BREADTH_M = 0.3
 """Laser points nearer than this to a point of a person belong to the same person."""
 
 LASERS_FARTHEST_M = 2.5
-"""A person who is nearer than this, and whom no laser hits, is gone."""
+"""The lasers look at each place that is nearer to the robot than this."""
 
 FORGET_S = 1.5
-"""A person who was not seen for this long at a place where the camera or a laser looks is gone."""
+"""If the camera or a laser looks at a person's last place, but has not seen the person for this long, the person is
+gone."""
 
-EDGE_M = 0.6
+EDGE_MARGIN_M = 0.6
 """A person last seen nearer than this to the edge of the camera's view may have left the view."""
 
 REMEMBER_S = 5.0
-"""A person outside the views of camera and lasers is assumed to be there for this long."""
+"""If a person's last place is outside the views of the camera and the lasers, the person is gone after this time."""
 
 
 class PersonDetection:
@@ -58,76 +59,78 @@ class PersonDetection:
         self._handle = knowledge.as_agent("person_detection")
         self._body = body
         self._clock = clock
-        self._count = 0
-        self._seen: dict[str, tuple[Point, float]] = {}
-        self._rounds = Rounds(clock, PERIOD_S, self._look)
+        self._person_count = 0
+        self._last_sightings: dict[str, tuple[Point, float]] = {}
+        self._periodic_calls = PeriodicCalls(clock, PERIOD_S, self._look)
 
     def _look(self) -> None:
         picture = self._body.look()
-        if not (picture.is_steady or self._seen):
+        if not (picture.is_steady or self._last_sightings):
             return  # the picture is blurred, and no person is followed
-        people = [sighting for sighting in picture.sightings if sighting.kind is Seen.PERSON]
+        people = [sighting for sighting in picture.sightings if sighting.kind is ObjectKind.PERSON]
         with self._handle.transaction() as change:
             self._follow(change, people)
             self._follow_by_lasers(change)
-            self._forget(change)
-            self._relate(change)
-            robot = self._body.believed()
-            gaps_m = [_distance_m(at_m, robot.point_m) for at_m, _ in self._seen.values()]
+            self._delete_gone_people(change)
+            self._update_near_edges(change)
+            robot = self._body.believed_pose()
+            gaps_m = [_distance_m(place_m, robot.point_m) for place_m, _ in self._last_sightings.values()]
             if picture.is_steady or gaps_m:
                 change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
 
     def _follow(self, change: Transaction, people: Iterable[Sighting]) -> None:
-        robot = self._body.believed()
-        unmatched_people = dict(self._seen)
+        robot = self._body.believed_pose()
+        unmatched_people = dict(self._last_sightings)
         for sighting in people:
-            at_m = robot.out(sighting.at.x_m, sighting.at.y_m)
+            place_m = robot.point_at(sighting.at.x_m, sighting.at.y_m)
             name = min(
-                unmatched_people, key=lambda known: (_distance_m(unmatched_people[known][0], at_m), known), default=None
+                unmatched_people,
+                key=lambda known: (_distance_m(unmatched_people[known][0], place_m), known),
+                default=None,
             )
-            if name is None or _distance_m(unmatched_people[name][0], at_m) > SAME_M:
-                self._count += 1
-                name = f"person_{self._count}"
+            if name is None or _distance_m(unmatched_people[name][0], place_m) > SAME_PERSON_M:
+                self._person_count += 1
+                name = f"person_{self._person_count}"
                 change.insert_node(name, "person")
             unmatched_people.pop(name, None)
-            self._place(change, name, at_m)
+            self._place(change, name, place_m)
 
     def _follow_by_lasers(self, change: Transaction) -> None:
         """Move people whom the camera does not see now to the laser points that are nearest to their last places."""
-        now_s, robot = self._clock.now_s(), self._body.believed()
-        lost = [name for name, (_, seen_s) in self._seen.items() if seen_s < now_s]
-        if not lost:
+        now_s, robot = self._clock.now_s(), self._body.believed_pose()
+        lost_names = [name for name, (_, seen_s) in self._last_sightings.items() if seen_s < now_s]
+        if not lost_names:
             return
         unmapped_points = moving_points(self._body, containers_m(self._knowledge.snapshot())).tolist()
-        points = [robot.out(*point) for point in unmapped_points]
-        for name in lost:
-            was_m = self._seen[name][0]
-            nearest = min(points, key=lambda point: _distance_m(point, was_m), default=None)
-            if nearest is not None and _distance_m(nearest, was_m) < SAME_M:
-                own = [point for point in points if _distance_m(point, nearest) < BREADTH_M]
-                self._place(change, name, (fmean(x for x, _ in own), fmean(y for _, y in own)))
+        points = [robot.point_at(*point) for point in unmapped_points]
+        for name in lost_names:
+            last_m = self._last_sightings[name][0]
+            nearest = min(points, key=lambda point: _distance_m(point, last_m), default=None)
+            if nearest is not None and _distance_m(nearest, last_m) < SAME_PERSON_M:
+                own_points = [point for point in points if _distance_m(point, nearest) < BREADTH_M]
+                self._place(change, name, (fmean(x for x, _ in own_points), fmean(y for _, y in own_points)))
 
-    def _place(self, change: Transaction, name: str, at_m: Point) -> None:
-        self._seen[name] = (at_m, self._clock.now_s())
-        change.place("world", "person_pose", name, Pose.of((*at_m, 0.0)))
+    def _place(self, change: Transaction, name: str, place_m: Point) -> None:
+        self._last_sightings[name] = (place_m, self._clock.now_s())
+        change.place("world", "person_pose", name, Pose.of((*place_m, 0.0)))
 
-    def _forget(self, change: Transaction) -> None:
-        now_s, robot = self._clock.now_s(), self._body.believed()
-        for name, (at_m, seen_s) in list(self._seen.items()):
-            if now_s - seen_s >= (FORGET_S if _is_observable(robot, at_m) else REMEMBER_S):
-                del self._seen[name]
+    def _delete_gone_people(self, change: Transaction) -> None:
+        now_s, robot = self._clock.now_s(), self._body.believed_pose()
+        for name, (place_m, seen_s) in list(self._last_sightings.items()):
+            if now_s - seen_s >= (FORGET_S if _is_observable(robot, place_m) else REMEMBER_S):
+                del self._last_sightings[name]
                 change.delete_node(name)
 
-    def _relate(self, change: Transaction) -> None:
-        snapshot, robot = self._knowledge.snapshot(), self._body.believed()
+    def _update_near_edges(self, change: Transaction) -> None:
+        snapshot, robot = self._knowledge.snapshot(), self._body.believed_pose()
         others = {"robot": robot.point_m}
         for node in snapshot.nodes("roll_container"):
             if snapshot.parent(node.name) is not None:
                 x_m, y_m, _ = snapshot.transform("world", node.name).pose.translation_m
                 others[node.name] = (x_m, y_m)
-        for name, (at_m, _) in self._seen.items():
-            for other, place_m in others.items():
-                is_near = _distance_m(at_m, place_m) < NEAR_M
+        for name, (place_m, _) in self._last_sightings.items():
+            for other, other_place_m in others.items():
+                is_near = _distance_m(place_m, other_place_m) < NEAR_M
                 was_near = snapshot.has_edge(name, "near", other) if name in snapshot else False
                 if is_near and not was_near:
                     change.insert_edge(name, "near", other)
@@ -135,13 +138,15 @@ class PersonDetection:
                     change.delete_edge(name, "near", other)
 
 
-def _is_observable(robot: Pose2D, at_m: Point) -> bool:
-    """Return whether a laser or the camera sees a person at a place, or a little away from it."""
-    if _distance_m(robot.point_m, at_m) < LASERS_FARTHEST_M:
+def _is_observable(robot: Pose2D, place_m: Point) -> bool:
+    """Return whether a laser or the camera would see a person at a place, even if the person has moved a little."""
+    if _distance_m(robot.point_m, place_m) < LASERS_FARTHEST_M:
         return True
-    ahead_m, left_m = Pose2D(*robot.out(CAMERA_AT.x_m, CAMERA_AT.y_m), robot.heading_rad).seen_from_here(at_m)
+    ahead_m, left_m = Pose2D(*robot.point_at(CAMERA_POSE.x_m, CAMERA_POSE.y_m), robot.heading_rad).relative_point(
+        place_m
+    )
     range_m, inside_rad = hypot(ahead_m, left_m), CAMERA_VIEW_RAD / 2 - abs(atan2(left_m, ahead_m))
-    return range_m <= CAMERA_FARTHEST_M and inside_rad > 0.0 and range_m * sin(inside_rad) > EDGE_M
+    return range_m <= CAMERA_FARTHEST_M and inside_rad > 0.0 and range_m * sin(inside_rad) > EDGE_MARGIN_M
 
 
 def _distance_m(a: Point, b: Point) -> float:

@@ -1,4 +1,4 @@
-"""The two ways in which agents work: periodically, or on request of a task (P2, section 3.2)."""
+"""The two ways in which agents work: periodically, or when a task is requested (P2, section 3.2)."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Snapshot, Stage, path
 
 
-class Rounds:
-    """Calls a callback periodically until it is stopped."""
+class PeriodicCalls:
+    """Calls a callback periodically until `stop` is called."""
 
     def __init__(self, clock: Clock, period_s: float, callback: Callable[[], None]) -> None:
         """Begin with a call now."""
         self._clock = clock
         self._period_s = period_s
         self._callback = callback
-        self._begun_s = clock.now_s()
-        self._count = 0
-        self._timer: Timer | None = clock.call_at(self._begun_s, self._round)
+        self._start_s = clock.now_s()
+        self._call_count = 0
+        self._timer: Timer | None = clock.call_at(self._start_s, self._round)
 
     def stop(self) -> None:
         """Stop the calls."""
@@ -27,13 +27,13 @@ class Rounds:
             self._timer = None
 
     def _round(self) -> None:
-        self._count += 1
-        self._timer = self._clock.call_at(self._begun_s + self._count * self._period_s, self._round)
+        self._call_count += 1
+        self._timer = self._clock.call_at(self._start_s + self._call_count * self._period_s, self._round)
         self._callback()
 
 
 class Executor:
-    """The executor of one task. It acknowledges a request, begins, and stops when the request is no longer its own."""
+    """The executor of one task. It acknowledges a request, begins the work, and stops when the request is aborted."""
 
     def __init__(
         self,

@@ -13,7 +13,7 @@ from codra_papers.store.layout import DELIVERY
 from codra_papers.store.mission.move_to import MoveTo
 
 _NOTICES = {"mission aborted": "mission_aborted"}
-"""For a message of the tree, the notice that the base gets."""
+"""A mapping from messages of the tree to notices for the base."""
 
 
 class Mission:
@@ -21,7 +21,7 @@ class Mission:
 
     An order stays open until one of these happens: its container is set down; no container is found; the order has
     failed too often; the picker takes the order back. An order that a course abandons without closing it is set aside.
-    When the robot has been back at the start, the order waits again, behind the orders that were abandoned less often.
+    After the robot has been back at the start, the order waits again, behind the orders that were abandoned less often.
     The agent records in the graph whether an order can be served now, so that the loops know whether there is work.
     """
 
@@ -73,13 +73,13 @@ class Mission:
             self._close(name, "cancelled")
 
     def _record_open_order(self) -> None:
-        """Record whether an order can be served. While the fork is loaded, only the taken order counts."""
+        """Record whether an order can be served. While the fork is loaded, only the taken order can be served."""
         is_waiting = not self._is_loaded() and bool(self._waiting_orders())
         self._handle.set("robot", "order_open", bool(self._taken_order) or is_waiting)
 
     def _is_loaded(self) -> bool:
-        loaded = self._knowledge.get("robot", "loaded")
-        return loaded.known and bool(loaded.value)
+        loaded_reading = self._knowledge.get("robot", "loaded")
+        return loaded_reading.known and bool(loaded_reading.value)
 
     def _open_orders(self) -> list[str]:
         """Return the orders that are not closed, the oldest first."""
@@ -95,24 +95,24 @@ class Mission:
         )
 
     def _take(self, ports: Ports) -> Result:
-        """Continue the taken order, or take the first waiting one. The leaf runs on while no order is waiting."""
+        """Continue the taken order, or take the first waiting order. The leaf runs on while no order is waiting."""
         if not self._taken_order:
-            waiting = self._waiting_orders()
-            if not waiting:
+            waiting_names = self._waiting_orders()
+            if not waiting_names:
                 return Result.RUNNING
-            self._taken_order = waiting[0]
+            self._taken_order = waiting_names[0]
             with self._handle.transaction() as change:
                 change.set(self._taken_order, "state", "open")
                 change.set("base", "base_notice", "none")
-        ports.set("observation_pose", f"{self._area('of_area')}_pose_1")
-        ports.set("delivery_pose", f"{self._area('to_area')}_delivery")
+        ports.set("observation_pose", f"{self._area_of_order('of_area')}_pose_1")
+        ports.set("delivery_pose", f"{self._area_of_order('to_area')}_delivery")
         return Result.SUCCESS
 
-    def _area(self, edge: str) -> str:
+    def _area_of_order(self, edge: str) -> str:
         return next(match.target for match in self._knowledge.snapshot().edges(edge, origin=self._taken_order))
 
     def _set_aside(self) -> bool:
-        """Set the order aside. The leaf fails if no order is taken, or if its container is already on the fork."""
+        """Set the order aside. The leaf fails if no order is taken, or if the container is already on the fork."""
         if not self._taken_order or self._is_loaded():
             return False
         self._orders_aside.add(self._taken_order)
@@ -122,9 +122,9 @@ class Mission:
         return True
 
     def _give_up(self, ports: Ports) -> bool:
-        """Count a failed attempt. Close the order if it has failed too often; otherwise the leaf fails.
+        """Count a failed attempt. If the order has failed too often, close it; otherwise the leaf fails.
 
-        Other orders then need not wait for the closed one.
+        After the order is closed, other orders need not wait for it.
         """
         if not self._taken_order or self._is_loaded():
             return False
@@ -142,19 +142,19 @@ class Mission:
         return True
 
     def _complete(self, ports: Ports) -> bool:
-        """Close the order after its container was set down: as `done` if this was at its target, else as `aborted`."""
+        """Close the order after its container was set down: at the order's target as `done`, elsewhere as `aborted`."""
         if self._taken_order:
-            is_there = ports.text("at") == f"{self._area('to_area')}_delivery"
-            self._close(self._taken_order, "done" if is_there else "aborted")
+            is_at_target = ports.text("at") == f"{self._area_of_order('to_area')}_delivery"
+            self._close(self._taken_order, "done" if is_at_target else "aborted")
         self._record_open_order()
         return True
 
     def _redirect(self) -> bool:
-        """Abort an order whose container cannot be set down at its target.
+        """Abort an order whose container cannot be set down at the order's target.
 
         The leaf fails if no order is taken, or if the target is already the general delivery.
         """
-        if not self._taken_order or self._area("to_area") == DELIVERY.name:
+        if not self._taken_order or self._area_of_order("to_area") == DELIVERY.name:
             return False
         self._close(self._taken_order, "aborted")
         return True
@@ -174,7 +174,7 @@ class Mission:
         self._record_open_order()
 
     def _inform(self, ports: Ports) -> bool:
-        """Write a notice for the base, unless the base already has a notice, which then gives the reason."""
+        """Write a notice for the base, but keep the notice that the base already has, because it gives the reason."""
         notice = _NOTICES.get(ports.text("message"))
         current_notice = self._knowledge.get("base", "base_notice")
         if notice is not None and not (current_notice.known and current_notice.value != "none"):

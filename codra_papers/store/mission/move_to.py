@@ -11,9 +11,9 @@ from codra_papers.store.body import Way
 from codra_papers.store.geometry import Pose2D, wrapped
 from codra_papers.store.knowledge import floor_pose_of, pose_of
 
-THERE_M = 0.3
-THERE_RAD = 0.2
-"""Within these limits the robot counts as at a named pose, because its localisation is some centimetres off."""
+ARRIVAL_TOLERANCE_M = 0.3
+ARRIVAL_TOLERANCE_RAD = 0.2
+"""Within these limits the robot is treated as being at a named pose: its localisation is some centimetres off."""
 
 _DELIVERY = "_delivery"
 _APPROACH = "_approach"
@@ -31,7 +31,8 @@ class MoveTo(Action):
     """Drives to the value of the port `pose`: a `Goal`, or the name of a pose in the graph.
 
     A delivery pose lies in a recess, with the container behind the robot. So the robot backs up to a delivery pose from
-    the approach pose that belongs to it. If the robot is already at another named pose, it does not drive.
+    the approach pose of the same area. If the port names another pose, and the robot is already there, the robot does
+    not drive.
     """
 
     def __init__(self, agent: AgentHandle, knowledge: Knowledge) -> None:
@@ -40,37 +41,37 @@ class MoveTo(Action):
         self._knowledge = knowledge
         self._task = Task("navigating", agent, knowledge, succeeds_with=("arrived",))
         self._next_goals: list[Goal] = []
-        self._is_asked = False
+        self._is_requested = False
 
     def start(self, ports: Ports) -> Result:
         """Drive to the first goal, as soon as no other request for `navigating` is open."""
-        self._next_goals, self._is_asked = list(self._goals(ports.value("pose"))), False
+        self._next_goals, self._is_requested = list(self._goals(ports.value("pose"))), False
         return self.go_on(ports)
 
     def go_on(self, ports: Ports) -> Result:
-        """Drive to the next goal when one is reached."""
-        if self._is_asked:
+        """Drive to the next goal when a goal is reached."""
+        if self._is_requested:
             result = self._task.go_on(ports)
             if result is not Result.SUCCESS:
                 return result
-            self._is_asked = False
+            self._is_requested = False
         if not self._next_goals:
             return Result.SUCCESS
         if not self._knowledge.snapshot().handover("navigating").is_open:
-            self._ask(self._next_goals.pop(0), ports)
+            self._request_drive(self._next_goals.pop(0), ports)
         return Result.RUNNING
 
     def halt(self, ports: Ports) -> None:
         """Stop driving."""
-        if self._is_asked:
+        if self._is_requested:
             self._task.halt(ports)
-        self._next_goals, self._is_asked = [], False
+        self._next_goals, self._is_requested = [], False
 
-    def _ask(self, goal: Goal, ports: Ports) -> None:
+    def _request_drive(self, goal: Goal, ports: Ports) -> None:
         with self._agent.transaction() as change:
             change.place("world", "goal_pose", "goal", pose_of(goal.pose))
             change.set("goal", "goal_way", goal.way)
-        self._is_asked = True
+        self._is_requested = True
         self._task.start(ports)
 
     def _goals(self, pose: object) -> tuple[Goal, ...]:
@@ -88,7 +89,10 @@ class MoveTo(Action):
 
     def _is_at(self, pose: Pose2D) -> bool:
         try:
-            robot = floor_pose_of(self._knowledge.transform("world", "robot").pose)
+            robot_pose = floor_pose_of(self._knowledge.transform("world", "robot").pose)
         except FrameError:  # the robot has no pose yet
             return False
-        return robot.distance_m(pose) < THERE_M and abs(wrapped(robot.heading_rad - pose.heading_rad)) < THERE_RAD
+        return (
+            robot_pose.distance_m(pose) < ARRIVAL_TOLERANCE_M
+            and abs(wrapped(robot_pose.heading_rad - pose.heading_rad)) < ARRIVAL_TOLERANCE_RAD
+        )

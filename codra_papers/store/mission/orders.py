@@ -32,16 +32,16 @@ class SequentialMission:
             while (order := self._next_order()) is not None:
                 self._handle.set(order, "state", "open")
                 self._handle.set("base", "base_notice", "none")
-                self._handle.set(order, "state", self._outcome(order))
-            self._try_to(lambda: self._trip.go_to("start"))
+                self._handle.set(order, "state", self._serve_order(order))
+            self._attempt(lambda: self._trip.go_to("start"))
 
     def _next_order(self) -> str | None:
         """Return the oldest order that has no state yet."""
         snapshot = self._knowledge.snapshot()
-        waiting = (node for node in snapshot.nodes("order") if not snapshot.get(node.name, "state").known)
-        return next((node.name for node in waiting), None)
+        waiting_nodes = (node for node in snapshot.nodes("order") if not snapshot.get(node.name, "state").known)
+        return next((node.name for node in waiting_nodes), None)
 
-    def _outcome(self, order: str) -> str:
+    def _serve_order(self, order: str) -> str:
         snapshot = self._knowledge.snapshot()
         (origin,) = snapshot.edges("of_area", origin=order)
         (target,) = snapshot.edges("to_area", origin=order)
@@ -56,13 +56,13 @@ class SequentialMission:
         return "done"
 
     def _put_down(self) -> None:
-        """Bring a container on the fork to the general delivery pose, as in P2 when a mission ends early."""
-        loaded = self._knowledge.get("robot", "loaded")
-        if loaded.known and loaded.value:
-            self._try_to(lambda: self._trip.deliver(DELIVERY.name))
+        """Bring a container that is on the fork to the general delivery pose, as in P2 when a mission ends early."""
+        loaded_reading = self._knowledge.get("robot", "loaded")
+        if loaded_reading.known and loaded_reading.value:
+            self._attempt(lambda: self._trip.deliver(DELIVERY.name))
 
-    def _try_to(self, do: Callable[[], None]) -> None:
+    def _attempt(self, step: Callable[[], None]) -> None:
         try:
-            do()
+            step()
         except (TripError, AbortedError):
             self._handle.set("base", "base_notice", "mission_aborted")

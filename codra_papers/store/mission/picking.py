@@ -51,18 +51,18 @@ class Picking:
         return Task(name, self._handle, self._knowledge, succeeds_with=(success,))
 
     def _is_requested(self, ports: Ports) -> bool:
-        """Accept a request if there is a new one, and return whether a request is active."""
+        """Accept a new request, if there is any, and return whether a request is active."""
         handover = self._knowledge.snapshot().handover("fetching")
         if handover.stage is Stage.WANTS:
-            self._take_up(handover.request)
+            self._accept(handover.request)
         is_mine = self._request is not None and self._request == handover.request and handover.is_open
         if not is_mine and self._request is not None:
             self._end()
         if is_mine:
-            ports.set("second_observation_pose", self._second_pose())
+            ports.set("second_observation_pose", self._second_pose_name())
         return is_mine
 
-    def _take_up(self, request: Request) -> None:
+    def _accept(self, request: Request) -> None:
         try:
             self._handle.acknowledge(request)
         except ConflictError:  # the request was taken back at the same instant
@@ -98,14 +98,14 @@ class Picking:
     def _set_fork_goal(self, ports: Ports) -> None:
         ports.set("fork_pose", Goal(pose=robot_at(self._container_pose()), way=Way.BACKWARD))
 
-    def _second_pose(self) -> str:
+    def _second_pose_name(self) -> str:
         """Return the name of the last observation pose. Areas without hidden places have only one pose."""
-        return f"{self._area}_pose_{len(AREAS[self._area].observation)}"
+        return f"{self._area}_pose_{len(AREAS[self._area].observation_poses)}"
 
     def _nearest_area(self) -> str:
         """Return the area whose first observation pose is nearest to the robot."""
         robot = floor_pose_of(self._knowledge.transform("world", "robot").pose)
-        return min(AREAS, key=lambda name: (robot.distance_m(AREAS[name].observation[0]), name))
+        return min(AREAS, key=lambda name: (robot.distance_m(AREAS[name].observation_poses[0]), name))
 
     def _container_pose(self) -> Pose2D:
         """Return the pose of the known container that is nearest to the delivery pose of the area."""

@@ -1,6 +1,6 @@
 """A nominal trip: P2's pick-up and delivery, step by step, as one blocking program (P2, section 3.2 and Figure 2).
 
-A trip has only this course. To take another course, abort the trip. All its requests go through the knowledge graph.
+A trip has only this course. To take another course, abort the trip. All requests of a trip go through the graph.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from codra_papers.store.knowledge import floor_pose_of, pose_of
 from codra_papers.store.layout import AREAS, approach_to, robot_at
 
 LONGEST_S = 600.0
-"""Longest wait for a task. The deadlines of tasks end them earlier."""
+"""Longest wait for a task. Tasks end earlier than this, because their deadlines are shorter."""
 
 
 class TripError(RuntimeError):
@@ -49,7 +49,7 @@ class Trip:
             self._handle.abort(request)
 
     def pick_up(self, area: str) -> bool:
-        """Fetch a container from an area, and return whether one was found.
+        """Fetch a container from an area, and return whether a container was found.
 
         If no observation pose shows a container, the base gets a notice (P2, section 6).
 
@@ -57,11 +57,11 @@ class Trip:
             TripError: a step fails.
             AbortedError: the trip is aborted.
         """
-        if not self._find(area):
+        if not self._find_container(area):
             self._handle.set("base", "base_notice", "container_not_found")
             return False
-        front = approach_to(self._container_pose(area))
-        self.go(front.turned(pi))
+        approach = approach_to(self._container_pose(area))
+        self.go(approach.turned(pi))
         self._require_result("detecting", "found")
         self._require_result("rotating", "turned")
         self._require_result("checking", "found")
@@ -96,17 +96,17 @@ class Trip:
             change.set("goal", "goal_way", way)
         self._require_result("navigating", "arrived")
 
-    def _find(self, area: str) -> bool:
-        for number in range(1, len(AREAS[area].observation) + 1):
+    def _find_container(self, area: str) -> bool:
+        for number in range(1, len(AREAS[area].observation_poses) + 1):
             self.go(self._named_pose(f"{area}_pose_{number}"))
             if self._run_task("detecting") == "found":
                 return True
         return False
 
-    def _require_result(self, task: str, wanted: str) -> None:
+    def _require_result(self, task: str, expected_result: str) -> None:
         result = self._run_task(task)
-        if result != wanted:
-            raise TripError(f"the result of {task} is {result!r} instead of {wanted!r}")
+        if result != expected_result:
+            raise TripError(f"the result of {task} is {result!r} instead of {expected_result!r}")
 
     def _run_task(self, task: str) -> str:
         if self._is_aborted:

@@ -31,11 +31,11 @@ MOST_WAITING_ORDERS = 20
 FINAL_STATES = ("done", "aborted", "failed", "cancelled")
 """The final states of orders."""
 
-BODY_S = 5.0
+BODY_TIMEOUT_S = 5.0
 """The longest time to receive the body of a request."""
 
-DONE_S = 10.0
-"""The longest time until a request is answered. The answer may be an error: the result is not known yet."""
+ANSWER_TIMEOUT_S = 10.0
+"""The longest time until a request is answered. If the result is not known by then, the answer is an error."""
 
 
 class TooManyOrdersError(PermissionError):
@@ -81,13 +81,14 @@ class PageApp:
                 Route("/load", self._load, methods=["POST"]),
             ],
             lifespan=self._lifespan,
-            exception_handlers={HTTPException: _refuse, BadRequestError: _refuse, BusyError: _refuse,
-                                TooManyStreamsError: _refuse, PermissionError: _refuse, LookupError: _refuse},
+            exception_handlers={HTTPException: _error_response, BadRequestError: _error_response,
+                                BusyError: _error_response, TooManyStreamsError: _error_response,
+                                PermissionError: _error_response, LookupError: _error_response},
         )  # fmt: skip
         self.asgi: ASGIApp = _LifespanRouter(app, Guard(app, port))
 
     def end(self) -> None:
-        """End all streams, so that the server can end. Call it in the server's event loop."""
+        """End all streams, so that the server can end. Call this method in the server's event loop."""
         self._streams.end()
 
     @asynccontextmanager
@@ -156,21 +157,21 @@ class PageApp:
         """Call `write` in the thread of the simulation, and return a response with its result."""
         pending_write: Future[str] = self._desk.ask(write)
         try:
-            async with asyncio.timeout(DONE_S):
-                written = await asyncio.wrap_future(pending_write)
+            async with asyncio.timeout(ANSWER_TIMEOUT_S):
+                written_name = await asyncio.wrap_future(pending_write)
         except TimeoutError:
             raise BusyError(
                 "the robot's program does not answer; check below whether the request was executed"
             ) from None
-        return JSONResponse({"written": written, "by": AGENT}, 201)
+        return JSONResponse({"written": written_name, "by": AGENT}, 201)
 
 
 class _LifespanRouter:
     """Sends lifespan events to the application itself, and all requests to the guard of the application."""
 
-    def __init__(self, app: ASGIApp, guarded: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, guarded_app: ASGIApp) -> None:
         self._app = app
-        self._guarded = guarded
+        self._guarded = guarded_app
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         await (self._app if scope["type"] == "lifespan" else self._guarded)(scope, receive, send)
@@ -184,7 +185,7 @@ async def _body(request: Request) -> bytes:
     """
     body = bytearray()
     try:
-        async with asyncio.timeout(BODY_S):
+        async with asyncio.timeout(BODY_TIMEOUT_S):
             async for chunk in request.stream():
                 body += chunk
                 if len(body) > MOST_BYTES:
@@ -196,7 +197,7 @@ async def _body(request: Request) -> bytes:
     return bytes(body)
 
 
-async def _refuse(_: Request, error: Exception) -> Response:
+async def _error_response(_: Request, error: Exception) -> Response:
     """Return a response with the reason of an error, such as a missing permission or an invalid request."""
     match error:
         case HTTPException():

@@ -27,12 +27,14 @@ class Desk:
 
     def __init__(self) -> None:
         """Open the desk."""
-        self._waiting: Queue[tuple[Future[Any], Callable[[], Any]]] = Queue(MOST_WAITING)
+        self._waiting_calls: Queue[tuple[Future[Any], Callable[[], Any]]] = Queue(MOST_WAITING)
         self._lock = Lock()
         self._is_open = True
 
-    def ask(self, act: Callable[[], ResultT]) -> Future[ResultT]:
-        """Add a call to the queue. The future gets the result or the exception of the call. Any thread may use this.
+    def ask(self, call: Callable[[], ResultT]) -> Future[ResultT]:
+        """Add a call to the queue. The future gets the result or the exception of the call.
+
+        Any thread may call this method.
 
         Raises:
             BusyError: too many calls are waiting, or the desk is closed.
@@ -42,18 +44,18 @@ class Desk:
             if not self._is_open:
                 raise BusyError("the run is over")
             try:
-                self._waiting.put_nowait((future, act))
+                self._waiting_calls.put_nowait((future, call))
             except Full:
                 raise BusyError("too many requests are waiting; try again") from None
         return future
 
     def serve(self) -> None:
         """Run the waiting calls. The simulation calls this in an event."""
-        for _ in range(self._waiting.qsize()):
-            future, act = self._waiting.get_nowait()
+        for _ in range(self._waiting_calls.qsize()):
+            future, call = self._waiting_calls.get_nowait()
             if future.set_running_or_notify_cancel():
                 try:
-                    result = act()
+                    result = call()
                 except Exception as error:  # noqa: BLE001 - the caller of `ask` gets it
                     future.set_exception(error)
                 else:
@@ -65,7 +67,7 @@ class Desk:
             self._is_open = False
         while True:
             try:
-                future, _ = self._waiting.get_nowait()
+                future, _ = self._waiting_calls.get_nowait()
             except Empty:
                 return
             if future.set_running_or_notify_cancel():

@@ -17,7 +17,7 @@ from codra_papers.store.layout import (
     BODY_WIDTH_M,
     CONTAINER_M,
     DEPTH_M,
-    FIXED,
+    FIXED_BOXES,
     FORK_TIP_M,
     FORK_WIDTH_M,
     LENGTH_M,
@@ -29,7 +29,7 @@ from codra_papers.store.simulator.state import Load
 
 PACKAGE = "codra_papers.store.page"
 MARGIN_M = 0.3
-LABEL_M = 0.63
+LABEL_DISTANCE_M = 0.63
 """Distance between the middle of a container's place and a label beside it."""
 
 
@@ -41,7 +41,7 @@ def static_text(name: str) -> str:
 
 @cache
 def page_html() -> str:
-    """Return the page without any values. On the map x is east and -y north, in metres."""
+    """Return the page without values from the graph. On the map, x points east and -y points north, in metres."""
     environment = Environment(
         loader=PackageLoader(PACKAGE, "files"),
         undefined=StrictUndefined,
@@ -54,12 +54,12 @@ def page_html() -> str:
         areas={name: display_name(name) for name in PICKING_AREAS},
         loads=[load.value for load in Load],
         box=f"{-MARGIN_M} {-DEPTH_M - MARGIN_M} {LENGTH_M + 2 * MARGIN_M} {DEPTH_M + 2 * MARGIN_M}",
-        shelves=[_points(box) for box in FIXED],
-        places=[_points(Box(place, CONTAINER_M, CONTAINER_M)) for area in AREAS.values() for place in area.places],
+        shelves=[_points_text(box) for box in FIXED_BOXES],
+        places=[_points_text(Box(place, CONTAINER_M, CONTAINER_M)) for area in AREAS.values() for place in area.places],
         poses=[
             _pose_mark(name, pose) for name, pose in named_floor_poses().items() if "_pose_" in name or "_" not in name
         ],
-        names=[(display_name(area.name), *_at(_label(area))) for area in AREAS.values()],
+        names=[(display_name(area.name), *_map_coordinates(_label_pose(area))) for area in AREAS.values()],
         body=(BODY_BACK_M, -BODY_WIDTH_M / 2, BODY_FRONT_M - BODY_BACK_M, BODY_WIDTH_M),
         fork=(FORK_TIP_M, -FORK_WIDTH_M / 2, BODY_BACK_M - FORK_TIP_M, FORK_WIDTH_M),
         container=(-CONTAINER_M / 2, CONTAINER_M),
@@ -72,22 +72,22 @@ def display_name(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-def _label(area: Area) -> Pose2D:
-    """Return the position of an area's label: between the places of containers, or beside the only one."""
+def _label_pose(area: Area) -> Pose2D:
+    """Return the position of an area's label: between the places of containers, or beside the only place."""
     first, last = area.places[0], area.places[-1]
-    y_m = (first.y_m + last.y_m) / 2 if len(area.places) > 1 else first.y_m + LABEL_M
+    y_m = (first.y_m + last.y_m) / 2 if len(area.places) > 1 else first.y_m + LABEL_DISTANCE_M
     return Pose2D(first.x_m + 0.2, y_m)
 
 
-def _points(box: Box) -> str:
+def _points_text(box: Box) -> str:
     return " ".join(f"{x_m:.3f},{-y_m:.3f}" for x_m, y_m in box.corners())
 
 
-def _at(pose: Pose2D) -> tuple[float, float]:
+def _map_coordinates(pose: Pose2D) -> tuple[float, float]:
     return round(pose.x_m, 3), round(-pose.y_m, 3)
 
 
 def _pose_mark(name: str, pose: Pose2D) -> tuple[str, float, float, float]:
     """Return the label, place and angle of a named pose."""
     label = name.rpartition("_")[2] if "_pose_" in name else display_name(name)
-    return (label, *_at(pose), round(-degrees(pose.heading_rad), 1))
+    return (label, *_map_coordinates(pose), round(-degrees(pose.heading_rad), 1))

@@ -1,7 +1,7 @@
 """Views of the graph for all browsers, triggered by subscriptions.
 
 Only the newest view is kept. A view is made from a snapshot, at most ten times a second. There is no queue, so a slow
-browser gets fewer views, and delays neither the simulation nor other browsers.
+browser gets fewer views than others, and delays neither the simulation nor other browsers.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ class Feed:
     reads the feed.
     """
 
-    def __init__(self, knowledge: Knowledge, shown: tuple[ShownAttribute, ...]) -> None:
+    def __init__(self, knowledge: Knowledge, shown_attributes: tuple[ShownAttribute, ...]) -> None:
         """Subscribe to everything that the page shows."""
         self._knowledge = knowledge
-        self._shown = shown
-        self._number = 0
-        self._text = ""
+        self._shown_attributes = shown_attributes
+        self._view_number = 0
+        self._view_text = ""
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_notified = False
         self._change_event = asyncio.Event()
         self._view_condition = asyncio.Condition()
         self._subscriptions = ExitStack()
-        for attribute in shown:
+        for attribute in shown_attributes:
             self._subscriptions.enter_context(
                 knowledge.follow(attribute.node, attribute.name, self._request_publishing)
             )
@@ -54,7 +54,7 @@ class Feed:
 
     def view(self) -> View:
         """Return the current view."""
-        return view_of(self._knowledge, self._shown)
+        return view_of(self._knowledge, self._shown_attributes)
 
     async def publish(self) -> None:
         """Publish a new view after changes, until cancelled."""
@@ -64,27 +64,27 @@ class Feed:
             self._is_notified = False
             text = json.dumps(self.view(), allow_nan=False, separators=(",", ":"))
             async with self._view_condition:
-                self._number, self._text = self._number + 1, text
+                self._view_number, self._view_text = self._view_number + 1, text
                 self._view_condition.notify_all()
             await asyncio.sleep(PERIOD_S)
             await self._change_event.wait()
 
-    async def after(self, number: int) -> tuple[int, str]:
-        """Wait for a view that is newer than the one with a number, and return its number and its text."""
+    async def wait_for_newer(self, number: int) -> tuple[int, str]:
+        """Wait for a view that is newer than the view with a number, and return the newer view's number and text."""
         async with self._view_condition:
-            await self._view_condition.wait_for(lambda: self._number > number)
-            return self._number, self._text
+            await self._view_condition.wait_for(lambda: self._view_number > number)
+            return self._view_number, self._view_text
 
     def _request_publishing(self, _: object) -> None:
         loop = self._loop
         if not self._is_notified and loop is not None and not loop.is_closed():
             self._is_notified = True
-            _call(loop, self._change_event.set)
+            _call_in_loop(loop, self._change_event.set)
 
 
-def _call(loop: asyncio.AbstractEventLoop, act: Callable[[], None]) -> None:
+def _call_in_loop(loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
     try:
-        loop.call_soon_threadsafe(act)
+        loop.call_soon_threadsafe(call)
     except RuntimeError:
         return  # the loop was closed at the same time
 

@@ -1,9 +1,9 @@
 """The page's protection against requests from other sites.
 
 The page has no password, because it is served to this computer only. But other sites must not be able to send orders
-through somebody's browser. So the host name of a request must be this computer's: this protects against DNS rebinding,
-where a name controlled by an outsider resolves to this computer. And a request that writes must come from the page
-itself: this protects against cross-site request forgery.
+through somebody's browser. So the host name of a request must be that of this computer. This protects against DNS
+rebinding, where a name controlled by an outsider resolves to this computer. A request that writes must also come from
+the page itself. This protects against cross-site request forgery.
 """
 
 from __future__ import annotations
@@ -52,18 +52,18 @@ class Guard:
                 await send({"type": "websocket.close"})
             return
 
-        async def send_guarded(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                own = [(name.encode(), text.encode()) for name, text in HEADERS.items()]
-                message = {**message, "headers": [*message["headers"], *own]}
+                own_headers = [(name.encode(), text.encode()) for name, text in HEADERS.items()]
+                message = {**message, "headers": [*message["headers"], *own_headers]}
             await send(message)
 
         rejection = self._rejection(scope["method"], Headers(scope=scope))
         if rejection is None:
-            await self._app(scope, receive, send_guarded)
+            await self._app(scope, receive, send_with_headers)
         else:
             answer = JSONResponse({"error": rejection.error}, rejection.status, {"connection": "close"})
-            await answer(scope, receive, send_guarded)
+            await answer(scope, receive, send_with_headers)
 
     def _rejection(self, method: str, headers: Headers) -> Rejection | None:
         hosts = headers.getlist("host")

@@ -18,7 +18,7 @@ MOST_BYTES = 1_024
 
 
 class BadRequestError(ValueError):
-    """A request is invalid. The message describes a valid one."""
+    """A request is invalid. The message describes a valid request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,14 +36,14 @@ def read_order(body: bytes) -> Order:
     Raises:
         BadRequestError: the body contains no valid order.
     """
-    fields = _mapping(body, {"kind", "area", "to"})
-    kind = _one_of("kind", fields, [*OrderKind])
-    area = _one_of("area", fields, [*PICKING_AREAS])
+    fields = _fields(body, {"kind", "area", "to"})
+    kind = _choice("kind", fields, [*OrderKind])
+    area = _choice("area", fields, [*PICKING_AREAS])
     if kind is OrderKind.PROVIDE:
         return Order(kind=kind, area=SUPPLY.name, to=area)
     if kind is OrderKind.COLLECT:
         return Order(kind=kind, area=area, to=DELIVERY.name)
-    to = _one_of("to", fields, [name for name in PICKING_AREAS if name != area])
+    to = _choice("to", fields, [name for name in PICKING_AREAS if name != area])
     return Order(kind=kind, area=area, to=to)
 
 
@@ -53,7 +53,7 @@ def read_name(body: bytes) -> str:
     Raises:
         BadRequestError: the body contains no name of an order.
     """
-    name = _mapping(body, {"order"}).get("order")
+    name = _fields(body, {"order"}).get("order")
     if not isinstance(name, str):
         raise BadRequestError("'order' must be the name of an order")
     return name
@@ -65,10 +65,10 @@ def read_load(body: bytes) -> Load:
     Raises:
         BadRequestError: the body contains no valid load.
     """
-    return _one_of("load", _mapping(body, {"load"}), list(Load))
+    return _choice("load", _fields(body, {"load"}), list(Load))
 
 
-def _mapping(body: bytes, keys: set[str]) -> Mapping[str, Any]:
+def _fields(body: bytes, keys: set[str]) -> Mapping[str, Any]:
     try:
         fields = json.loads(body.decode("utf-8"))
     except (ValueError, RecursionError):
@@ -78,8 +78,8 @@ def _mapping(body: bytes, keys: set[str]) -> Mapping[str, Any]:
     return fields
 
 
-def _one_of(key: str, fields: Mapping[str, Any], allowed: Sequence[TextT]) -> TextT:
-    match = next((text for text in allowed if fields.get(key) == text), None)
+def _choice(key: str, fields: Mapping[str, Any], allowed_texts: Sequence[TextT]) -> TextT:
+    match = next((text for text in allowed_texts if fields.get(key) == text), None)
     if match is None:
-        raise BadRequestError(f"{key!r} must be one of {', '.join(allowed)}")
+        raise BadRequestError(f"{key!r} must be one of {', '.join(allowed_texts)}")
     return match

@@ -20,12 +20,12 @@ from codra_papers.store.simulator.store import Store
 HOST = "127.0.0.1"
 MOST_CONNECTIONS = 128
 MOST_HEADER_BYTES = 16_384
-ENDING_S = 1
+SHUTDOWN_TIMEOUT_S = 1
 """How long open requests may take after the run is over."""
 
 
 class PageServer:
-    """Serves the page while a shop is open. The thread of the simulation creates and closes it.
+    """Serves the page while a shop is open. The thread of the simulation creates and closes the server.
 
     Attributes:
         url: the URL of the page.
@@ -49,7 +49,7 @@ class PageServer:
         self.desk = Desk()
         self._feed = Feed(store.knowledge, shown_attributes(store.knowledge.model, variables))
         self._app = PageApp(store.knowledge, store.page, self._feed, self.desk, self.port)
-        self._server = uvicorn.Server(_settings(self._app))
+        self._server = uvicorn.Server(_server_config(self._app))
         self._thread = Thread(target=self._run, name="codra-page", daemon=True)
         self._thread.start()
 
@@ -60,7 +60,7 @@ class PageServer:
         self.close()
 
     def close(self) -> None:
-        """End the page: streams end, and waiting requests get an error."""
+        """Close the page: streams end, and waiting requests get an error."""
         self.desk.close()
         self._server.should_exit = True
         self._thread.join()
@@ -71,17 +71,17 @@ class PageServer:
         asyncio.run(self._serve())
 
     async def _serve(self) -> None:
-        ending = asyncio.create_task(self._end())
+        end_task = asyncio.create_task(self._end_streams_at_exit())
         await self._server.serve(sockets=[self._socket])
-        ending.cancel()
+        end_task.cancel()
 
-    async def _end(self) -> None:
+    async def _end_streams_at_exit(self) -> None:
         while not self._server.should_exit:
             await asyncio.sleep(0.1)
         self._app.end()
 
 
-def _settings(app: PageApp) -> uvicorn.Config:
+def _server_config(app: PageApp) -> uvicorn.Config:
     return uvicorn.Config(
         app.asgi,
         http="h11",
@@ -94,5 +94,5 @@ def _settings(app: PageApp) -> uvicorn.Config:
         server_header=False,
         limit_concurrency=MOST_CONNECTIONS,
         h11_max_incomplete_event_size=MOST_HEADER_BYTES,
-        timeout_graceful_shutdown=ENDING_S,
+        timeout_graceful_shutdown=SHUTDOWN_TIMEOUT_S,
     )

@@ -18,10 +18,10 @@ MOST_STREAMS = 32
 """The largest number of browsers that can follow the page at once."""
 
 PING_S = 10.0
-"""The time between two pings; a ping that cannot be sent shows that a browser has gone."""
+"""The time between two pings; a ping that cannot be sent shows that a browser has disconnected."""
 
 SEND_TIMEOUT_S = 30.0
-"""A browser that has not received an event after this time is disconnected; it may connect again."""
+"""A browser that has not received an event after this time is disconnected. The browser may connect again."""
 
 
 class TooManyStreamsError(RuntimeError):
@@ -63,7 +63,7 @@ class _Stream(EventSourceResponse):
             ping_message_factory=lambda: ServerSentEvent(comment="still here"),
             send_timeout=SEND_TIMEOUT_S,
         )
-        for name in ("cache-control", "connection"):  # the guard and the server add their own
+        for name in ("cache-control", "connection"):  # the guard and the server add these headers
             del self.headers[name]
         self._open_streams = open_streams
 
@@ -77,10 +77,10 @@ class _Stream(EventSourceResponse):
 
 
 async def _views(feed: Feed, end_event: asyncio.Event) -> AsyncIterator[ServerSentEvent]:
-    """Yield newer and newer views until the streams end."""
+    """Yield a view, and then each time a newer view, until the streams end."""
     number = 0
     end_task = asyncio.ensure_future(end_event.wait())
-    newer_view = asyncio.ensure_future(feed.after(number))
+    newer_view = asyncio.ensure_future(feed.wait_for_newer(number))
     try:
         while True:
             await asyncio.wait((newer_view, end_task), return_when=asyncio.FIRST_COMPLETED)
@@ -88,7 +88,7 @@ async def _views(feed: Feed, end_event: asyncio.Event) -> AsyncIterator[ServerSe
                 return
             number, text = newer_view.result()
             yield ServerSentEvent(data=text, id=str(number))
-            newer_view = asyncio.ensure_future(feed.after(number))
+            newer_view = asyncio.ensure_future(feed.wait_for_newer(number))
     finally:
         end_task.cancel()
         newer_view.cancel()

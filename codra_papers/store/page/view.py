@@ -105,16 +105,16 @@ def view_of(knowledge: Knowledge, shown: Sequence[ShownAttribute]) -> View:
         for part in Part
     }
     return {
-        "instant_s": _number(snapshot.instant_s),
+        "instant_s": _json_number(snapshot.instant_s),
         "version": snapshot.version,
         "robot": _node_place(snapshot, "robot"),
         "goal": _node_place(snapshot, "goal"),
         "people": [_node_place(snapshot, node.name) for node in snapshot.nodes("person")],
-        "containers": [_container(snapshot, node.name) for node in snapshot.nodes("roll_container")],
-        "orders": [_order(snapshot, node.name) for node in snapshot.nodes("order")[-MOST_ORDERS:]],
-        "tasks": [_task(knowledge, snapshot, task.name) for task in knowledge.model.tasks],
-        "loop": list(_loop(knowledge.model, [reading for _, reading in readings])),
-        "refusals": [_refusal(refusal) for refusal in knowledge.refusals()[-MOST_REFUSALS:]],
+        "containers": [_container_view(snapshot, node.name) for node in snapshot.nodes("roll_container")],
+        "orders": [_order_view(snapshot, node.name) for node in snapshot.nodes("order")[-MOST_ORDERS:]],
+        "tasks": [_task_view(knowledge, snapshot, task.name) for task in knowledge.model.tasks],
+        "loop": list(_phase_views(knowledge.model, [reading for _, reading in readings])),
+        "refusals": [_refusal_view(refusal) for refusal in knowledge.refusals()[-MOST_REFUSALS:]],
         **parts,
     }
 
@@ -128,7 +128,7 @@ def _attribute_view(shown: ShownAttribute, reading: Reading[Any]) -> View:
     return {
         "name": f"{shown.node}.{shown.name}",
         "label": shown.label,
-        "value": _number(value) if isinstance(value, float) else value,
+        "value": _json_number(value) if isinstance(value, float) else value,
         "unit": shown.type.unit or "",
         "reason": "" if reading.reason is None else _display_name(reading.reason),
         "source": reading.source,
@@ -137,7 +137,7 @@ def _attribute_view(shown: ShownAttribute, reading: Reading[Any]) -> View:
 
 
 def _node_place(snapshot: Snapshot, name: str) -> View | None:
-    """Return the place of a node on the floor; None if it was never placed."""
+    """Return the place of a node on the floor; None if the node was never placed."""
     try:
         transform = snapshot.transform("world", name)
     except FrameError:
@@ -145,35 +145,35 @@ def _node_place(snapshot: Snapshot, name: str) -> View | None:
     floor_pose = floor_pose_of(transform.pose)
     return {
         "name": name,
-        "x_m": _number(floor_pose.x_m),
-        "y_m": _number(floor_pose.y_m),
-        "heading_rad": _number(floor_pose.heading_rad),
+        "x_m": _json_number(floor_pose.x_m),
+        "y_m": _json_number(floor_pose.y_m),
+        "heading_rad": _json_number(floor_pose.heading_rad),
         "outcome": transform.outcome.name.lower(),
     }
 
 
-def _container(snapshot: Snapshot, name: str) -> View | None:
+def _container_view(snapshot: Snapshot, name: str) -> View | None:
     place = _node_place(snapshot, name)
     return None if place is None else {**place, "is_carried": snapshot.has_edge("robot", "carries", name)}
 
 
-def _order(snapshot: Snapshot, name: str) -> View:
+def _order_view(snapshot: Snapshot, name: str) -> View:
     kind, state = snapshot.get(name, "kind"), snapshot.get(name, "state")
     return {
         "name": name,
         "kind": kind.value if kind.known else "",
         "state": state.value if state.known else "",
-        "of_area": _target(snapshot, name, "of_area"),
-        "to_area": _target(snapshot, name, "to_area"),
-        "since_s": _number(snapshot.node(name).since_s),
+        "of_area": _target_area(snapshot, name, "of_area"),
+        "to_area": _target_area(snapshot, name, "to_area"),
+        "since_s": _json_number(snapshot.node(name).since_s),
     }
 
 
-def _target(snapshot: Snapshot, order: str, edge: str) -> str:
+def _target_area(snapshot: Snapshot, order: str, edge: str) -> str:
     return next((match.target for match in snapshot.edges(edge, origin=order)), "")
 
 
-def _task(knowledge: Knowledge, snapshot: Snapshot, name: str) -> View:
+def _task_view(knowledge: Knowledge, snapshot: Snapshot, name: str) -> View:
     handover = snapshot.handover(name)
     executor = next(task.by for task in knowledge.model.tasks if task.name == name)
     return {
@@ -182,27 +182,31 @@ def _task(knowledge: Knowledge, snapshot: Snapshot, name: str) -> View:
         "stage": "" if handover.stage is None else handover.stage.value,
         "requester": handover.requester,
         "outcome": handover.result or handover.reason,
-        "since_s": _number(handover.since_s),
+        "since_s": _json_number(handover.since_s),
     }
 
 
-def _loop(model: KnowledgeModel, readings: Iterable[Reading[Any]]) -> Iterator[View]:
-    """Yield for each phase of the loop its agents, and the evidence time of their newest value (P2, Figure 4)."""
-    newest: dict[str, float] = {}
+def _phase_views(model: KnowledgeModel, readings: Iterable[Reading[Any]]) -> Iterator[View]:
+    """Yield, for each phase of the loop, its agents and the time of their newest evidence (P2, Figure 4)."""
+    newest_evidence_s: dict[str, float] = {}
     for reading in readings:
-        newest[reading.source] = max(newest.get(reading.source, reading.evidence_s), reading.evidence_s)
+        newest_evidence_s[reading.source] = max(
+            newest_evidence_s.get(reading.source, reading.evidence_s), reading.evidence_s
+        )
     for phase in Phase:
         agents = [agent.name for agent in model.agents if agent.phase is phase]
-        wrote_s = max((newest[name] for name in agents if name in newest), default=float("-inf"))
-        yield {"phase": phase.value, "agents": agents, "wrote_s": _number(wrote_s)}
+        last_write_s = max(
+            (newest_evidence_s[name] for name in agents if name in newest_evidence_s), default=float("-inf")
+        )
+        yield {"phase": phase.value, "agents": agents, "wrote_s": _json_number(last_write_s)}
 
 
-def _refusal(refusal: Refusal) -> View:
-    return {"instant_s": _number(refusal.instant_s), "agent": refusal.agent, "why": refusal.why}
+def _refusal_view(refusal: Refusal) -> View:
+    return {"instant_s": _json_number(refusal.instant_s), "agent": refusal.agent, "why": refusal.why}
 
 
-def _number(value: float) -> float | None:
-    """Return a rounded number for JSON, or None if the number is not finite, which JSON does not allow."""
+def _json_number(value: float) -> float | None:
+    """Return a rounded number for JSON; None if the number is not finite, because JSON allows only finite numbers."""
     return round(value, 3) if isfinite(value) else None
 
 

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.random import default_rng
 
 from codra_papers.store.body import (
-    CAMERA_AT,
     CAMERA_FARTHEST_M,
     CAMERA_NEAREST_M,
+    CAMERA_POSE,
     CAMERA_VIEW_RAD,
-    LASERS_AT,
+    LASER_POSES,
     STEADY_BELOW_RAD_S,
+    ObjectKind,
     Picture,
     Scan,
-    Seen,
     Side,
     Sighting,
 )
@@ -29,37 +29,41 @@ from codra_papers.store.simulator.state import SHELL, StoreState
 LASER_FARTHEST_M = 10.0
 LASER_NOISE_M = 0.01
 LASER_RAYS = {Side.FRONT_LEFT: 96, Side.FRONT_RIGHT: 96, Side.BACK: 191}
-"""A ray every two degrees in front; every degree behind, where the laser must see wheels."""
+"""Numbers of rays: in front one every two degrees, and behind one every degree, because this laser must see wheels."""
 
 LASER_VIEW_RAD = radians(190.0)
 _BEARINGS_RAD = {side: np.linspace(-LASER_VIEW_RAD / 2, LASER_VIEW_RAD / 2, rays) for side, rays in LASER_RAYS.items()}
 
-SMALLEST_SHARE = 0.35
+SMALLEST_VISIBLE_SHARE = 0.35
 """Objects with a smaller share in sight are never recognised."""
 
 RAYS_PER_OBJECT = 9
 
-LOCALISATION_M = 0.015
+LOCALISATION_WAVE_M = 0.015
 """Amplitude of each of the two slow waves of the localisation's error, along each axis."""
 
 
 def scan(seed: int, state: StoreState, side: Side) -> Scan:
-    """Return one scan of a laser: the lengths of its rays, with noise of a centimetre."""
-    mount = LASERS_AT[side]
-    eye = Pose2D(*state.robot.at.out(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
+    """Return one scan of a laser: the lengths of the laser's rays, with noise of a centimetre."""
+    mount = LASER_POSES[side]
+    eye = Pose2D(*state.robot.at.point_at(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
     rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
     ranges = _ranges_m(_moving_obstacles(state, side), eye, bearings, LASER_FARTHEST_M)
     entropy = (abs(seed), list(Side).index(side), state.step)
-    chance = default_rng(entropy if seed >= 0 else (*entropy, 1))  # `default_rng` takes no negative numbers
-    noise = chance.normal(0.0, LASER_NOISE_M, rays)
-    noisy = np.where(ranges < LASER_FARTHEST_M, np.clip(ranges + noise, 0.0, LASER_FARTHEST_M), LASER_FARTHEST_M)
+    random = default_rng(entropy if seed >= 0 else (*entropy, 1))  # `default_rng` takes no negative numbers
+    noise = random.normal(0.0, LASER_NOISE_M, rays)
+    noisy_ranges = np.where(ranges < LASER_FARTHEST_M, np.clip(ranges + noise, 0.0, LASER_FARTHEST_M), LASER_FARTHEST_M)
     return Scan(
-        instant_s=state.instant_s, mount=mount, bearings_rad=bearings, ranges_m=noisy, farthest_m=LASER_FARTHEST_M
+        instant_s=state.instant_s,
+        mount=mount,
+        bearings_rad=bearings,
+        ranges_m=noisy_ranges,
+        farthest_m=LASER_FARTHEST_M,
     )
 
 
 def picture(seed: int, state: StoreState) -> Picture:
-    """Return the detections in the camera's picture, with noise. Far and half hidden objects are missed more often."""
+    """Return the detections in the camera's picture, with noise. Far and half hidden objects are missed most often."""
     is_steady = abs(state.robot.turn_rate_rad_s) < STEADY_BELOW_RAD_S
     sightings = tuple(_sightings(seed, state)) if is_steady else ()
     return Picture(instant_s=state.instant_s, is_steady=is_steady, sightings=sightings)
@@ -74,29 +78,29 @@ def visible_share(state: StoreState, shape: Box | Disc) -> float:
     bearings = np.array(_bearings(eye, shape))
     is_inside = np.abs(bearings) <= CAMERA_VIEW_RAD / 2
     rays = bearings + eye.heading_rad
-    own = Scene((), (shape,)) if isinstance(shape, Disc) else Scene((shape,))
-    own_m = own.ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 1.0)
+    own_scene = Scene((), (shape,)) if isinstance(shape, Disc) else Scene((shape,))
+    own_ranges_m = own_scene.ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 1.0)
     others_m = _ranges_m(_other_objects(state, shape), eye, bearings, CAMERA_FARTHEST_M + 2.0)
-    return float((is_inside & (own_m < others_m)).mean())
+    return float((is_inside & (own_ranges_m < others_m)).mean())
 
 
-def believed(seed: int, state: StoreState) -> Pose2D:
+def believed_pose(seed: int, state: StoreState) -> Pose2D:
     """Return the pose from the localisation: slow waves of some centimetres around the truth."""
     at, waves = state.robot.at, _waves(seed)
-    x_m, y_m, turn = (
+    x_m, y_m, turn_rad = (
         sum(size * sin(2 * pi * state.instant_s / period + phase) for period, phase, size in axis) for axis in waves
     )
-    return Pose2D(at.x_m + x_m, at.y_m + y_m, wrapped(at.heading_rad + turn))
+    return Pose2D(at.x_m + x_m, at.y_m + y_m, wrapped(at.heading_rad + turn_rad))
 
 
 def _waves(seed: int) -> list[list[tuple[float, float, float]]]:
     random = Random(f"{seed} localisation")
-    sizes = (LOCALISATION_M, LOCALISATION_M, 0.005)
+    sizes = (LOCALISATION_WAVE_M, LOCALISATION_WAVE_M, 0.005)
     return [[(random.uniform(60.0, 400.0), random.uniform(0.0, 2 * pi), size) for _ in range(2)] for size in sizes]
 
 
 def _moving_obstacles(state: StoreState, side: Side) -> Scene:
-    """Return the moving obstacles of a laser: people, and containers: in front their frames, behind their wheels."""
+    """Return the moving obstacles of a laser: people, and containers (in front their frames, behind their wheels)."""
     discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m]
     containers = state.containers_on_floor()
     if side is not Side.BACK:
@@ -115,18 +119,18 @@ def _ranges_m(moving_obstacles: Scene, eye: Pose2D, bearings_rad: Floats, farthe
 
 def _camera_pose(state: StoreState) -> Pose2D:
     at = state.robot.at
-    return Pose2D(*at.out(CAMERA_AT.x_m, CAMERA_AT.y_m), at.heading_rad)
+    return Pose2D(*at.point_at(CAMERA_POSE.x_m, CAMERA_POSE.y_m), at.heading_rad)
 
 
 def _bearings(eye: Pose2D, shape: Box | Disc) -> list[float]:
     """Return directions, relative to the eye's heading, that divide the breadth of an object evenly."""
     if isinstance(shape, Disc):
-        ahead_m, left_m = eye.seen_from_here(shape.centre_m)
+        ahead_m, left_m = eye.relative_point(shape.centre_m)
         middle, half = atan2(left_m, ahead_m), atan2(shape.radius_m, hypot(ahead_m, left_m))
         low, high = middle - half, middle + half
     else:
-        middle = atan2(*reversed(eye.seen_from_here(shape.centre.point_m)))
-        offsets = [wrapped(atan2(*reversed(eye.seen_from_here(corner))) - middle) for corner in shape.corners()]
+        middle = atan2(*reversed(eye.relative_point(shape.centre.point_m)))
+        offsets = [wrapped(atan2(*reversed(eye.relative_point(corner))) - middle) for corner in shape.corners()]
         low, high = middle + min(offsets), middle + max(offsets)
     return [low + (high - low) * (index + 0.5) / RAYS_PER_OBJECT for index in range(RAYS_PER_OBJECT)]
 
@@ -138,24 +142,25 @@ def _other_objects(state: StoreState, shape: Box | Disc) -> Scene:
 
 
 def _sightings(seed: int, state: StoreState) -> Iterator[Sighting]:
-    objects: list[tuple[Seen, str, Pose2D, Box | Disc]]
-    objects = [(Seen.PERSON, name, Pose2D(*at_m), Disc(at_m, PERSON_RADIUS_M)) for name, at_m in state.people_m]
+    objects: list[tuple[ObjectKind, str, Pose2D, Box | Disc]]
+    objects = [(ObjectKind.PERSON, name, Pose2D(*at_m), Disc(at_m, PERSON_RADIUS_M)) for name, at_m in state.people_m]
     objects += [
-        (Seen.CONTAINER, container.name, container.at, container.box()) for container in state.containers_on_floor()
+        (ObjectKind.CONTAINER, container.name, container.at, container.box())
+        for container in state.containers_on_floor()
     ]
     for kind, name, at, shape in objects:
         share = visible_share(state, shape)
-        if share >= SMALLEST_SHARE:
+        if share >= SMALLEST_VISIBLE_SHARE:
             random = Random(f"{seed} camera {state.step} {name}")
-            yield from _detected(random, kind, _pose_from(state.robot.at, at), share)
+            yield from _detections(random, kind, _relative_pose(state.robot.at, at), share)
 
 
-def _pose_from(robot: Pose2D, at: Pose2D) -> Pose2D:
-    return Pose2D(*robot.seen_from_here(at.point_m), wrapped(at.heading_rad - robot.heading_rad))
+def _relative_pose(robot: Pose2D, at: Pose2D) -> Pose2D:
+    return Pose2D(*robot.relative_point(at.point_m), wrapped(at.heading_rad - robot.heading_rad))
 
 
-def _detected(random: Random, kind: Seen, at: Pose2D, share: float) -> Iterator[Sighting]:
-    """Yield the sighting of an object, unless it is missed. Far and hidden objects are missed more often.
+def _detections(random: Random, kind: ObjectKind, at: Pose2D, share: float) -> Iterator[Sighting]:
+    """Yield the sighting of an object, or nothing if it is missed. Far and hidden objects are missed more often.
 
     Args:
         random: the random source for this object in this picture.
@@ -169,4 +174,4 @@ def _detected(random: Random, kind: Seen, at: Pose2D, share: float) -> Iterator[
     spread_m = 0.01 + 0.003 * range_m**2
     x_m, y_m = random.gauss(at.x_m, spread_m), random.gauss(at.y_m, spread_m)
     facing_rad = wrapped(random.gauss(at.heading_rad, 0.03 + 0.01 * range_m))
-    yield Sighting(kind=kind, at=Pose2D(x_m, y_m, 0.0 if kind is Seen.PERSON else facing_rad), share=share)
+    yield Sighting(kind=kind, at=Pose2D(x_m, y_m, 0.0 if kind is ObjectKind.PERSON else facing_rad), share=share)

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from codra_papers.store.geometry import Pose2D
 from codra_papers.store.layout import AREAS, DELIVERY, PICKING_AREAS, SUPPLY
-from codra_papers.store.simulator.people import crossing, shopper
+from codra_papers.store.simulator.people import new_shopper, new_visitor
 from codra_papers.store.simulator.state import Container, Load, StoreState, Whereabouts
 from codra_papers.store.simulator.world import Beginning, StoreWorld
 
@@ -18,16 +18,18 @@ class Situation(StrEnum):
     """The situation of a run."""
 
     ORDINARY = "ordinary"
-    """A picker orders to collect a full container from the first picking area. It is in sight from the first pose."""
+    """A picker orders to collect a full container from the first picking area. The container is in sight
+    from the first observation pose."""
 
     SECOND_ORDER = "second order"
-    """P2's first: a container is provided, ordered elsewhere while people fill it, and full on the way there."""
+    """P2's first situation: a container is provided. While people fill it, they order it to another area. It is full on
+    the way to that area."""
 
     PEOPLE_CLOSE = "people close"
-    """P2's second: a person crosses in front of the container while the robot is about to fetch it."""
+    """P2's second situation: a person crosses in front of the container while the robot is about to fetch it."""
 
     HIDDEN = "hidden"
-    """P2's third: the container cannot be seen from the first observation pose."""
+    """P2's third situation: the container cannot be seen from the first observation pose."""
 
     ABSENT = "absent"
     """The area has no container to collect."""
@@ -66,7 +68,7 @@ class StoreSettings:
         area: the picking area of the situation.
         second_area: the target of the container in the second order.
         battery_percent: the battery level when the shop opens.
-        drain: factor on the use of the battery.
+        drain: a factor on the battery's consumption.
     """
 
     seed: int = 1
@@ -79,7 +81,7 @@ class StoreSettings:
 
 
 def beginning(settings: StoreSettings) -> Beginning:
-    """Return the shop when it opens. Besides a container to collect, one is at the supply and one in the back room."""
+    """Return the shop when it opens: with containers at the supply, in the back room and, mostly, in the area."""
     places = PICKING_AREAS[settings.area].places
     first_places = {
         Situation.ORDINARY: places[0],
@@ -89,15 +91,15 @@ def beginning(settings: StoreSettings) -> Beginning:
     }
     at = first_places.get(settings.situation)
     load = Load.EMPTY if settings.situation is Situation.QUIET else Load.FULL
-    first = () if at is None else (Container(name="container_1", at=at, load=load),)
-    others = (
+    situation_containers = () if at is None else (Container(name="container_1", at=at, load=load),)
+    other_containers = (
         Container(name="container_2", at=SUPPLY.places[0]),
         Container(name="container_3", at=SUPPLY.places[0], where=Whereabouts.BACK_ROOM),
     )
     return Beginning(
         seed=settings.seed,
-        containers=(*first, *others),
-        people=tuple(shopper(settings.seed, number) for number in range(settings.shoppers)),
+        containers=(*situation_containers, *other_containers),
+        people=tuple(new_shopper(settings.seed, number) for number in range(settings.shoppers)),
         battery_percent=settings.battery_percent,
         drain=settings.drain,
     )
@@ -108,26 +110,28 @@ STAFF_S = 60.0
 
 
 class Staff:
-    """Takes delivered containers to the back room, where they are emptied, and brings empty ones to the supply."""
+    """Takes delivered containers to the back room, where they are emptied, and empty ones to the supply."""
 
     def __init__(self, world: StoreWorld) -> None:
         """Begin the work."""
         self._world = world
-        self._delivered_s: float | None = None
-        self._taken_s: float | None = None
+        self._delivered_since_s: float | None = None
+        self._supply_free_since_s: float | None = None
 
     def see(self, state: StoreState) -> None:
         """Do the work of this step."""
-        delivered = container_at(state, DELIVERY.places[0])
-        self._delivered_s = _since(self._delivered_s, state, delivered is not None)
-        if delivered is not None and self._is_due(self._delivered_s, state):
-            self._world.set_load(delivered.name, Load.EMPTY)
-            self._world.move_container(delivered.name, delivered.at, Whereabouts.BACK_ROOM)
+        delivered_container = container_at(state, DELIVERY.places[0])
+        self._delivered_since_s = _true_since_s(self._delivered_since_s, state, delivered_container is not None)
+        if delivered_container is not None and self._is_due(self._delivered_since_s, state):
+            self._world.set_load(delivered_container.name, Load.EMPTY)
+            self._world.move_container(delivered_container.name, delivered_container.at, Whereabouts.BACK_ROOM)
         is_free = container_at(state, SUPPLY.places[0]) is None and state.robot.at.distance_m(SUPPLY.places[0]) > 3.0
-        self._taken_s = _since(self._taken_s, state, is_free)
-        spare = next((container for container in state.containers if container.where is Whereabouts.BACK_ROOM), None)
-        if spare is not None and self._is_due(self._taken_s, state):
-            self._world.move_container(spare.name, SUPPLY.places[0], Whereabouts.FLOOR)
+        self._supply_free_since_s = _true_since_s(self._supply_free_since_s, state, is_free)
+        spare_container = next(
+            (container for container in state.containers if container.where is Whereabouts.BACK_ROOM), None
+        )
+        if spare_container is not None and self._is_due(self._supply_free_since_s, state):
+            self._world.move_container(spare_container.name, SUPPLY.places[0], Whereabouts.FLOOR)
 
     def _is_due(self, since_s: float | None, state: StoreState) -> bool:
         return since_s is not None and state.instant_s - since_s >= STAFF_S
@@ -141,7 +145,9 @@ class Pickers:
         self._settings = settings
         self._world = world
         self._page = page
-        self._acts: list[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]]] = list(self._story())
+        self._acts: list[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]]] = list(
+            self._acts_of_situation()
+        )
         self._since_s: float | None = None
 
     def see(self, state: StoreState) -> None:
@@ -149,25 +155,27 @@ class Pickers:
         if not self._acts:
             return
         is_met, delay_s, act = self._acts[0]
-        self._since_s = _since(self._since_s, state, is_met(state))
+        self._since_s = _true_since_s(self._since_s, state, is_met(state))
         if self._since_s is not None and state.instant_s - self._since_s >= delay_s:
             self._since_s = None
             self._acts.pop(0)
             act(state)
 
-    def _story(self) -> tuple[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]], ...]:
+    def _acts_of_situation(
+        self,
+    ) -> tuple[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]], ...]:
         if self._settings.situation is Situation.QUIET:
             return ()
         if self._settings.situation is Situation.SECOND_ORDER:
             return (
                 (_always, 1.0, lambda _: self._provide()),
-                (self._has_container, 5.0, lambda state: self._load(state, Load.LOADING)),
-                (self._has_container, 40.0, self._order_on),
-                (_is_carrying, 12.0, lambda state: self._load(state, Load.FULL)),
+                (self._has_container, 5.0, lambda state: self._set_load(state, Load.LOADING)),
+                (self._has_container, 40.0, self._order_move),
+                (_is_carrying, 12.0, lambda state: self._set_load(state, Load.FULL)),
             )
         collect = (_always, 1.0, lambda _: self._collect())
         if self._settings.situation is Situation.PEOPLE_CLOSE:
-            return (collect, (self._is_here, 1.0, self._cross))
+            return (collect, (self._robot_waits_here, 1.0, self._let_person_cross))
         return (collect,)
 
     def _provide(self) -> None:
@@ -177,27 +185,27 @@ class Pickers:
         self._page.set_load(Load.FULL)
         self._page.order(OrderKind.COLLECT, self._settings.area, DELIVERY.name)
 
-    def _order_on(self, _: StoreState) -> None:
+    def _order_move(self, _: StoreState) -> None:
         self._page.order(OrderKind.MOVE, self._settings.area, self._settings.second_area)
 
-    def _load(self, state: StoreState, load: Load) -> None:
-        container = state.carried() or container_at(state, AREAS[self._settings.area].places[0])
+    def _set_load(self, state: StoreState, load: Load) -> None:
+        container = state.carried_container() or container_at(state, AREAS[self._settings.area].places[0])
         if container is not None:
             self._world.set_load(container.name, load)
             self._page.set_load(load)
 
-    def _cross(self, _: StoreState) -> None:
+    def _let_person_cross(self, _: StoreState) -> None:
         area = AREAS[self._settings.area]
         x_m, y_m = area.recess.corridor_x_m - 0.6, area.places[0].y_m
         ends = ((x_m, y_m + 0.8), (x_m, y_m - 0.8))
-        self._world.add_person(crossing((x_m, y_m + 3.0), ends, 40, (x_m, 13.5)))
+        self._world.add_person(new_visitor((x_m, y_m + 3.0), ends, 40, (x_m, 13.5)))
 
     def _has_container(self, state: StoreState) -> bool:
         return container_at(state, AREAS[self._settings.area].places[0]) is not None
 
-    def _is_here(self, state: StoreState) -> bool:
+    def _robot_waits_here(self, state: StoreState) -> bool:
         """Return whether the robot rests at the first observation pose of the area."""
-        pose = AREAS[self._settings.area].observation[0]
+        pose = AREAS[self._settings.area].observation_poses[0]
         return state.robot.at.distance_m(pose) < 0.3 and state.robot.surface_speed_m_s() == 0.0
 
 
@@ -211,11 +219,11 @@ def _always(_: StoreState) -> bool:
 
 
 def _is_carrying(state: StoreState) -> bool:
-    return state.carried() is not None
+    return state.carried_container() is not None
 
 
-def _since(since_s: float | None, state: StoreState, holds: bool) -> float | None:
-    """Return the instant since which a condition is true without a break; None if the condition is false."""
-    if not holds:
+def _true_since_s(since_s: float | None, state: StoreState, is_true: bool) -> float | None:
+    """Return the instant since which a condition has been true without a break; None if the condition is false."""
+    if not is_true:
         return None
     return state.instant_s if since_s is None else since_s

@@ -11,7 +11,7 @@ from codra_papers.store.layout import (
     BODY_FRONT_M,
     BODY_WIDTH_M,
     CONTAINER_M,
-    FIXED,
+    FIXED_BOXES,
     FORK_TIP_M,
     FORK_WIDTH_M,
     REACH_M,
@@ -41,7 +41,7 @@ class Container:
     """A roll container.
 
     Attributes:
-        at: the pose in the map, even on the fork; in the back room it has no meaning.
+        at: the pose in the map, even while the container is on the fork; in the back room the pose has no meaning.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Container:
     def wheels(self) -> tuple[Disc, ...]:
         """Return the wheels of the container, its only parts near the floor."""
         offsets = [(a * WHEEL_OFFSET_M, b * WHEEL_OFFSET_M) for a in (1, -1) for b in (1, -1)]
-        return tuple(Disc(self.at.out(*offset), WHEEL_RADIUS_M) for offset in offsets)
+        return tuple(Disc(self.at.point_at(*offset), WHEEL_RADIUS_M) for offset in offsets)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,8 +64,8 @@ class RobotState:
     """The robot's body.
 
     Attributes:
-        at: the pose of its axle.
-        turn_rate_rad_s: counter-clockwise.
+        at: the pose of the robot's axle.
+        turn_rate_rad_s: the turn rate, positive counter-clockwise.
         is_fork_up: whether the fork is raised.
         bumped_s: when a bumper was last touched.
     """
@@ -80,11 +80,11 @@ class RobotState:
 
     def body(self) -> Box:
         """Return the space of the body, in front of the fork."""
-        return _part(self.at, BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M)
+        return _part_box(self.at, BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M)
 
     def fork(self) -> Box:
         """Return the space of the fork."""
-        return _part(self.at, FORK_TIP_M, BODY_BACK_M, FORK_WIDTH_M)
+        return _part_box(self.at, FORK_TIP_M, BODY_BACK_M, FORK_WIDTH_M)
 
     def surface_speed_m_s(self) -> float:
         """Return an upper bound for the speed of the robot's points: its speed plus its turn rate times its reach."""
@@ -106,8 +106,8 @@ class StoreState:
     containers: tuple[Container, ...]
     people_m: tuple[tuple[str, Point], ...]
 
-    def carried(self) -> Container | None:
-        """Return the container on the fork."""
+    def carried_container(self) -> Container | None:
+        """Return the container on the fork; None if the fork is empty."""
         return next((container for container in self.containers if container.where is Whereabouts.FORK), None)
 
     def containers_on_floor(self) -> tuple[Container, ...]:
@@ -116,18 +116,18 @@ class StoreState:
 
     def footprint(self) -> tuple[Box, ...]:
         """Return the space of the robot and its load."""
-        return footprint(self.robot, self.carried())
+        return footprint(self.robot, self.carried_container())
 
 
-def footprint(robot: RobotState, carried: Container | None) -> tuple[Box, ...]:
+def footprint(robot: RobotState, carried_container: Container | None) -> tuple[Box, ...]:
     """Return the space of a robot and its load."""
-    own = (robot.body(), robot.fork())
-    return own if carried is None else (*own, carried.box())
+    robot_boxes = (robot.body(), robot.fork())
+    return robot_boxes if carried_container is None else (*robot_boxes, carried_container.box())
 
 
-SHELL = Scene(FIXED)
+SHELL = Scene(FIXED_BOXES)
 """All fixed objects, for rays."""
 
 
-def _part(at: Pose2D, back_m: float, front_m: float, width_m: float) -> Box:
-    return Box(at.ahead((back_m + front_m) / 2), front_m - back_m, width_m)
+def _part_box(at: Pose2D, back_m: float, front_m: float, width_m: float) -> Box:
+    return Box(at.pose_ahead((back_m + front_m) / 2), front_m - back_m, width_m)

@@ -1,4 +1,4 @@
-"""A complete run of the shop: the world, the robot's knowledge and agents, and the judge that scores them."""
+"""A complete run of the shop: the world, the robot's knowledge and agents, and the judge that computes the score."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class PickerPage:
         """Open the handle of the agent `picker_page`; the graph has no orders yet."""
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("picker_page")
-        self._count = 0
+        self._order_count = 0
 
     def order(self, kind: OrderKind, area: str, to: str) -> str:
         """Insert an order to bring a container from one area to another, and return the name of the order."""
-        self._count += 1
-        name = f"order_{self._count}"
+        self._order_count += 1
+        name = f"order_{self._order_count}"
         with self._handle.transaction() as change:
             change.insert_node(name, "order", kind=kind)
             change.insert_edge(name, "of_area", area)
@@ -80,8 +80,8 @@ class Store:
         self._handovers: list[tuple[float, str]] = []
         self._samples: list[str] = []
         self._agents = start_agents(self.knowledge, self.world.body, clock)
-        for see in (self.judge.see, Staff(self.world).see, Pickers(settings, self.world, self.page).see):
-            self.world.watch(see)
+        for callback in (self.judge.see, Staff(self.world).see, Pickers(settings, self.world, self.page).see):
+            self.world.watch(callback)
         self.world.watch(lambda _: self._sample())
         for task in self.knowledge.model.tasks:
             for stage in Stage:

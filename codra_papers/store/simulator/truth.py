@@ -45,7 +45,7 @@ class Judge:
     def __init__(self, state: StoreState) -> None:
         """Begin with a state."""
         self.score = Score()
-        self._last = state
+        self._last_state = state
 
     def see(self, state: StoreState) -> None:
         """Add one step to the score."""
@@ -53,11 +53,11 @@ class Judge:
         self.score = replace(
             score,
             unsafe_s=round(score.unsafe_s + (STEP_S if is_unsafe(state) else 0.0), 6),
-            bumps=score.bumps + (state.robot.bumped_s != self._last.robot.bumped_s),
-            driven_m=score.driven_m + self._last.robot.at.distance_m(state.robot.at),
-            deliveries=score.deliveries + _set_down(self._last, state),
+            bumps=score.bumps + (state.robot.bumped_s != self._last_state.robot.bumped_s),
+            driven_m=score.driven_m + self._last_state.robot.at.distance_m(state.robot.at),
+            deliveries=score.deliveries + _delivery_areas(self._last_state, state),
         )
-        self._last = state
+        self._last_state = state
 
 
 def nearest_person_m(state: StoreState) -> float:
@@ -71,11 +71,13 @@ def is_unsafe(state: StoreState) -> bool:
     return state.robot.surface_speed_m_s() > UNSAFE_ABOVE_M_S and nearest_person_m(state) < UNSAFE_BELOW_M
 
 
-def _set_down(before: StoreState, after: StoreState) -> tuple[str, ...]:
-    carried = before.carried()
-    if carried is None or after.carried() is not None:
+def _delivery_areas(before: StoreState, after: StoreState) -> tuple[str, ...]:
+    carried_container = before.carried_container()
+    if carried_container is None or after.carried_container() is not None:
         return ()
-    down = next(container for container in after.containers if container.name == carried.name)
-    if down.where is not Whereabouts.FLOOR:
+    set_down_container = next(container for container in after.containers if container.name == carried_container.name)
+    if set_down_container.where is not Whereabouts.FLOOR:
         return ()
-    return tuple(area.name for area in AREAS.values() if area.places[0].distance_m(down.at) < SET_DOWN_WITHIN_M)[:1]
+    return tuple(
+        area.name for area in AREAS.values() if area.places[0].distance_m(set_down_container.at) < SET_DOWN_WITHIN_M
+    )[:1]

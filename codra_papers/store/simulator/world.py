@@ -13,9 +13,9 @@ from functools import partial
 from math import cos, hypot, pi, remainder, sin
 
 from codra_dsl.runtime.clock import Clock
-from codra_papers.store.body import Done, Lift, Outcome, Picture, Scan, Side, Stop, Way
+from codra_papers.store.body import EndCallback, Lift, Outcome, Picture, Scan, Side, StopFunction, Way
 from codra_papers.store.geometry import Point, Pose2D, wrapped
-from codra_papers.store.layout import DOCK, FIXED, FORK_M, REACH_M, START
+from codra_papers.store.layout import DOCK, FIXED_BOXES, FORK_M, REACH_M, START
 from codra_papers.store.simulator import sensors
 from codra_papers.store.simulator.driving import STEP_S, STEPS_PER_S, Drive, Driving, Raise, Senses, Turn, Wish
 from codra_papers.store.simulator.people import PERSON_RADIUS_M, Person
@@ -28,13 +28,13 @@ from codra_papers.store.simulator.state import (
     footprint,
 )
 
-UNDER_M, UNDER_RAD = 0.1, 0.15
+LIFT_TOLERANCE_M, LIFT_TOLERANCE_RAD = 0.1, 0.15
 """Largest errors of the fork's pose under a container with which the fork still lifts the container."""
 
-DOCKED_M = 0.15
+DOCK_TOLERANCE_M = 0.15
 """Largest distance from the dock at which the robot still charges."""
 
-BUMPED_FOR_S = 2.0
+BUMP_MEMORY_S = 2.0
 
 IDLE_PERCENT_PER_MIN = 0.1
 DRIVE_PERCENT_PER_M = 0.012
@@ -50,7 +50,7 @@ class Beginning:
 
     Attributes:
         seed: the seed of everything random.
-        drain: factor on the use of the battery.
+        drain: a factor on the battery's consumption.
     """
 
     seed: int
@@ -73,7 +73,7 @@ class StoreWorld:
         self.events: list[tuple[float, str]] = []
         self.body = Cary(self)
         self._clock = clock
-        self._begun_s = clock.now_s()
+        self._start_s = clock.now_s()
         self._seed, self._drain = beginning.seed, beginning.drain
         self._people = list(beginning.people)
         self._driving = Driving()
@@ -82,9 +82,9 @@ class StoreWorld:
         self._scans: dict[Side, Scan] = {}
         self._picture: Picture | None = None
         robot = RobotState(at=beginning.robot, battery_percent=beginning.battery_percent)
-        self._state = self._refreshed(StoreState(
-            step=0, instant_s=self._begun_s, robot=robot, containers=beginning.containers, people_m=()))  # fmt: skip
-        clock.call_at(self._begun_s + STEP_S, self._step)
+        self._state = self._refreshed_state(StoreState(
+            step=0, instant_s=self._start_s, robot=robot, containers=beginning.containers, people_m=()))  # fmt: skip
+        clock.call_at(self._start_s + STEP_S, self._step)
 
     # Truth
 
@@ -125,40 +125,40 @@ class StoreWorld:
             command.done(outcome)
 
     def scan(self, side: Side) -> Scan:
-        """Return the latest scan of a laser, the same for all callers."""
+        """Return the latest scan of a laser. All callers get the same scan."""
         if side not in self._scans:
             self._scans[side] = sensors.scan(self._seed, self._state, side)
         return self._scans[side]
 
     def picture(self) -> Picture:
-        """Return the latest picture of the camera, the same for all callers."""
+        """Return the latest picture of the camera. All callers get the same picture."""
         if self._picture is None:
             self._picture = sensors.picture(self._seed, self._state)
         return self._picture
 
-    def believed(self) -> Pose2D:
+    def believed_pose(self) -> Pose2D:
         """Return the believed pose of the robot."""
-        return sensors.believed(self._seed, self._state)
+        return sensors.believed_pose(self._seed, self._state)
 
     # Steps
 
     def _step(self) -> None:
         self._walk()
-        wish = self._driving.step(self._senses()) if self._moves() else Wish()
-        robot, bumped = self._moved(wish)
-        if bumped:
+        wish = self._driving.step(self._senses()) if self._is_moving() else Wish()
+        robot, obstacle = self._next_robot(wish)
+        if obstacle:
             robot = replace(robot, bumped_s=self._state.instant_s + STEP_S)
-            self.events.append((self._state.instant_s + STEP_S, f"the robot bumped into {bumped}"))
+            self.events.append((self._state.instant_s + STEP_S, f"the robot bumped into {obstacle}"))
             self._driving.end(Outcome.BUMPED)
         step = self._state.step + 1
         self._advance(step, robot)
         self._finish_lifts()
-        self._clock.call_at(self._begun_s + (step + 1) / STEPS_PER_S, self._step)
+        self._clock.call_at(self._start_s + (step + 1) / STEPS_PER_S, self._step)
         for watcher in tuple(self._watchers):
             watcher(self._state)
         self.report_ended_commands()
 
-    def _moves(self) -> bool:
+    def _is_moving(self) -> bool:
         robot = self._state.robot
         return self._driving.is_at_work or robot.speed_m_s != 0.0 or robot.turn_rate_rad_s != 0.0
 
@@ -166,24 +166,24 @@ class StoreWorld:
         boxes = self._state.footprint()
         for person in self._people:
             person.step(STEP_S, lambda point: min(box.distance_m(point) for box in boxes))
-        self._state = self._refreshed(self._state)
+        self._state = self._refreshed_state(self._state)
 
-    def _refreshed(self, state: StoreState) -> StoreState:
+    def _refreshed_state(self, state: StoreState) -> StoreState:
         self._scans, self._picture = {}, None
         return replace(state, people_m=tuple((person.name, person.at_m) for person in self._people))
 
     def _senses(self) -> Senses:
         robot = self._state.robot
         return Senses(
-            believed=self.believed(),
+            believed_pose=self.believed_pose(),
             speed_m_s=robot.speed_m_s,
             turn_rate_rad_s=robot.turn_rate_rad_s,
             is_loaded=self._load_pose is not None,
             scan=self.scan,
         )
 
-    def _moved(self, wish: Wish) -> tuple[RobotState, str]:
-        """Return the robot after a step, and what it bumped into, if anything. After a bump it is where it was."""
+    def _next_robot(self, wish: Wish) -> tuple[RobotState, str]:
+        """Return the robot after a step, and the name of what it bumped into, if anything. A bump keeps it in place."""
         robot = self._state.robot
         middle_rad = robot.at.heading_rad + wish.turn_rate_rad_s * STEP_S / 2
         length_m = wish.speed_m_s * STEP_S
@@ -192,53 +192,57 @@ class StoreWorld:
             robot.at.y_m + length_m * sin(middle_rad),
             wrapped(robot.at.heading_rad + wish.turn_rate_rad_s * STEP_S),
         )
-        there = replace(robot, at=at, speed_m_s=wish.speed_m_s, turn_rate_rad_s=wish.turn_rate_rad_s)
-        obstacle = self._hit(there) if at != robot.at else ""
+        moved_robot = replace(robot, at=at, speed_m_s=wish.speed_m_s, turn_rate_rad_s=wish.turn_rate_rad_s)
+        obstacle = self._obstacle_hit(moved_robot) if at != robot.at else ""
         if obstacle:
             return replace(robot, speed_m_s=0.0, turn_rate_rad_s=0.0), obstacle
-        return there, ""
+        return moved_robot, ""
 
-    def _hit(self, robot: RobotState) -> str:
-        carried = self._state.carried()
-        carried_there = (
+    def _obstacle_hit(self, robot: RobotState) -> str:
+        carried_container = self._state.carried_container()
+        moved_container = (
             None
-            if carried is None or self._load_pose is None
-            else replace(carried, at=_outer(robot.at, self._load_pose))
+            if carried_container is None or self._load_pose is None
+            else replace(carried_container, at=_pose_in_map(robot.at, self._load_pose))
         )
-        parts = footprint(robot, carried_there)
-        solid = parts if carried_there is not None else parts[:1]  # an empty fork goes under containers
-        for box in FIXED:
-            if box.distance_m(robot.at.point_m) < REACH_M + 0.1 and any(part.overlaps(box) for part in parts):
+        boxes = footprint(robot, moved_container)
+        solid_boxes = boxes if moved_container is not None else boxes[:1]  # an empty fork goes under containers
+        for box in FIXED_BOXES:
+            if box.distance_m(robot.at.point_m) < REACH_M + 0.1 and any(
+                box_of_robot.overlaps(box) for box_of_robot in boxes
+            ):
                 return "a shelf"
         for container in self._state.containers_on_floor():
-            if any(part.overlaps(container.box()) for part in solid):
+            if any(box_of_robot.overlaps(container.box()) for box_of_robot in solid_boxes):
                 return container.name
         for name, at_m in self._state.people_m:
-            if any(part.distance_m(at_m) < PERSON_RADIUS_M for part in parts):
+            if any(box_of_robot.distance_m(at_m) < PERSON_RADIUS_M for box_of_robot in boxes):
                 return name
         return ""
 
     def _advance(self, step: int, robot: RobotState) -> None:
-        is_docked = robot.at.distance_m(DOCK) < DOCKED_M and robot.surface_speed_m_s() == 0.0
-        robot = replace(robot, is_charging=is_docked, battery_percent=self._charged(robot, is_docked))
+        is_docked = robot.at.distance_m(DOCK) < DOCK_TOLERANCE_M and robot.surface_speed_m_s() == 0.0
+        robot = replace(robot, is_charging=is_docked, battery_percent=self._next_battery_percent(robot, is_docked))
         containers = self._state.containers
         if self._load_pose is not None:
-            at = _outer(robot.at, self._load_pose)
+            at = _pose_in_map(robot.at, self._load_pose)
             containers = tuple(
                 replace(container, at=at) if container.where is Whereabouts.FORK else container
                 for container in containers
             )
-        instant_s = self._begun_s + step / STEPS_PER_S
-        self._state = self._refreshed(
+        instant_s = self._start_s + step / STEPS_PER_S
+        self._state = self._refreshed_state(
             replace(self._state, step=step, instant_s=instant_s, robot=robot, containers=containers)
         )
 
-    def _charged(self, robot: RobotState, is_docked: bool) -> float:
+    def _next_battery_percent(self, robot: RobotState, is_docked: bool) -> float:
         if is_docked:
             return min(100.0, robot.battery_percent + CHARGE_PERCENT_PER_MIN / 60 * STEP_S)
-        moved = abs(robot.speed_m_s) * DRIVE_PERCENT_PER_M + abs(robot.turn_rate_rad_s) * TURN_PERCENT_PER_RAD
-        used = IDLE_PERCENT_PER_MIN / 60 + moved * (LOADED_FACTOR if self._load_pose is not None else 1.0)
-        return max(0.0, robot.battery_percent - used * self._drain * STEP_S)
+        motion_percent = abs(robot.speed_m_s) * DRIVE_PERCENT_PER_M + abs(robot.turn_rate_rad_s) * TURN_PERCENT_PER_RAD
+        used_percent = IDLE_PERCENT_PER_MIN / 60 + motion_percent * (
+            LOADED_FACTOR if self._load_pose is not None else 1.0
+        )
+        return max(0.0, robot.battery_percent - used_percent * self._drain * STEP_S)
 
     def _finish_lifts(self) -> None:
         for command, outcome in self._driving.ended_commands:
@@ -247,36 +251,36 @@ class StoreWorld:
 
     def _raise(self) -> None:
         robot = self._state.robot
-        under = next(
+        container_above = next(
             (container for container in self._state.containers_on_floor() if _is_under(robot.at, container)), None
         )
-        if under is not None and not robot.is_fork_up:
-            self._load_pose = _inner(robot.at, under.at)
-            self._change(under.name, where=Whereabouts.FORK)
-            self.events.append((self._state.instant_s, f"{under.name} is on the fork"))
+        if container_above is not None and not robot.is_fork_up:
+            self._load_pose = _relative_pose(robot.at, container_above.at)
+            self._change(container_above.name, where=Whereabouts.FORK)
+            self.events.append((self._state.instant_s, f"{container_above.name} is on the fork"))
         self._finish_lift(is_up=True)
 
     def _lower(self) -> None:
-        carried = self._state.carried()
-        if carried is not None:
+        carried_container = self._state.carried_container()
+        if carried_container is not None:
             self._load_pose = None
-            self._change(carried.name, where=Whereabouts.FLOOR)
-            self.events.append((self._state.instant_s, f"{carried.name} is on the floor"))
+            self._change(carried_container.name, where=Whereabouts.FLOOR)
+            self.events.append((self._state.instant_s, f"{carried_container.name} is on the floor"))
         self._finish_lift(is_up=False)
 
     def _finish_lift(self, *, is_up: bool) -> None:
         robot = self._state.robot
-        level = max(0.0, robot.battery_percent - LIFT_PERCENT * self._drain)
-        self._state = self._refreshed(
-            replace(self._state, robot=replace(robot, is_fork_up=is_up, battery_percent=level))
+        battery_percent = max(0.0, robot.battery_percent - LIFT_PERCENT * self._drain)
+        self._state = self._refreshed_state(
+            replace(self._state, robot=replace(robot, is_fork_up=is_up, battery_percent=battery_percent))
         )
 
     def _change(self, name: str, **values: object) -> None:
-        changed = tuple(
+        changed_containers = tuple(
             replace(container, **values) if container.name == name else container  # type: ignore[arg-type]
             for container in self._state.containers
         )
-        self._state = self._refreshed(replace(self._state, containers=changed))
+        self._state = self._refreshed_state(replace(self._state, containers=changed_containers))
 
 
 class Cary:
@@ -286,13 +290,13 @@ class Cary:
         """Create the body in a shop."""
         self._world = world
 
-    def believed(self) -> Pose2D:
+    def believed_pose(self) -> Pose2D:
         """Return the pose from the localisation."""
-        return self._world.believed()
+        return self._world.believed_pose()
 
     def localisation_spread_m(self) -> float:
         """Return the uncertainty that the localisation reports."""
-        return 2 * sensors.LOCALISATION_M
+        return 2 * sensors.LOCALISATION_WAVE_M
 
     def scan(self, side: Side) -> Scan:
         """Return the latest scan of a laser."""
@@ -311,13 +315,13 @@ class Cary:
         return self._world.state().robot.is_charging
 
     def has_load(self) -> bool:
-        """Return whether the fork carries a load, measured by the weight on it."""
-        return self._world.state().carried() is not None
+        """Return whether the fork carries a load, measured by the weight on the fork."""
+        return self._world.state().carried_container() is not None
 
     def is_bumped(self) -> bool:
         """Return whether a bumper was touched within the last two seconds."""
         state = self._world.state()
-        return state.instant_s - state.robot.bumped_s < BUMPED_FOR_S
+        return state.instant_s - state.robot.bumped_s < BUMP_MEMORY_S
 
     def speed_m_s(self) -> float:
         """Return the speed of the robot: negative when it drives backwards."""
@@ -327,19 +331,19 @@ class Cary:
         """Drive no faster than this from now on."""
         self._world.driving().max_speed_m_s = speed_m_s
 
-    def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> Stop:
+    def drive(self, points_m: Sequence[Point], way: Way, done: EndCallback) -> StopFunction:
         """Drive from point to point by the believed pose."""
         return self._begin(Drive(points_m, way, done))
 
-    def turn(self, angle_rad: float, done: Done) -> Stop:
+    def turn(self, angle_rad: float, done: EndCallback) -> StopFunction:
         """Turn on the spot."""
         return self._begin(Turn(angle_rad, done))
 
-    def lift(self, lift: Lift, done: Done) -> Stop:
+    def lift(self, lift: Lift, done: EndCallback) -> StopFunction:
         """Raise or lower the fork."""
         return self._begin(Raise(lift, done))
 
-    def _begin(self, command: Drive | Turn | Raise) -> Stop:
+    def _begin(self, command: Drive | Turn | Raise) -> StopFunction:
         self._world.driving().begin(command)
         return partial(self._stop, command)
 
@@ -348,16 +352,19 @@ class Cary:
         self._world.report_ended_commands()
 
 
-def _outer(frame: Pose2D, inner: Pose2D) -> Pose2D:
-    return Pose2D(*frame.out(inner.x_m, inner.y_m), wrapped(frame.heading_rad + inner.heading_rad))
+def _pose_in_map(frame: Pose2D, inner: Pose2D) -> Pose2D:
+    return Pose2D(*frame.point_at(inner.x_m, inner.y_m), wrapped(frame.heading_rad + inner.heading_rad))
 
 
-def _inner(frame: Pose2D, outer: Pose2D) -> Pose2D:
-    return Pose2D(*frame.seen_from_here(outer.point_m), wrapped(outer.heading_rad - frame.heading_rad))
+def _relative_pose(frame: Pose2D, outer: Pose2D) -> Pose2D:
+    return Pose2D(*frame.relative_point(outer.point_m), wrapped(outer.heading_rad - frame.heading_rad))
 
 
 def _is_under(robot: Pose2D, container: Container) -> bool:
     """Return whether the fork, from any side of a container, is well enough under the container to lift it."""
-    fork = robot.ahead(-FORK_M)
+    fork = robot.pose_ahead(-FORK_M)
     aside_rad = abs(remainder(container.at.heading_rad - robot.heading_rad, pi / 2))
-    return hypot(fork.x_m - container.at.x_m, fork.y_m - container.at.y_m) < UNDER_M and aside_rad < UNDER_RAD
+    return (
+        hypot(fork.x_m - container.at.x_m, fork.y_m - container.at.y_m) < LIFT_TOLERANCE_M
+        and aside_rad < LIFT_TOLERANCE_RAD
+    )

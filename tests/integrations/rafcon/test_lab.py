@@ -11,7 +11,7 @@ from codra_dsl.integrations.rafcon import Ended, opened, register
 from codra_dsl.runtime import Kind
 from codra_dsl.runtime.replay import replay
 from examples.rafcon_lab import drawing
-from examples.rafcon_lab.comparison import Arm, figures, table
+from examples.rafcon_lab.comparison import Arm, comparison_table, read_figures
 from examples.rafcon_lab.running import FOLDER, run
 from generated import lab
 from tests.runtime.journal.journals import read
@@ -34,10 +34,10 @@ def decisions_and_answers(path: Path) -> list[tuple[str, object]]:
 
 def test_the_checked_in_state_machine_equals_the_one_that_is_built() -> None:
     register()
-    drawn = drawing.drawn()
+    built_machine = drawing.state_machine()
 
     with opened(FOLDER) as machine:
-        assert machine.root_state.mutable_hash().hexdigest() == drawn.root_state.mutable_hash().hexdigest()
+        assert machine.root_state.mutable_hash().hexdigest() == built_machine.root_state.mutable_hash().hexdigest()
 
 
 def test_the_task_is_done_with_observers_and_without(runs: dict[Arm, tuple[Ended, Path]]) -> None:
@@ -47,10 +47,10 @@ def test_the_task_is_done_with_observers_and_without(runs: dict[Arm, tuple[Ended
 def test_with_observers_decisions_are_answered_from_context_and_without_the_robot_looks(
     runs: dict[Arm, tuple[Ended, Path]],
 ) -> None:
-    figures_by_arm = {arm: figures(path) for arm, (_, path) in runs.items()}
+    figures_by_arm = {arm: read_figures(path) for arm, (_, path) in runs.items()}
 
-    assert (figures_by_arm[Arm.WITH].answered, figures_by_arm[Arm.WITH].looked) == (15, 0)
-    assert (figures_by_arm[Arm.WITHOUT].answered, figures_by_arm[Arm.WITHOUT].looked) == (0, 15)
+    assert (figures_by_arm[Arm.WITH].answered_count, figures_by_arm[Arm.WITH].looked_count) == (15, 0)
+    assert (figures_by_arm[Arm.WITHOUT].answered_count, figures_by_arm[Arm.WITHOUT].looked_count) == (0, 15)
     assert figures_by_arm[Arm.WITH].duration_s < figures_by_arm[Arm.WITHOUT].duration_s
 
 
@@ -74,7 +74,7 @@ def test_the_journal_of_the_state_machine_can_be_replayed(runs: dict[Arm, tuple[
 
 
 def test_the_table_has_a_line_per_run_and_per_arm(runs: dict[Arm, tuple[Ended, Path]]) -> None:
-    lines = table([(SEED, arm, ended.outcome, path) for arm, (ended, path) in runs.items()]).splitlines()
+    lines = comparison_table([(SEED, arm, ended.outcome, path) for arm, (ended, path) in runs.items()]).splitlines()
 
     assert [line.split()[:2] for line in lines[1:-1]] == [
         ["1", "with"],

@@ -18,7 +18,7 @@ import pytest
 from tests.cli.test_commands import DOOR, ROOT, codra, environment
 
 LAB = str(ROOT / "specs/lab.yaml")
-UNRULY = """\
+FAILING_PERCEPTION = """\
 import time
 
 
@@ -37,16 +37,20 @@ def errs(*, machine, camera, job):
 
 
 @pytest.fixture
-def unruly(tmp_path: Path) -> Path:
+def project_with_failing_perception(tmp_path: Path) -> Path:
     """Return the laboratory's spec with failing perception functions, which are in a module next to the specs."""
     shutil.copytree(ROOT / "specs", tmp_path / "specs")
     part = tmp_path / "specs/parts/machine.yaml"
     text = part.read_text()
-    for name, replaced in (("measure_distance", "raises"), ("find_in_view", "sleeps"), ("localize_lid", "errs")):
-        text = text.replace(f"codra_papers.lab.perception.functions:{name}", f"unruly:{replaced}")
+    for name, failing_function in (
+        ("measure_distance", "raises"),
+        ("find_in_view", "sleeps"),
+        ("localize_lid", "errs"),
+    ):
+        text = text.replace(f"codra_papers.lab.perception.functions:{name}", f"unruly:{failing_function}")
     part.write_text(text.replace("timeout: 3 s", "timeout: 1 s"))
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
-    (tmp_path / "unruly.py").write_text(UNRULY)
+    (tmp_path / "unruly.py").write_text(FAILING_PERCEPTION)
     return tmp_path
 
 
@@ -58,10 +62,12 @@ def reasons(record: Path) -> Iterator[tuple[str, Any]]:
             yield event["name"], event.get("reason")
 
 
-def test_perception_that_raises_hangs_or_errs_costs_only_its_own_variables(unruly: Path) -> None:
-    settings = ("--naive", "--for", "4 s", "--pace", "real", "--out", f"{unruly}/out")
+def test_perception_that_raises_hangs_or_errs_costs_only_its_own_variables(
+    project_with_failing_perception: Path,
+) -> None:
+    settings = ("--naive", "--for", "4 s", "--pace", "real", "--out", f"{project_with_failing_perception}/out")
     process = subprocess.Popen(
-        [sys.executable, "-m", "codra_dsl", "run", f"{unruly}/specs/lab.yaml", *settings],
+        [sys.executable, "-m", "codra_dsl", "run", f"{project_with_failing_perception}/specs/lab.yaml", *settings],
         cwd=ROOT,
         env=environment(),
         text=True,
@@ -72,7 +78,7 @@ def test_perception_that_raises_hangs_or_errs_costs_only_its_own_variables(unrul
         output, errors = process.communicate(timeout=50.0)  # before the function that hangs would return
     finally:
         process.kill()
-    reason_by_name = dict(reasons(unruly / "out/record-naive.jsonl"))
+    reason_by_name = dict(reasons(project_with_failing_perception / "out/record-naive.jsonl"))
 
     assert (process.returncode, "Traceback" in errors) == (0, False)
     assert output.startswith("4.0 s, 0 sample-processing loops")
@@ -83,7 +89,9 @@ def test_perception_that_raises_hangs_or_errs_costs_only_its_own_variables(unrul
     } == {"failed"}
     assert "timed_out" in {reason_by_name.get("centrifuge_lid_in_FOV"), reason_by_name.get("pcr_cycler_lid_in_FOV")}
     assert "failed" in {reason_by_name.get("centrifuge_open"), reason_by_name.get("pcr_cycler_open")}
-    assert dict(reasons(unruly / "out/record-context-driven.jsonl"))["robot_is_localized"] is None
+    assert (
+        dict(reasons(project_with_failing_perception / "out/record-context-driven.jsonl"))["robot_is_localized"] is None
+    )
 
 
 def _heed_interrupts() -> None:
@@ -111,25 +119,25 @@ def test_an_interrupted_run_exits_with_130(tmp_path: Path) -> None:
 def test_a_spec_without_the_needs_of_the_lab_is_refused_with_a_list(tmp_path: Path) -> None:
     (tmp_path / "door.yaml").write_text(DOOR)
 
-    done = codra("run", "door.yaml", "--out", "out", cwd=tmp_path)
+    completed_process = codra("run", "door.yaml", "--out", "out", cwd=tmp_path)
 
-    assert done.returncode == 1
-    assert done.stderr.startswith(
+    assert completed_process.returncode == 1
+    assert completed_process.stderr.startswith(
         "codra: 'door' does not run in the lab, whose main execution needs:\n  skill 'drive_to"
     )
-    assert "  context-variable 'centrifuge_open' of type bool\n" in done.stderr
-    assert done.stderr.endswith("  resource 'vision' with slots\n")
+    assert "  context-variable 'centrifuge_open' of type bool\n" in completed_process.stderr
+    assert completed_process.stderr.endswith("  resource 'vision' with slots\n")
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_function_is_named(unruly: Path) -> None:
-    (unruly / "unruly.py").unlink()
+def test_a_missing_function_is_named(project_with_failing_perception: Path) -> None:
+    (project_with_failing_perception / "unruly.py").unlink()
 
-    done = codra("run", "specs/lab.yaml", "--for", "5 s", cwd=unruly)
+    completed_process = codra("run", "specs/lab.yaml", "--for", "5 s", cwd=project_with_failing_perception)
 
-    assert done.returncode == 1
-    assert "'lab' does not run in the lab: perception" in done.stderr
-    assert "No module named 'unruly'" in done.stderr
+    assert completed_process.returncode == 1
+    assert "'lab' does not run in the lab: perception" in completed_process.stderr
+    assert "No module named 'unruly'" in completed_process.stderr
 
 
 @pytest.mark.parametrize(
@@ -144,14 +152,14 @@ def test_a_missing_function_is_named(unruly: Path) -> None:
 def test_an_impossible_run_is_refused_before_it_begins(tmp_path: Path, arguments: list[str], message: str) -> None:
     (tmp_path / "taken").write_text("")
 
-    done = codra("run", LAB, *arguments, cwd=tmp_path)
+    completed_process = codra("run", LAB, *arguments, cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (2, "")
-    assert message in done.stderr
+    assert (completed_process.returncode, completed_process.stdout) == (2, "")
+    assert message in completed_process.stderr
 
 
 def test_any_integer_is_a_seed(tmp_path: Path) -> None:
-    done = codra("run", LAB, "--seed", "-3", "--for", "500 ms", cwd=tmp_path)
+    completed_process = codra("run", LAB, "--seed", "-3", "--for", "500 ms", cwd=tmp_path)
 
-    assert done.returncode == 0
-    assert "runs/lab-seed--3/timeline.png" in done.stderr
+    assert completed_process.returncode == 0
+    assert "runs/lab-seed--3/timeline.png" in completed_process.stderr

@@ -13,9 +13,9 @@ import pytest
 import codra_papers.experiments
 from tests.cli.test_commands import ROOT, codra
 
-TINY = ("experiment", "tiny_store:EXPERIMENT", "--spec", "specs/store.yaml", "--processes", "2")
-SEARCHED = "grid-1.5m-15percent-full-1.json"
-REPORTED = ("none-2.json", "ours-2.json", "random-2.json", "threshold-2.json")
+TINY_COMMAND = ("experiment", "tiny_store:EXPERIMENT", "--spec", "specs/store.yaml", "--processes", "2")
+SEARCH_RECORD = "grid-1.5m-15percent-full-1.json"
+REPORTED_RECORDS = ("none-2.json", "ours-2.json", "random-2.json", "threshold-2.json")
 FOLDER = Path("runs/tiny-store")
 
 
@@ -26,10 +26,10 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "specs", folder / "specs")
     shutil.copy(ROOT / "tests/papers/experiments/tiny_store.py", folder)
     (folder / "pyproject.toml").write_text("[tool.codra]\n")
-    done = codra(*TINY, cwd=folder)
+    completed_process = codra(*TINY_COMMAND, cwd=folder)
 
-    assert done.returncode == 0, done.stderr
-    (folder / "stdout").write_text(done.stdout)
+    assert completed_process.returncode == 0, completed_process.stderr
+    (folder / "stdout").write_text(completed_process.stdout)
     return folder
 
 
@@ -42,7 +42,7 @@ def results(project: Path) -> Any:
 
 
 def test_the_thresholds_of_the_search_are_run_with_all_managers(project: Path) -> None:
-    assert set(inodes(project)) == {SEARCHED, *REPORTED}
+    assert set(inodes(project)) == {SEARCH_RECORD, *REPORTED_RECORDS}
     assert results(project)["seeds"] == [1, 2]
     assert list(results(project)["results"]["managers"]) == ["none", "ours", "random", "threshold"]
     assert "Missions completed of a run: none " in (project / "stdout").read_text()
@@ -62,32 +62,34 @@ def test_the_page_has_both_pictures_and_the_grid(project: Path) -> None:
 
 
 def test_it_continues_where_it_stopped_in_the_search_and_after_it(project: Path, tmp_path: Path) -> None:
-    copied = Path(shutil.copytree(project, tmp_path / "project"))
-    before, was = inodes(copied), results(copied)["results"]
-    for name in (SEARCHED, "ours-2.json"):
-        (copied / FOLDER / "trials" / name).unlink()
-    done = codra(*TINY, cwd=copied)
+    project_copy = Path(shutil.copytree(project, tmp_path / "project"))
+    before, results_before = inodes(project_copy), results(project_copy)["results"]
+    for name in (SEARCH_RECORD, "ours-2.json"):
+        (project_copy / FOLDER / "trials" / name).unlink()
+    completed_process = codra(*TINY_COMMAND, cwd=project_copy)
 
-    assert done.returncode == 0, done.stderr
-    assert {name for name, number in inodes(copied).items() if before[name] == number} == {
-        *set(REPORTED) - {"ours-2.json"}
+    assert completed_process.returncode == 0, completed_process.stderr
+    assert {name for name, number in inodes(project_copy).items() if before[name] == number} == {
+        *set(REPORTED_RECORDS) - {"ours-2.json"}
     }
-    assert results(copied)["results"] == was
-    assert "3 had been run before" in (copied / FOLDER / "report.html").read_text()
+    assert results(project_copy)["results"] == results_before
+    assert "3 had been run before" in (project_copy / FOLDER / "report.html").read_text()
 
 
 def test_a_trial_that_depends_on_the_search_is_run_alone_by_its_name(project: Path, tmp_path: Path) -> None:
-    copied = Path(shutil.copytree(project, tmp_path / "project"))
-    (copied / FOLDER / "trials" / "none-2.json").unlink()
-    done = codra(*TINY, "--trial", "none-2", cwd=copied)
+    project_copy = Path(shutil.copytree(project, tmp_path / "project"))
+    (project_copy / FOLDER / "trials" / "none-2.json").unlink()
+    completed_process = codra(*TINY_COMMAND, "--trial", "none-2", cwd=project_copy)
 
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == "trial 'none-2' (seed 2): 12.0 s, 0 loops\n"
+    assert completed_process.returncode == 0, completed_process.stderr
+    assert completed_process.stdout == "trial 'none-2' (seed 2): 12.0 s, 0 loops\n"
 
 
 def test_a_spec_without_loops_is_reported_in_a_line(project: Path) -> None:
-    done = codra("experiment", "tiny_store:EXPERIMENT", "--spec", "specs/lab.yaml", "--out", "runs/lab", cwd=project)
+    completed_process = codra(
+        "experiment", "tiny_store:EXPERIMENT", "--spec", "specs/lab.yaml", "--out", "runs/lab", cwd=project
+    )
 
-    assert done.returncode == 1
-    assert "the spec has no loops, so no managers can be compared" in done.stderr
-    assert "Traceback" not in done.stderr
+    assert completed_process.returncode == 1
+    assert "the spec has no loops, so no managers can be compared" in completed_process.stderr
+    assert "Traceback" not in completed_process.stderr

@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from tests.cli.test_commands import ROOT, codra, environment
 
 STORE = str(ROOT / "specs/store.yaml")
-LONG_S = 60.0
+TIMEOUT_S = 60.0
 
 
 def _heed_interrupts() -> None:
@@ -46,14 +46,14 @@ class Run:
         assert match, line
         self.url = match[1]
 
-    def events(self, *about: str) -> str:
+    def events(self, *options: str) -> str:
         """Return the events in the journal so far. The process still writes the journal."""
         assert self.process.poll() is None
-        return codra("journal", "show", str(self.journal), *about, cwd=self.folder).stdout
+        return codra("journal", "show", str(self.journal), *options, cwd=self.folder).stdout
 
     def interrupt(self) -> tuple[int, str, str]:
         self.process.send_signal(signal.SIGINT)
-        output, errors = self.process.communicate(timeout=LONG_S)
+        output, errors = self.process.communicate(timeout=TIMEOUT_S)
         return self.process.returncode, output, errors
 
     def kill(self) -> None:
@@ -63,9 +63,9 @@ class Run:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[Run]:
-    started = Run(tmp_path, "--pace", "real")
-    yield started
-    started.kill()
+    started_run = Run(tmp_path, "--pace", "real")
+    yield started_run
+    started_run.kill()
 
 
 @pytest.fixture(scope="module")
@@ -73,18 +73,18 @@ def browser() -> Iterator[Browser]:
     chromium = shutil.which("chromium")
     assert chromium, "README.md has the line that installs it"
     with sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=chromium)
-        yield launched
-        launched.close()
+        launched_browser = playwright.chromium.launch(executable_path=chromium)
+        yield launched_browser
+        launched_browser.close()
 
 
-def copied(folder: Path) -> Path:
+def copied_spec(folder: Path) -> Path:
     """Return a copy of the store's spec in a folder that also has the behavior trees."""
     shutil.copytree(ROOT / "specs/trees", folder / "trees")
     return Path(shutil.copy(ROOT / "specs/store.yaml", folder))
 
 
-def opened(browser: Browser, run: Run, **settings: Any) -> Page:
+def open_page(browser: Browser, run: Run, **settings: Any) -> Page:
     """Return the page as soon as it shows the robot's knowledge."""
     page = browser.new_page(**settings)
     page.goto(run.url)
@@ -93,11 +93,11 @@ def opened(browser: Browser, run: Run, **settings: Any) -> Page:
 
 
 def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.locator("#provide").get_by_label("To").select_option("Area 3")
     page.get_by_role("button", name="Request a container").click()
     expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
-    expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open", timeout=1000 * LONG_S)
+    expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open", timeout=1000 * TIMEOUT_S)
 
     events = run.events("--kind", "knowledge")
 
@@ -108,10 +108,10 @@ def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None
 
 
 def test_delivery_is_asked_for_and_the_robot_starts(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.get_by_role("button", name="Ask for delivery").click()
     navigating = page.locator("#tasks tr").filter(has_text="Navigating")
-    expect(navigating).to_contain_text("under way for mission", timeout=1000 * LONG_S)
+    expect(navigating).to_contain_text("under way for mission", timeout=1000 * TIMEOUT_S)
 
     events = run.events("--kind", "knowledge")
 
@@ -120,10 +120,10 @@ def test_delivery_is_asked_for_and_the_robot_starts(browser: Browser, run: Run) 
 
 
 def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.get_by_role("button", name="Ask for delivery").click()
     page.get_by_role("button", name="Take back order 1").click()
-    expect(page.locator("#orders")).to_contain_text("cancelled", timeout=1000 * LONG_S)
+    expect(page.locator("#orders")).to_contain_text("cancelled", timeout=1000 * TIMEOUT_S)
 
     events = run.events("--kind", "knowledge")
 
@@ -132,7 +132,7 @@ def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
 
 
 def test_a_container_is_marked_full_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:
-    page, other_page = opened(browser, run), opened(browser, run, viewport={"width": 390, "height": 844})
+    page, other_page = open_page(browser, run), open_page(browser, run, viewport={"width": 390, "height": 844})
     full_button = page.get_by_role("button", name="Full")
     full_button.focus()
     page.keyboard.press("Enter")
@@ -147,11 +147,11 @@ def test_a_container_is_marked_full_with_the_keyboard_and_every_browser_sees_it(
 
 
 def test_missing_parts_of_a_run_are_named_on_the_page(browser: Browser, tmp_path: Path) -> None:
-    spec = copied(tmp_path)
+    spec = copied_spec(tmp_path)
     spec.write_text(spec.read_text("utf-8").partition("\nmetrics:\n")[0], "utf-8")
     run = Run(tmp_path, "--pace", "real", spec=spec.name)
     try:
-        page = opened(browser, run)
+        page = open_page(browser, run)
 
         expect(page.locator("#no-metrics")).to_have_text("No agent of this run computes metrics.")
         expect(page.locator("#parameters")).to_have_text("Maximum speedunknown (never observed)")
@@ -162,16 +162,16 @@ def test_missing_parts_of_a_run_are_named_on_the_page(browser: Browser, tmp_path
 
 
 def test_a_refused_click_names_the_agent_with_the_permission(browser: Browser, tmp_path: Path) -> None:
-    spec = copied(tmp_path)
-    mine, theirs = (f"values: [empty, loading, full], source: {agent}" for agent in ("picker_page", "fork"))
-    spec.write_text(spec.read_text("utf-8").replace(mine, theirs), "utf-8")
+    spec = copied_spec(tmp_path)
+    page_text, fork_text = (f"values: [empty, loading, full], source: {agent}" for agent in ("picker_page", "fork"))
+    spec.write_text(spec.read_text("utf-8").replace(page_text, fork_text), "utf-8")
     run = Run(tmp_path, "--pace", "real", spec="store.yaml")
-    why = "'robot.container_load' may be written by fork, not by 'picker_page'"
+    reason = "'robot.container_load' may be written by fork, not by 'picker_page'"
     try:
-        page = opened(browser, run)
+        page = open_page(browser, run)
         page.get_by_role("button", name="Full").click()
-        expect(page.locator("#problem")).to_have_text(f"Refused (picker_page): {why}")
-        expect(page.locator("#refusals")).to_contain_text(f"picker_page: {why}")
+        expect(page.locator("#problem")).to_have_text(f"Refused (picker_page): {reason}")
+        expect(page.locator("#refusals")).to_contain_text(f"picker_page: {reason}")
         events = run.events("--kind", "knowledge", "--what", "refused")
     finally:
         run.kill()
@@ -181,7 +181,7 @@ def test_a_refused_click_names_the_agent_with_the_permission(browser: Browser, t
 
 
 def test_the_page_of_an_ended_run_shows_that_it_is_outdated(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     assert run.interrupt()[0] == 130
 
     expect(page.locator("#connection")).to_have_text("No connection: the values shown are old. Trying again …")
@@ -190,37 +190,37 @@ def test_the_page_of_an_ended_run_shows_that_it_is_outdated(browser: Browser, ru
 
 
 def test_the_page_fits_any_screen_and_all_controls_have_names(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+    page = open_page(browser, run)
     for width in (320, 390, 1024, 1400):
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") == width
         boxes = [control.bounding_box() for control in page.locator("button, select").all()]
         assert all(box is not None and box["height"] >= 44 for box in boxes), "large enough for a thumb"
 
-    unnamed = page.locator("select").evaluate_all("all => all.filter(each => each.labels.length === 0).length")
-    assert (len(boxes), unnamed) == (8, 0)
+    unlabelled_count = page.locator("select").evaluate_all("all => all.filter(each => each.labels.length === 0).length")
+    assert (len(boxes), unlabelled_count) == (8, 0)
 
 
 def test_an_interrupted_run_leaves_a_complete_journal_that_replays(browser: Browser, tmp_path: Path) -> None:
     run = Run(tmp_path, "--pace", "fast")
-    page = opened(browser, run)
+    page = open_page(browser, run)
     page.get_by_role("button", name="Request a container").click()
     expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
     expect(page.locator("#orders")).to_contain_text("open")
     assert run.interrupt() == (130, "", "")
 
-    done = codra("replay", str(run.journal), "--package", f"{ROOT}/generated/store", cwd=tmp_path)
+    completed_process = codra("replay", str(run.journal), "--package", f"{ROOT}/generated/store", cwd=tmp_path)
 
-    assert (done.returncode, done.stdout.split(":")[0]) == (0, "equal")
+    assert (completed_process.returncode, completed_process.stdout.split(":")[0]) == (0, "equal")
 
 
 def test_a_port_in_use_is_reported(run: Run, tmp_path: Path) -> None:
     port = run.url.rstrip("/").rpartition(":")[2]
 
-    done = codra("run", STORE, "--world", "store", "--page", "--port", port, cwd=tmp_path)
+    completed_process = codra("run", STORE, "--world", "store", "--page", "--port", port, cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == f"codra: the page cannot be served at port {port}: Address already in use\n"
+    assert (completed_process.returncode, completed_process.stdout) == (1, "")
+    assert completed_process.stderr == f"codra: the page cannot be served at port {port}: Address already in use\n"
 
 
 # Without a page
@@ -228,10 +228,12 @@ def test_a_port_in_use_is_reported(run: Run, tmp_path: Path) -> None:
 
 def test_a_run_in_the_store_prints_its_result(tmp_path: Path) -> None:
     situation = ("--situation", "hidden", "--seed", "6", "--for", "200 s")
-    done = codra("run", STORE, "--world", "store", *situation, cwd=tmp_path)
+    completed_process = codra("run", STORE, "--world", "store", *situation, cwd=tmp_path)
 
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("200.0 s\norders              1 done\nmissions completed  1 (delivery)\n")
+    assert completed_process.returncode == 0, completed_process.stderr
+    assert completed_process.stdout.startswith(
+        "200.0 s\norders              1 done\nmissions completed  1 (delivery)\n"
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -244,23 +246,25 @@ def test_a_run_in_the_store_prints_its_result(tmp_path: Path) -> None:
     ],
 )
 def test_options_of_another_world_are_refused(options: tuple[str, ...], message: str, tmp_path: Path) -> None:
-    done = codra("run", STORE, *options, cwd=tmp_path)
+    completed_process = codra("run", STORE, *options, cwd=tmp_path)
 
-    assert done.returncode == 2
-    assert message in done.stderr
+    assert completed_process.returncode == 2
+    assert message in completed_process.stderr
 
 
 def test_a_spec_without_the_needs_of_the_store_is_refused(tmp_path: Path) -> None:
-    done = codra("run", str(ROOT / "specs/kitchen.yaml"), "--world", "store", cwd=tmp_path)
+    completed_process = codra("run", str(ROOT / "specs/kitchen.yaml"), "--world", "store", cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.startswith("codra: 'kitchen' does not run in the store: ")
+    assert (completed_process.returncode, completed_process.stdout) == (1, "")
+    assert completed_process.stderr.startswith("codra: 'kitchen' does not run in the store: ")
 
 
 def test_a_tree_with_an_action_that_the_truck_lacks_is_reported(tmp_path: Path) -> None:
-    for file in (copied(tmp_path), tmp_path / "trees/mission.xml"):
+    for file in (copied_spec(tmp_path), tmp_path / "trees/mission.xml"):
         file.write_text(file.read_text("utf-8").replace("LowerFork", "DropLoad"), "utf-8")
-    done = codra("run", "store.yaml", "--world", "store", cwd=tmp_path)
+    completed_process = codra("run", "store.yaml", "--world", "store", cwd=tmp_path)
 
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.startswith("codra: 'store' does not run in the store: the robot has no action 'DropLoad'")
+    assert (completed_process.returncode, completed_process.stdout) == (1, "")
+    assert completed_process.stderr.startswith(
+        "codra: 'store' does not run in the store: the robot has no action 'DropLoad'"
+    )

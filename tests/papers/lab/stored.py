@@ -27,24 +27,24 @@ def store(frame: Frame, picture: Path) -> None:
     """Write a frame's pixels as a PNG file, and its other values as JSON into the same folder."""
     assert cv2.imwrite(str(picture), cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR))
     intrinsics, pose = frame.intrinsics, frame.believed_map_from_camera
-    about = {
+    metadata = {
         "intrinsics": {"width": intrinsics.width, "height": intrinsics.height, "focal_px": intrinsics.focal_px},
         "rotation": pose.rotation.tolist(),
         "translation_m": pose.translation_m.tolist(),
         "stamp_s": frame.stamp_s,
     }
-    picture.with_suffix(".json").write_text(json.dumps(about), "utf-8")
+    picture.with_suffix(".json").write_text(json.dumps(metadata), "utf-8")
 
 
 def read_frame(picture: Path) -> Frame:
     """Read a frame that `store` wrote."""
-    about = json.loads(picture.with_suffix(".json").read_text("utf-8"))
+    metadata = json.loads(picture.with_suffix(".json").read_text("utf-8"))
     pixels = cv2.cvtColor(cv2.imread(str(picture), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
     return Frame(
         pixels=np.asarray(pixels, dtype=np.uint8),
-        intrinsics=Intrinsics(**about["intrinsics"]),
-        believed_map_from_camera=Pose(np.array(about["rotation"]), np.array(about["translation_m"])),
-        stamp_s=about["stamp_s"],
+        intrinsics=Intrinsics(**metadata["intrinsics"]),
+        believed_map_from_camera=Pose(np.array(metadata["rotation"]), np.array(metadata["translation_m"])),
+        stamp_s=metadata["stamp_s"],
     )
 
 

@@ -71,8 +71,8 @@ def shows_enough(tags: dict[Part, int]) -> bool:
     return tags[Part.BASE] >= 1 and tags[Part.LID] >= 1 and sum(tags.values()) >= 4
 
 
-def share(counts: Sequence[dict[Part, int]], holds: Callable[[dict[Part, int]], bool]) -> float:
-    return fmean(holds(tags) for tags in counts)
+def share(counts_of_views: Sequence[dict[Part, int]], has_property: Callable[[dict[Part, int]], bool]) -> float:
+    return fmean(has_property(tags) for tags in counts_of_views)
 
 
 @pytest.mark.parametrize("before", [(), ("unlock",)])
@@ -135,9 +135,9 @@ def without_observers(tmp_path_factory: pytest.TempPathFactory) -> Start:
     spec, _ = load_spec(ROOT / "specs" / "lab.yaml", ROOT / "specs")
     assert spec is not None
     skills = tuple(replace(skill, preview=(), monitor=(), changes=()) for skill in spec.skills)
-    checked, _ = check(replace(spec, skills=skills))
-    assert checked is not None
-    return load_start(emit(plan(checked)), spec.name, tmp_path_factory.mktemp("compiled"))
+    checked_spec, _ = check(replace(spec, skills=skills))
+    assert checked_spec is not None
+    return load_start(emit(plan(checked_spec)), spec.name, tmp_path_factory.mktemp("compiled"))
 
 
 def open_and_close(start: Start, seed: int) -> tuple[Sequential, Sequential]:
@@ -150,10 +150,10 @@ def open_and_close(start: Start, seed: int) -> tuple[Sequential, Sequential]:
         with start(clock=clock, resources={"camera": camera, "base": Localization(world, clock)}, seed=seed) as codra:
             eyes = TimedEyes(robot, camera, codra, clock, seed=seed)
             mission = Mission(robot, eyes, codra, clock, wait_s=0.0)
-            return timed(eyes, clock, mission.open_machine), timed(eyes, clock, mission.close_machine)
+            return timed_task(eyes, clock, mission.open_machine), timed_task(eyes, clock, mission.close_machine)
 
 
-def timed(eyes: TimedEyes, clock: SimClock, task: Callable[[str], None]) -> Sequential:
+def timed_task(eyes: TimedEyes, clock: SimClock, task: Callable[[str], None]) -> Sequential:
     start_s, eyes.tasks_s = clock.now_s(), []
     task(PCR_CYCLER)
     return Sequential(clock.now_s() - start_s, tuple(eyes.tasks_s))
@@ -169,11 +169,13 @@ def test_without_observers_opening_and_closing_take_as_long_as_in_the_paper(
     runs: list[tuple[Sequential, Sequential]], task: int, total_s: float, perception_s: float
 ) -> None:
     """P1, section 4.2 and Table 3, by arithmetic. Tasks with a slip and a second try are left out."""
-    smooth = [run[task] for run in runs if len(run[task].tasks_s) == 4]
+    runs_without_slip = [run[task] for run in runs if len(run[task].tasks_s) == 4]
 
-    assert len(smooth) >= 16
-    assert fmean(done.total_s for done in smooth) == pytest.approx(total_s, rel=0.05)
-    assert fmean(sum(done.tasks_s) for done in smooth) == pytest.approx(perception_s, rel=0.05)
+    assert len(runs_without_slip) >= 16
+    assert fmean(run_without_slip.total_s for run_without_slip in runs_without_slip) == pytest.approx(total_s, rel=0.05)
+    assert fmean(sum(run_without_slip.tasks_s) for run_without_slip in runs_without_slip) == pytest.approx(
+        perception_s, rel=0.05
+    )
 
 
 def test_opening_and_closing_take_four_perception_tasks_and_more_only_after_a_slip(

@@ -62,11 +62,11 @@ def lab(random: Random | None = None, seed: int = 1) -> Lab:
 
 def lab_at(machine: str, random: Random | None = None, seed: int = 1) -> Lab:
     """Return a laboratory whose robot has just arrived in front of a machine."""
-    there = lab(random, seed)
-    there.robot.drive_to(Station(machine))
-    put(there.world, Quantity.LOCALIZED, 1.0, at_s=there.clock.now_s())
-    there.clock.sleep(1.0)
-    return there
+    lab_of_robot = lab(random, seed)
+    lab_of_robot.robot.drive_to(Station(machine))
+    put(lab_of_robot.world, Quantity.LOCALIZED, 1.0, at_s=lab_of_robot.clock.now_s())
+    lab_of_robot.clock.sleep(1.0)
+    return lab_of_robot
 
 
 # Driving
@@ -74,78 +74,78 @@ def lab_at(machine: str, random: Random | None = None, seed: int = 1) -> Lab:
 
 @pytest.mark.parametrize("machine", MACHINES)
 def test_the_robot_arrives_within_reach_of_the_machine_facing_it(machine: str) -> None:
-    there = lab_at(machine)
-    state = there.world.state(there.clock.now_s())
+    lab_of_robot = lab_at(machine)
+    state = lab_of_robot.world.state(lab_of_robot.clock.now_s())
     to_machine_m = MACHINES[machine].map_from_base.translation_m - state.map_from_robot().translation_m
-    ahead = state.map_from_robot().rotation[:, 0]
+    forward = state.map_from_robot().rotation[:, 0]
 
-    assert there.truth(f"{machine}_in_manipulation_distance")
-    assert ahead @ to_machine_m / np.linalg.norm(to_machine_m[:2]) > 0.99
+    assert lab_of_robot.truth(f"{machine}_in_manipulation_distance")
+    assert forward @ to_machine_m / np.linalg.norm(to_machine_m[:2]) > 0.99
     assert MACHINES[machine].distance_m(state.map_from_robot()) == pytest.approx(0.85, abs=0.05)
 
 
 def test_a_drive_between_the_machines_takes_tens_of_seconds() -> None:
-    there = lab_at(CENTRIFUGE)
+    lab_of_robot = lab_at(CENTRIFUGE)
 
-    assert 20 < there.seconds_of(lambda: there.robot.drive_to(Station.PCR_CYCLER)) < 60
+    assert 20 < lab_of_robot.seconds_of(lambda: lab_of_robot.robot.drive_to(Station.PCR_CYCLER)) < 60
 
 
 def test_the_robot_drives_round_the_table_in_the_middle_of_the_room() -> None:
-    there = lab_at(CENTRIFUGE)
-    start_s = there.clock.now_s()
-    there.robot.drive_to(Station.PCR_CYCLER)
+    lab_of_robot = lab_at(CENTRIFUGE)
+    start_s = lab_of_robot.clock.now_s()
+    lab_of_robot.robot.drive_to(Station.PCR_CYCLER)
     x_m, y_m, _ = MACHINES[PCR_CYCLER].map_from_base.translation_m
-    for t_s in np.arange(start_s, there.clock.now_s(), 0.25):
-        base_x_m, base_y_m, _ = there.world.state(t_s).base
+    for t_s in np.arange(start_s, lab_of_robot.clock.now_s(), 0.25):
+        base_x_m, base_y_m, _ = lab_of_robot.world.state(t_s).base
         assert abs(base_x_m - x_m) > 0.6 + 0.3 or abs(base_y_m - y_m) > 0.35 + 0.3
 
 
 def test_the_large_machine_is_in_the_background_where_the_compact_one_is_looked_at() -> None:
     """A detector detects tags far beyond the distance at which they give reliable measurements, but they are small."""
-    there = lab_at(PCR_CYCLER)
-    there.robot.look_at(PCR_CYCLER, Part.LID)
-    with FrameSource(there.world) as source:
-        seen = {detection.tag_id for detection in detect(source.frame_at(there.clock.now_s()))}
+    lab_of_robot = lab_at(PCR_CYCLER)
+    lab_of_robot.robot.look_at(PCR_CYCLER, Part.LID)
+    with FrameSource(lab_of_robot.world) as source:
+        seen = {detection.tag_id for detection in detect(source.frame_at(lab_of_robot.clock.now_s()))}
 
     assert seen & {tag.tag_id for tag in MACHINES[CENTRIFUGE].tags}
-    assert not there.truth("centrifuge_in_observable_distance")
+    assert not lab_of_robot.truth("centrifuge_in_observable_distance")
 
 
 def test_the_robot_drives_home() -> None:
-    there = lab_at(CENTRIFUGE)
-    there.robot.drive_to(Station.HOME)
+    lab_of_robot = lab_at(CENTRIFUGE)
+    lab_of_robot.robot.drive_to(Station.HOME)
 
-    x_m, y_m, heading_rad = there.world.state(there.clock.now_s()).base
+    x_m, y_m, heading_rad = lab_of_robot.world.state(lab_of_robot.clock.now_s()).base
     assert (x_m, y_m) == pytest.approx(HOME[:2], abs=0.05)
     assert heading_rad % (2 * pi) == pytest.approx(HOME[2], abs=0.05)
 
 
 def test_the_robot_turns_the_short_way() -> None:
-    there = lab()
-    there.robot.drive_to(Station.PCR_CYCLER)
-    headings = [there.world.state(float(t_s)).base[2] for t_s in range(int(there.clock.now_s()))]
+    lab_of_robot = lab()
+    lab_of_robot.robot.drive_to(Station.PCR_CYCLER)
+    headings = [lab_of_robot.world.state(float(t_s)).base[2] for t_s in range(int(lab_of_robot.clock.now_s()))]
 
     assert max(headings) - min(headings) < pi / 2
 
 
 def test_a_robot_that_lost_its_way_relocalizes_before_it_drives_on() -> None:
-    unlucky = lab(UnluckyHand(1))
-    unlucky.robot.drive_to(Station.CENTRIFUGE)
+    unlucky_lab = lab(UnluckyHand(1))
+    unlucky_lab.robot.drive_to(Station.CENTRIFUGE)
 
-    assert not unlucky.robot.is_localized()
+    assert not unlucky_lab.robot.is_localized()
     with pytest.raises(LostError, match="relocalize"):
-        unlucky.robot.drive_to(Station.HOME)
-    unlucky.robot.relocalize()
-    unlucky.clock.sleep(0.1)
-    assert unlucky.robot.is_localized()
-    unlucky.robot.drive_to(Station.HOME)
+        unlucky_lab.robot.drive_to(Station.HOME)
+    unlucky_lab.robot.relocalize()
+    unlucky_lab.clock.sleep(0.1)
+    assert unlucky_lab.robot.is_localized()
+    unlucky_lab.robot.drive_to(Station.HOME)
 
 
 def test_the_robot_returns_its_believed_pose() -> None:
-    there = lab_at(CENTRIFUGE)
-    believed = there.robot.believed_map_from_base()
+    lab_of_robot = lab_at(CENTRIFUGE)
+    believed_pose = lab_of_robot.robot.believed_map_from_base()
 
-    assert MACHINES[CENTRIFUGE].distance_m(believed) == pytest.approx(0.85, abs=0.03)
+    assert MACHINES[CENTRIFUGE].distance_m(believed_pose) == pytest.approx(0.85, abs=0.03)
 
 
 # Looking
@@ -157,33 +157,33 @@ def looks() -> list[tuple[str, Part]]:
 
 @pytest.mark.parametrize(("machine", "part"), looks())
 def test_a_look_shows_the_part_and_most_of_the_base(machine: str, part: Part) -> None:
-    there = lab_at(machine, Random(3))
-    set_joint(there.world, machine, Part.LID, 1.35, at_s=there.clock.now_s())
-    there.robot.look_at(machine, part)
+    lab_of_robot = lab_at(machine, Random(3))
+    set_joint(lab_of_robot.world, machine, Part.LID, 1.35, at_s=lab_of_robot.clock.now_s())
+    lab_of_robot.robot.look_at(machine, part)
 
-    views = GeometricCamera().tags_in_view(there.world.state(there.clock.now_s()))
-    resolved = {view.tag_id for view in views if view.is_resolved()}
+    views = GeometricCamera().tags_in_view(lab_of_robot.world.state(lab_of_robot.clock.now_s()))
+    resolved_ids = {view.tag_id for view in views if view.is_resolved()}
 
-    assert resolved >= {tag.tag_id for tag in MACHINES[machine].tags_on(part)}
-    assert there.truth(f"{machine}_base_in_FOV")
+    assert resolved_ids >= {tag.tag_id for tag in MACHINES[machine].tags_on(part)}
+    assert lab_of_robot.truth(f"{machine}_base_in_FOV")
 
 
 def test_a_look_takes_as_long_as_in_the_paper_and_ends_at_rest() -> None:
     """P1, section 4.2: observers saved 15.8 and 16.9 s of each perception task, which is 87 and 89 %."""
-    there = lab_at(PCR_CYCLER)
-    took_s = [there.seconds_of(lambda: there.robot.look_at(PCR_CYCLER, Part.LID)) for _ in range(60)]
+    lab_of_robot = lab_at(PCR_CYCLER)
+    took_s = [lab_of_robot.seconds_of(lambda: lab_of_robot.robot.look_at(PCR_CYCLER, Part.LID)) for _ in range(60)]
 
     assert 18.0 < fmean(took_s) + LOOK_TAKES_S < 19.0
-    assert not there.world.moves_within(there.clock.now_s() - 1.0, there.clock.now_s() + 1.0)
+    assert not lab_of_robot.world.moves_within(lab_of_robot.clock.now_s() - 1.0, lab_of_robot.clock.now_s() + 1.0)
 
 
 @pytest.mark.parametrize(("is_localized", "low_m", "high_m"), [(1.0, 0.0, 0.06), (0.0, 0.3, 0.9)])
 def test_the_robot_looks_from_its_believed_position(is_localized: float, low_m: float, high_m: float) -> None:
-    there = lab_at(CENTRIFUGE)
-    put(there.world, Quantity.LOCALIZED, is_localized, at_s=there.clock.now_s())
-    there.clock.sleep(1.0)
-    there.robot.look_at(CENTRIFUGE, Part.LID)
-    camera_m = there.world.state(there.clock.now_s()).map_from_camera().translation_m
+    lab_of_robot = lab_at(CENTRIFUGE)
+    put(lab_of_robot.world, Quantity.LOCALIZED, is_localized, at_s=lab_of_robot.clock.now_s())
+    lab_of_robot.clock.sleep(1.0)
+    lab_of_robot.robot.look_at(CENTRIFUGE, Part.LID)
+    camera_m = lab_of_robot.world.state(lab_of_robot.clock.now_s()).map_from_camera().translation_m
     wanted_m = MACHINES[CENTRIFUGE].map_from_base.apply(np.array(observation_gaze(CENTRIFUGE, Part.LID)[:3]))
 
     assert low_m <= float(np.linalg.norm(camera_m - wanted_m)) < high_m
@@ -194,81 +194,88 @@ def test_the_robot_looks_from_its_believed_position(is_localized: float, low_m: 
 
 @pytest.mark.parametrize("machine", MACHINES)
 def test_a_machine_is_unlocked_opened_closed_and_locked(machine: str) -> None:
-    there = lab_at(machine)
-    seen = []
-    for action in (there.robot.unlock, there.robot.open_lid, there.robot.close_lid, there.robot.lock):
+    lab_of_robot = lab_at(machine)
+    locked_and_open = []
+    for action in (
+        lab_of_robot.robot.unlock,
+        lab_of_robot.robot.open_lid,
+        lab_of_robot.robot.close_lid,
+        lab_of_robot.robot.lock,
+    ):
         action(machine)
-        seen.append((there.truth(f"{machine}_locked"), there.truth(f"{machine}_open")))
+        locked_and_open.append((lab_of_robot.truth(f"{machine}_locked"), lab_of_robot.truth(f"{machine}_open")))
 
-    assert seen == [(False, False), (False, True), (False, False), (True, False)]
+    assert locked_and_open == [(False, False), (False, True), (False, False), (True, False)]
 
 
 def test_a_locked_lid_does_not_follow_the_hand() -> None:
-    there = lab_at(PCR_CYCLER)
-    there.robot.open_lid(PCR_CYCLER)
+    lab_of_robot = lab_at(PCR_CYCLER)
+    lab_of_robot.robot.open_lid(PCR_CYCLER)
 
-    assert there.angle_rad(PCR_CYCLER, Part.LID) == 0.0
+    assert lab_of_robot.angle_rad(PCR_CYCLER, Part.LID) == 0.0
 
 
 @pytest.mark.parametrize("part", [Part.LATCH, Part.LID])
 def test_a_part_that_slips_stops_on_its_way(part: Part) -> None:
-    there = lab_at(PCR_CYCLER, UnluckyHand(1))
+    lab_of_robot = lab_at(PCR_CYCLER, UnluckyHand(1))
     if part is Part.LID:
-        set_joint(there.world, PCR_CYCLER, Part.LATCH, 1.0, at_s=there.clock.now_s())
-        there.clock.sleep(0.1)
-        there.robot.open_lid(PCR_CYCLER)
+        set_joint(lab_of_robot.world, PCR_CYCLER, Part.LATCH, 1.0, at_s=lab_of_robot.clock.now_s())
+        lab_of_robot.clock.sleep(0.1)
+        lab_of_robot.robot.open_lid(PCR_CYCLER)
     else:
-        there.robot.unlock(PCR_CYCLER)
+        lab_of_robot.robot.unlock(PCR_CYCLER)
 
     _, end_rad = MACHINES[PCR_CYCLER].joint(part).range_rad
-    assert there.angle_rad(PCR_CYCLER, part) == pytest.approx(SLIP_SHARE * end_rad)
-    assert there.truth("pcr_cycler_open") is False
+    assert lab_of_robot.angle_rad(PCR_CYCLER, part) == pytest.approx(SLIP_SHARE * end_rad)
+    assert lab_of_robot.truth("pcr_cycler_open") is False
 
 
 def test_the_rotor_turns_under_an_open_lid_only() -> None:
-    there = lab_at(CENTRIFUGE)
-    there.robot.turn_rotor(RotorPosition.SECOND)
-    assert there.truth("centrifuge_rotor_in_pos_1")
+    lab_of_robot = lab_at(CENTRIFUGE)
+    lab_of_robot.robot.turn_rotor(RotorPosition.SECOND)
+    assert lab_of_robot.truth("centrifuge_rotor_in_pos_1")
 
-    set_joint(there.world, CENTRIFUGE, Part.LID, 1.35, at_s=there.clock.now_s())
-    there.robot.turn_rotor(RotorPosition.SECOND)
-    assert there.truth("centrifuge_rotor_in_pos_2")
+    set_joint(lab_of_robot.world, CENTRIFUGE, Part.LID, 1.35, at_s=lab_of_robot.clock.now_s())
+    lab_of_robot.robot.turn_rotor(RotorPosition.SECOND)
+    assert lab_of_robot.truth("centrifuge_rotor_in_pos_2")
 
 
 def test_samples_go_in_and_out_through_an_open_lid_only() -> None:
-    there = lab_at(PCR_CYCLER)
-    there.robot.take_samples(PCR_CYCLER)
-    assert not there.robot.is_carrying
+    lab_of_robot = lab_at(PCR_CYCLER)
+    lab_of_robot.robot.take_samples(PCR_CYCLER)
+    assert not lab_of_robot.robot.is_carrying
 
-    set_joint(there.world, PCR_CYCLER, Part.LID, 1.35, at_s=there.clock.now_s())
-    there.robot.take_samples(PCR_CYCLER)
-    assert there.robot.is_carrying
+    set_joint(lab_of_robot.world, PCR_CYCLER, Part.LID, 1.35, at_s=lab_of_robot.clock.now_s())
+    lab_of_robot.robot.take_samples(PCR_CYCLER)
+    assert lab_of_robot.robot.is_carrying
 
-    set_joint(there.world, PCR_CYCLER, Part.LID, 0.0, at_s=there.clock.now_s())
-    there.robot.bring_samples(PCR_CYCLER)
-    assert there.robot.is_carrying
+    set_joint(lab_of_robot.world, PCR_CYCLER, Part.LID, 0.0, at_s=lab_of_robot.clock.now_s())
+    lab_of_robot.robot.bring_samples(PCR_CYCLER)
+    assert lab_of_robot.robot.is_carrying
 
-    set_joint(there.world, PCR_CYCLER, Part.LID, 1.35, at_s=there.clock.now_s())
-    there.robot.bring_samples(PCR_CYCLER)
-    assert not there.robot.is_carrying
+    set_joint(lab_of_robot.world, PCR_CYCLER, Part.LID, 1.35, at_s=lab_of_robot.clock.now_s())
+    lab_of_robot.robot.bring_samples(PCR_CYCLER)
+    assert not lab_of_robot.robot.is_carrying
     with pytest.raises(RuntimeError, match="no sample tray"):
-        there.robot.bring_samples(PCR_CYCLER)
+        lab_of_robot.robot.bring_samples(PCR_CYCLER)
 
 
 def test_the_tray_is_in_the_hand_only_between_machine_and_deck() -> None:
-    there = lab_at(PCR_CYCLER)
-    set_joint(there.world, PCR_CYCLER, Part.LID, 1.35, at_s=there.clock.now_s())
-    start_s = there.clock.now_s()
-    there.robot.take_samples(PCR_CYCLER)
-    held = [there.world.state(t_s).is_holding for t_s in np.arange(start_s, there.clock.now_s(), 0.5)]
+    lab_of_robot = lab_at(PCR_CYCLER)
+    set_joint(lab_of_robot.world, PCR_CYCLER, Part.LID, 1.35, at_s=lab_of_robot.clock.now_s())
+    start_s = lab_of_robot.clock.now_s()
+    lab_of_robot.robot.take_samples(PCR_CYCLER)
+    holding_samples = [
+        lab_of_robot.world.state(t_s).is_holding for t_s in np.arange(start_s, lab_of_robot.clock.now_s(), 0.5)
+    ]
 
-    assert (held[0], held[-1]) == (False, False)
-    assert 10 < sum(held) * 0.5 < 40
+    assert (holding_samples[0], holding_samples[-1]) == (False, False)
+    assert 10 < sum(holding_samples) * 0.5 < 40
 
 
 def test_a_machine_out_of_reach_is_neither_touched_nor_looked_at() -> None:
-    there = lab_at(CENTRIFUGE)
-    robot = there.robot
+    lab_of_robot = lab_at(CENTRIFUGE)
+    robot = lab_of_robot.robot
 
     for action in (robot.unlock, robot.lock, robot.open_lid, robot.close_lid, robot.take_samples):
         with pytest.raises(OutOfReachError, match=r"m from the pcr_cycler, and its arm reaches 0\.95 m"):
@@ -281,16 +288,16 @@ def test_a_machine_out_of_reach_is_neither_touched_nor_looked_at() -> None:
 
 def test_opening_the_large_machine_leaves_hardly_a_complete_tag_in_view() -> None:
     """P1, section 4.1: too few markers are visible, because the hand works close to the machine."""
-    there = lab_at(CENTRIFUGE)
-    there.robot.unlock(CENTRIFUGE)
-    before = GeometricCamera().tags_in_view(there.world.state(there.clock.now_s()))
-    start_s = there.clock.now_s()
-    there.robot.open_lid(CENTRIFUGE)
-    hand_on_s = np.arange(start_s, there.clock.now_s(), 0.5)
-    working_s = [t_s for t_s in hand_on_s if there.world.state(t_s).reach == 1.0]
+    lab_of_robot = lab_at(CENTRIFUGE)
+    lab_of_robot.robot.unlock(CENTRIFUGE)
+    before = GeometricCamera().tags_in_view(lab_of_robot.world.state(lab_of_robot.clock.now_s()))
+    start_s = lab_of_robot.clock.now_s()
+    lab_of_robot.robot.open_lid(CENTRIFUGE)
+    hand_on_s = np.arange(start_s, lab_of_robot.clock.now_s(), 0.5)
+    working_s = [t_s for t_s in hand_on_s if lab_of_robot.world.state(t_s).reach == 1.0]
     geometry = GeometricCamera()
     complete_tags = [
-        sum(view.is_resolved() for view in geometry.tags_in_view(there.world.state(t_s))) for t_s in working_s
+        sum(view.is_resolved() for view in geometry.tags_in_view(lab_of_robot.world.state(t_s))) for t_s in working_s
     ]
 
     assert sum(view.is_resolved() for view in before) >= 4
@@ -299,24 +306,24 @@ def test_opening_the_large_machine_leaves_hardly_a_complete_tag_in_view() -> Non
 
 
 def test_after_it_touched_the_compact_machine_the_arm_waits_with_a_complete_view_of_it() -> None:
-    there = lab_at(PCR_CYCLER)
-    there.robot.unlock(PCR_CYCLER)
-    there.robot.open_lid(PCR_CYCLER)
+    lab_of_robot = lab_at(PCR_CYCLER)
+    lab_of_robot.robot.unlock(PCR_CYCLER)
+    lab_of_robot.robot.open_lid(PCR_CYCLER)
 
-    views = GeometricCamera().tags_in_view(there.world.state(there.clock.now_s()))
+    views = GeometricCamera().tags_in_view(lab_of_robot.world.state(lab_of_robot.clock.now_s()))
 
     assert {view.tag_id for view in views if view.is_resolved()} >= {tag.tag_id for tag in MACHINES[PCR_CYCLER].tags}
 
 
 def test_no_gaze_is_farther_from_the_shoulder_than_the_arm_is_long() -> None:
     for machine in MACHINES:
-        there = lab_at(machine)
-        robot = there.robot
+        lab_of_robot = lab_at(machine)
+        robot = lab_of_robot.robot
         for action in (robot.unlock, robot.open_lid, robot.take_samples, robot.bring_samples, robot.close_lid):
             action(machine)
-        instants_s = np.arange(0.0, there.clock.now_s(), 0.5).tolist()
+        instants_s = np.arange(0.0, lab_of_robot.clock.now_s(), 0.5).tolist()
 
-        assert max(shoulder_to_wrist_m(there.world.state(t_s)) for t_s in instants_s) < ARM_LENGTH_M
+        assert max(shoulder_to_wrist_m(lab_of_robot.world.state(t_s)) for t_s in instants_s) < ARM_LENGTH_M
 
 
 # Time
@@ -335,9 +342,9 @@ def test_no_duration_is_ever_much_shorter_than_its_mean() -> None:
     assert min(Spread(10.0, 50.0).draw(Random(seed)) for seed in range(100)) == 4.0
 
 
-def process_samples(there: Lab) -> None:
+def process_samples(lab_of_robot: Lab) -> None:
     """Run P1's loop with a look before and after each manipulation."""
-    robot, clock = there.robot, there.clock
+    robot, clock = lab_of_robot.robot, lab_of_robot.clock
 
     def drive_to(station: Station) -> None:
         if not robot.is_localized():
@@ -370,42 +377,47 @@ def process_samples(there: Lab) -> None:
 
 def test_a_loop_of_sample_processing_takes_as_long_as_in_the_paper() -> None:
     """P1, Table 2: the ten runs took from 1,128 to 6,880 s."""
-    there = lab(SteadyHand(1))
-    process_samples(there)
+    lab_of_robot = lab(SteadyHand(1))
+    process_samples(lab_of_robot)
 
-    assert 1128 < there.clock.now_s() < 6880
-    assert not there.robot.is_carrying
+    assert 1128 < lab_of_robot.clock.now_s() < 6880
+    assert not lab_of_robot.robot.is_carrying
 
 
 def test_observers_do_not_change_the_actions_of_the_robot() -> None:
-    watched, alone = lab(Random(4), seed=4), lab(Random(4), seed=4)
-    alone.robot.drive_to(Station.PCR_CYCLER)
-    alone.robot.look_at(PCR_CYCLER, Part.LID)
-    alone.robot.unlock(PCR_CYCLER)
-    seen: set[int] = set()
-    with FrameSource(watched.world) as source:
-        handle = ArmCamera(source, watched.clock)
+    watched_lab, unwatched_lab = lab(Random(4), seed=4), lab(Random(4), seed=4)
+    unwatched_lab.robot.drive_to(Station.PCR_CYCLER)
+    unwatched_lab.robot.look_at(PCR_CYCLER, Part.LID)
+    unwatched_lab.robot.unlock(PCR_CYCLER)
+    seen_ids: set[int] = set()
+    with FrameSource(watched_lab.world) as source:
+        handle = ArmCamera(source, watched_lab.clock)
 
         def watch() -> None:
-            seen.update(detection.tag_id for detection in detect(handle.capture()))
-            watched.clock.call_at(watched.clock.now_s() + 2.0, watch)
+            seen_ids.update(detection.tag_id for detection in detect(handle.capture()))
+            watched_lab.clock.call_at(watched_lab.clock.now_s() + 2.0, watch)
 
         watch()
-        watched.robot.drive_to(Station.PCR_CYCLER)
-        watched.robot.look_at(PCR_CYCLER, Part.LID)
-        watched.robot.unlock(PCR_CYCLER)
+        watched_lab.robot.drive_to(Station.PCR_CYCLER)
+        watched_lab.robot.look_at(PCR_CYCLER, Part.LID)
+        watched_lab.robot.unlock(PCR_CYCLER)
 
-    assert seen >= {tag.tag_id for tag in MACHINES[PCR_CYCLER].tags}
-    assert watched.clock.now_s() == alone.clock.now_s()
-    for t_s in np.linspace(0.0, alone.clock.now_s(), 200).tolist():
-        assert watched.world.state(t_s) == alone.world.state(t_s)
+    assert seen_ids >= {tag.tag_id for tag in MACHINES[PCR_CYCLER].tags}
+    assert watched_lab.clock.now_s() == unwatched_lab.clock.now_s()
+    for t_s in np.linspace(0.0, unwatched_lab.clock.now_s(), 200).tolist():
+        assert watched_lab.world.state(t_s) == unwatched_lab.world.state(t_s)
 
 
 def test_truth_follows_a_complete_visit() -> None:
-    there = lab_at(PCR_CYCLER)
-    for action in (there.robot.unlock, there.robot.open_lid, there.robot.close_lid, there.robot.lock):
+    lab_of_robot = lab_at(PCR_CYCLER)
+    for action in (
+        lab_of_robot.robot.unlock,
+        lab_of_robot.robot.open_lid,
+        lab_of_robot.robot.close_lid,
+        lab_of_robot.robot.lock,
+    ):
         action(PCR_CYCLER)
-    spans = GroundTruth(there.world).over(0.0, there.clock.now_s())
+    spans = GroundTruth(lab_of_robot.world).over(0.0, lab_of_robot.clock.now_s())
     changes = [span.values["pcr_cycler_open"] for span in spans]
 
     assert [value for value, before in zip(changes, [None, *changes], strict=False) if value != before] == [

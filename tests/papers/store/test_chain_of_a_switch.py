@@ -67,7 +67,7 @@ def infer(rules: list[str], values: Values) -> float:
     """Mamdani's method: conclusions cut off at their rules' strengths, and the centre of gravity of all of them."""
     clipped_conclusions = [(rule.split()[-1], strength(rule, values)) for rule in rules]
     xs = [(index + 0.5) / POINTS for index in range(POINTS)]
-    ys = [max(min(strong, share_is(term, x)) for term, strong in clipped_conclusions) for x in xs]
+    ys = [max(min(strength_of_rule, share_is(term, x)) for term, strength_of_rule in clipped_conclusions) for x in xs]
     return sum(x * y for x, y in zip(xs, ys, strict=True)) / sum(ys)
 
 
@@ -145,9 +145,9 @@ def changes(events: list[Event], action: str) -> Iterator[tuple[float, float]]:
             yield event.instant_s, event.details["value"]
 
 
-def smoothed_weight(written: list[tuple[float, float]], instant_s: float) -> float:
-    smoothed_value = written[0][1]
-    for (since_s, weight), (until_s, _) in pairwise([*written, (math.inf, 0.0)]):
+def smoothed_weight(written_values: list[tuple[float, float]], instant_s: float) -> float:
+    smoothed_value = written_values[0][1]
+    for (since_s, weight), (until_s, _) in pairwise([*written_values, (math.inf, 0.0)]):
         if since_s <= instant_s:
             smoothed_value = weight + (smoothed_value - weight) * math.exp(
                 (since_s - min(until_s, instant_s)) / SMOOTH_S
@@ -157,15 +157,17 @@ def smoothed_weight(written: list[tuple[float, float]], instant_s: float) -> flo
 
 def test_the_state_of_the_filter_follows_from_the_weights_that_were_written(events: list[Event], switch: Event) -> None:
     before = events[: events.index(switch)]
-    written = {action: list(changes(before, action)) for action in ACTIONS}
+    values_by_action = {action: list(changes(before, action)) for action in ACTIONS}
     weights = {record["name"]: record for record in switch.details["weights"]}
 
     def lead(instant_s: float) -> float:
-        return smoothed_weight(written["start"], instant_s) - smoothed_weight(written["pick"], instant_s)
+        return smoothed_weight(values_by_action["start"], instant_s) - smoothed_weight(
+            values_by_action["pick"], instant_s
+        )
 
     for action in ACTIONS:
         assert weights[action]["smoothed"] == pytest.approx(
-            smoothed_weight(written[action], switch.instant_s), abs=1e-9
+            smoothed_weight(values_by_action[action], switch.instant_s), abs=1e-9
         )
     since_s = weights["start"]["leads_since_s"]
     assert lead(since_s) == pytest.approx(LEAD, abs=1e-6)
@@ -193,6 +195,6 @@ def test_the_counterfactual_keeps_the_pick_up_and_a_slightly_smaller_change_does
         start, pick = (infer(rules_about(switch, action), values_by_name) for action in ("start", "pick"))
         return start - pick
 
-    kept = json.loads(change["other"])
+    kept_distance_m = json.loads(change["other"])
     assert change["name"] == "person_distance"
-    assert start_leads_by(kept + 1e-3) < LEAD < start_leads_by(kept - 1e-3)
+    assert start_leads_by(kept_distance_m + 1e-3) < LEAD < start_leads_by(kept_distance_m - 1e-3)

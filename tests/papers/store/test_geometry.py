@@ -19,23 +19,23 @@ boxes = st.builds(Box, poses, st.floats(0.3, 2), st.floats(0.3, 2))
 discs = st.builds(Disc, st.tuples(coordinates, coordinates), st.floats(0.1, 1))
 
 
-def holds(shape: Box | Disc, point: Point) -> bool:
+def contains(shape: Box | Disc, point: Point) -> bool:
     """Whether a point lies in a shape: for a rectangle, on the inner side of all its edges."""
     if isinstance(shape, Disc):
         return hypot(point[0] - shape.centre_m[0], point[1] - shape.centre_m[1]) <= shape.radius_m
     corners = shape.corners()
-    crosses = [
+    cross_products = [
         (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
         for a, b in zip(corners, (*corners[1:], corners[0]), strict=True)
     ]
-    return all(cross >= 0 for cross in crosses)
+    return all(cross_product >= 0 for cross_product in cross_products)
 
 
 def marched_m(shapes: list[Box | Disc], eye: Point, bearing_rad: float) -> float:
     for step in range(round(FARTHEST_M / STEP_M) + 1):
         distance_m = step * STEP_M
         point = (eye[0] + distance_m * cos(bearing_rad), eye[1] + distance_m * sin(bearing_rad))
-        if any(holds(shape, point) for shape in shapes):
+        if any(contains(shape, point) for shape in shapes):
             return distance_m
     return FARTHEST_M
 
@@ -48,7 +48,7 @@ def test_a_ray_ends_where_a_point_that_marches_along_it_first_hits_a_shape(
     some_boxes: list[Box], some_discs: list[Disc], eye: Point, bearing_rad: float
 ) -> None:
     shapes = [*some_boxes, *some_discs]
-    if any(holds(shape, eye) for shape in shapes):
+    if any(contains(shape, eye) for shape in shapes):
         return
     ray_m = float(Scene(some_boxes, some_discs).ranges_m(eye, np.array([bearing_rad]), FARTHEST_M)[0])
     walk_m = marched_m(shapes, eye, bearing_rad)
@@ -59,23 +59,23 @@ def test_a_ray_ends_where_a_point_that_marches_along_it_first_hits_a_shape(
             (eye[0] + distance_m * cos(bearing_rad), eye[1] + distance_m * sin(bearing_rad))
             for distance_m in (ray_m - 1e-6, ray_m + 1e-6)
         )
-        assert not any(holds(shape, before) for shape in shapes)
-        assert any(holds(shape, after) for shape in shapes) or touches(shapes, after)
+        assert not any(contains(shape, before) for shape in shapes)
+        assert any(contains(shape, after) for shape in shapes) or touches(shapes, after)
 
 
 def touches(shapes: list[Box | Disc], point: Point) -> bool:
     """Whether a shape is next to a point."""
-    around = [(point[0] + 1e-4 * cos(turn), point[1] + 1e-4 * sin(turn)) for turn in np.linspace(0, 2 * pi, 16)]
-    return any(holds(shape, neighbour) for shape in shapes for neighbour in around)
+    neighbours = [(point[0] + 1e-4 * cos(turn), point[1] + 1e-4 * sin(turn)) for turn in np.linspace(0, 2 * pi, 16)]
+    return any(contains(shape, neighbour) for shape in shapes for neighbour in neighbours)
 
 
 @settings(max_examples=150, deadline=None)
 @given(boxes, boxes)
 def test_rectangles_overlap_if_a_point_of_a_fine_grid_lies_in_both(one: Box, other: Box) -> None:
     shares = np.linspace(-0.499, 0.499, 41)
-    grid = [one.centre.out(a * one.length_m, b * one.width_m) for a in shares for b in shares]
+    grid = [one.centre.point_at(a * one.length_m, b * one.width_m) for a in shares for b in shares]
 
-    if any(holds(other, point) for point in grid):
+    if any(contains(other, point) for point in grid):
         assert one.overlaps(other)
     assert one.overlaps(other) == other.overlaps(one)
     if not one.overlaps(other):
@@ -93,14 +93,14 @@ def test_the_distance_to_a_rectangle_is_that_to_the_nearest_point_of_its_edges(b
         for s in shares
     )
 
-    assert box.distance_m(point) == 0.0 if holds(box, point) else abs(box.distance_m(point) - nearest) < 0.02
+    assert box.distance_m(point) == 0.0 if contains(box, point) else abs(box.distance_m(point) - nearest) < 0.02
 
 
 @given(poses, st.tuples(coordinates, coordinates))
-def test_seen_from_here_is_the_inverse_of_out(pose: Pose2D, point: Point) -> None:
-    back = pose.out(*pose.seen_from_here(point))
+def test_relative_point_is_the_inverse_of_point_at(pose: Pose2D, point: Point) -> None:
+    same_point = pose.point_at(*pose.relative_point(point))
 
-    assert hypot(back[0] - point[0], back[1] - point[1]) < 1e-9
+    assert hypot(same_point[0] - point[0], same_point[1] - point[1]) < 1e-9
 
 
 @given(st.floats(-100, 100))

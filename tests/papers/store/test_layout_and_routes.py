@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from codra_papers.store.geometry import Disc, Pose2D
 from codra_papers.store.knowledge import named_floor_poses
-from codra_papers.store.layout import AREAS, CORRIDORS_X_M, DEPTH_M, FIXED, LENGTH_M, PICKING_AREAS, START
+from codra_papers.store.layout import AREAS, CORRIDORS_X_M, DEPTH_M, FIXED_BOXES, LENGTH_M, PICKING_AREAS, START
 from codra_papers.store.routes import LANE_M, TURNING_ROOM_M, NoRouteError, clearance_m, has_room, route
-from codra_papers.store.simulator.sensors import SMALLEST_SHARE, visible_share
+from codra_papers.store.simulator.sensors import SMALLEST_VISIBLE_SHARE, visible_share
 from codra_papers.store.simulator.state import Container, RobotState, StoreState
 
 OPEN = sorted(name for name in named_floor_poses() if not name.endswith("_delivery"))
@@ -31,11 +31,11 @@ def test_from_each_observation_pose_one_of_the_places_is_in_sight(name: str, pos
     shares = []
     for place in area.places:
         container = Container(name="box", at=place)
-        robot = RobotState(at=area.observation[pose])
+        robot = RobotState(at=area.observation_poses[pose])
         state = StoreState(step=0, instant_s=0.0, robot=robot, containers=(container,), people_m=())
         shares.append(visible_share(state, container.box()))
 
-    assert [share >= SMALLEST_SHARE for share in shares][pose] == seen[pose]
+    assert [share >= SMALLEST_VISIBLE_SHARE for share in shares][pose] == seen[pose]
     assert shares[1] == 0.0 if pose == 0 else shares[1] > 0.5
 
 
@@ -51,16 +51,16 @@ def test_a_route_leads_there_and_leaves_room_to_turn_all_along(start: str, goal:
 
 @pytest.mark.parametrize("name", AREAS)
 def test_from_a_recess_the_route_first_leads_straight_out(name: str) -> None:
-    inside = AREAS[name].delivery
-    points = route(inside, START)
+    delivery = AREAS[name].delivery
+    points = route(delivery, START)
 
-    assert inside.seen_from_here(points[0])[0] > 0.3
-    assert abs(inside.seen_from_here(points[0])[1]) < 1e-9
-    assert has_room(inside.point_m, points[0], LANE_M)
+    assert delivery.relative_point(points[0])[0] > 0.3
+    assert abs(delivery.relative_point(points[0])[1]) < 1e-9
+    assert has_room(delivery.point_m, points[0], LANE_M)
 
 
 def test_a_route_goes_around_places_to_avoid() -> None:
-    goal = AREAS["area_2"].observation[1]
+    goal = AREAS["area_2"].observation_poses[1]
     obstacle = Disc((8.2, 4.0), 0.3)
     points = [START.point_m, *route(START, goal, (obstacle,))]
 
@@ -73,6 +73,6 @@ def test_a_route_goes_around_places_to_avoid() -> None:
 
 def test_without_a_route_an_error_is_raised() -> None:
     with pytest.raises(NoRouteError, match="no room to turn"):
-        route(START, FIXED[0].centre)
+        route(START, FIXED_BOXES[0].centre)
     with pytest.raises(NoRouteError, match="no route"):
         route(Pose2D(1.0, 1.0), START, (Disc((4.0, 2.0), 1.2), Disc((1.0, 9.0), 1.0)))

@@ -47,7 +47,7 @@ class RecordedRun:
         ends = [event for event in self.events if event.name in TASKS and event.what in ("finished", "aborted")]
         return [f"{event.name} {event.details.get('result') or event.what}" for event in ends]
 
-    def written(self, name: str) -> list[object]:
+    def written_values(self, name: str) -> list[object]:
         return [event.details.get("value") for event in self.events if (event.name, event.what) == (name, "written")]
 
     def values(self, variable: str) -> list[object]:
@@ -88,7 +88,7 @@ def test_an_ordinary_order_is_delivered(seed: int) -> None:
     """With seed 3, a person stands for a while at the place where the robot must turn."""
     run = recorded_run_of(Situation.ORDINARY, seed)
 
-    assert run.written("order_1.state") == ["open", "done"]
+    assert run.written_values("order_1.state") == ["open", "done"]
     assert run.run.score.deliveries == ("delivery",)
     assert run.run.score.bumps == 0
 
@@ -97,8 +97,8 @@ def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instea
     """P2's first situation: a container is provided, ordered elsewhere while people fill it, and full on the way."""
     run = recorded_run(Situation.SECOND_ORDER)
 
-    assert run.written("order_1.state")[-1] == "done"
-    assert run.written("order_2.state")[-1] == "aborted"
+    assert run.written_values("order_1.state")[-1] == "done"
+    assert run.written_values("order_2.state")[-1] == "aborted"
     assert run.run.score.deliveries == ("area_1", "delivery")
     ordered_s = run.instant_s("order_2", "node_inserted")
     full_s = run.instant_s("container_load", "identified", value="full")
@@ -118,7 +118,7 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed
     assert abs(last_values.pop("safety") - 0.5) < 0.01
     assert max(last_values, key=lambda name: last_values[name]) == "weight_of_start"
     assert "fetching aborted" in run.task_results()
-    assert run.written("order_1.state") == ["open"]
+    assert run.written_values("order_1.state") == ["open"]
     assert "mission_aborted" in run.values("base_notice")
 
 
@@ -126,7 +126,7 @@ def test_an_aborted_pick_up_is_tried_again_from_the_start_and_delivered_once_the
     run = RecordedRun(Situation.PEOPLE_CLOSE, 6, 293.0)
     task_results = run.task_results()
 
-    assert run.written("order_1.state")[-1] == "done"
+    assert run.written_values("order_1.state")[-1] == "done"
     assert run.run.score.deliveries == ("delivery",)
     assert (
         task_results.count("fetching aborted")
@@ -154,16 +154,16 @@ def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(seed: 
         *("detecting lost", "detecting lost", "fetching not_found"),
     ]
     assert run.values("base_notice")[-1] == "container_not_found"
-    assert run.written("order_1.state") == ["open", "failed"]
+    assert run.written_values("order_1.state") == ["open", "failed"]
     assert run.task_results()[-1] == "navigating arrived"
     assert run.courses()[-1] == "start"
 
 
 @pytest.mark.parametrize("situation", LASTS_S)
 def test_the_same_seed_gives_the_same_journal_byte_for_byte(situation: Situation) -> None:
-    again = RecordedRun(situation, SEEDS[situation], LASTS_S[situation])
+    repeated_run = RecordedRun(situation, SEEDS[situation], LASTS_S[situation])
 
-    assert again.journal.read_bytes() == recorded_run(situation).journal.read_bytes()
+    assert repeated_run.journal.read_bytes() == recorded_run(situation).journal.read_bytes()
 
 
 def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> None:
@@ -180,16 +180,16 @@ def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> No
         "--for",
         duration,
     )
-    ended = codra("run", *words, "--journal", str(journal), cwd=ROOT)
+    completed_process = codra("run", *words, "--journal", str(journal), cwd=ROOT)
 
-    assert "orders              1 open" in ended.stdout
+    assert "orders              1 open" in completed_process.stdout
     assert journal.read_bytes() == recorded_run(Situation.PEOPLE_CLOSE).journal.read_bytes()
 
 
 def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactual() -> None:
     """Each link leads to the place of the rule in the spec."""
     journal = str(recorded_run(Situation.PEOPLE_CLOSE).journal)
-    why = codra("why", "course", "--journal", journal, cwd=ROOT).stdout
+    explanation = codra("why", "course", "--journal", journal, cwd=ROOT).stdout
 
     for link in (
         "start was chosen at ",
@@ -202,14 +202,14 @@ def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactu
         "the branch pick ended (halted)",
         "pick would have been kept by person_distance = ",
     ):
-        assert link in why
+        assert link in explanation
 
 
 def test_why_of_a_metric_and_of_a_weight_prints_their_causes() -> None:
     run = recorded_run(Situation.PEOPLE_CLOSE)
     switched_s = [event.instant_s for event in run.events if (event.name, event.what) == ("course", "chosen")][-1]
-    asked = ("--journal", str(run.journal), "--at", str(switched_s - 0.01))
-    of_metric, of_weight = (codra("why", name, *asked, cwd=ROOT).stdout for name in ("safety", "weight_of_start"))
+    options = ("--journal", str(run.journal), "--at", str(switched_s - 0.01))
+    of_metric, of_weight = (codra("why", name, *options, cwd=ROOT).stdout for name in ("safety", "weight_of_start"))
 
     for link in (
         "safety has been 0.5 since ",

@@ -18,7 +18,7 @@ from codra_papers.store.knowledge import floor_pose_of, named_floor_poses, pose_
 
 PATH = Path(__file__).parents[3] / "specs" / "store.yaml"
 MODEL = store_knowledge()
-OF_LOOPS = {"fetching"}
+LOOP_TASKS = {"fetching"}
 """The tasks between the two trees, which the world's own agents do not know."""
 
 
@@ -36,7 +36,7 @@ def names(writers: object) -> set[str]:
 def test_the_same_nodes_edges_tasks_and_agents_are_declared() -> None:
     assert {node.name: node.type.name for node in spec().nodes} == {node.name: node.type for node in MODEL.nodes}
     assert {edge.name for edge in spec().edges} == {edge.name for edge in MODEL.edge_types}
-    assert {task.name for task in spec().tasks} == {task.name for task in MODEL.tasks} | OF_LOOPS
+    assert {task.name for task in spec().tasks} == {task.name for task in MODEL.tasks} | LOOP_TASKS
     assert {agent.name for agent in spec().agents} == {agent.name for agent in MODEL.agents} | {"analysis"}
 
 
@@ -61,16 +61,16 @@ def test_poses_from_the_start_are_those_of_the_world() -> None:
             continue
         roll_rad, pitch_rad, yaw_rad = edge.pose.rotation_rad
         turns = [Pose.about(axis, turn) for axis, turn in (((0, 0, 1), yaw_rad), ((0, 1, 0), pitch_rad))]
-        turned = turns[0] @ turns[1] @ Pose.about((1, 0, 0), roll_rad)
-        stated = Pose(edge.pose.translation_m, turned.rotation)
-        assert stated.distance_m(of_model[edge.name]) < 1e-6, edge.name
-        assert stated.angle_rad(of_model[edge.name]) < 1e-5, edge.name
+        rotated_pose = turns[0] @ turns[1] @ Pose.about((1, 0, 0), roll_rad)
+        stated_pose = Pose(edge.pose.translation_m, rotated_pose.rotation)
+        assert stated_pose.distance_m(of_model[edge.name]) < 1e-6, edge.name
+        assert stated_pose.angle_rad(of_model[edge.name]) < 1e-5, edge.name
 
 
 def test_tasks_have_the_same_executors_requesters_results_and_deadlines() -> None:
     of_model = {task.name: task for task in MODEL.tasks}
     for task in spec().tasks:
-        if task.name in OF_LOOPS:
+        if task.name in LOOP_TASKS:
             continue
         model = of_model[task.name]
         assert task.by.name == model.by

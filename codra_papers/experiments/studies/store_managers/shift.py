@@ -8,7 +8,7 @@ from functools import partial
 from random import Random
 
 from codra_papers.store.layout import AREAS, DELIVERY, PICKING_AREAS, SUPPLY
-from codra_papers.store.simulator.people import crossing
+from codra_papers.store.simulator.people import new_visitor
 from codra_papers.store.simulator.situations import OrderKind, Situation, StoreSettings
 from codra_papers.store.simulator.state import Load, StoreState, Whereabouts
 from codra_papers.store.simulator.store import Store
@@ -139,6 +139,6 @@ class Staging:
         area = AREAS[visit.area]
         x_m, y_m = area.recess.corridor_x_m - 0.6, area.places[0].y_m
         ends_m = ((x_m, y_m + 0.8), (x_m, y_m - 0.8))
-        visitor = crossing((x_m, y_m + 3.0), ends_m, visit.times, (x_m, 13.5))
+        visitor = new_visitor((x_m, y_m + 3.0), ends_m, visit.times, (x_m, 13.5))
         visitor.name = f"visitor {number}"
         self._store.world.add_person(visitor)

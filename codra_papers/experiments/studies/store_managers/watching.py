@@ -76,10 +76,10 @@ def cause_of(state: StoreState, *, is_fetching: bool) -> Cause | None:
         state: the true state of the shop.
         is_fetching: whether the robot fetches a container.
     """
-    robot, carried = state.robot, state.carried()
+    robot, carried_container = state.robot, state.carried_container()
     if robot.battery_percent < LOW_BATTERY_PERCENT and not robot.is_charging:
         return Cause.BATTERY
-    if carried is not None and carried.load is Load.FULL:
+    if carried_container is not None and carried_container.load is Load.FULL:
         return Cause.FULL
     if is_fetching and any(robot.at.distance_m(Pose2D(*at_m)) < NEAR_PERSON_M for _, at_m in state.people_m):
         return Cause.PERSON

@@ -23,7 +23,7 @@ from codra_papers.lab.simulator import gl
 from tests.papers.experiments.workloads import Dies, Exits, Raises, wanders
 
 SPECS = Path(__file__).parents[4] / "specs"
-KEPT = ("seed 301.json", "seed 302.json")
+RECORD_NAMES = ("seed 301.json", "seed 302.json")
 
 
 def trial(seed: int = 301, work: Work | None = None, spec: Path = SPECS / "lab.yaml") -> Trial:
@@ -38,18 +38,18 @@ def trial(seed: int = 301, work: Work | None = None, spec: Path = SPECS / "lab.y
     )
 
 
-TWO = (trial(301), trial(302))
+TWO_TRIALS = (trial(301), trial(302))
 
 
 def run(
-    folder: Path, trials: tuple[Trial, ...] = TWO, processes: int | None = None
+    folder: Path, trials: tuple[Trial, ...] = TWO_TRIALS, processes: int | None = None
 ) -> tuple[Mapping[str, Outcome], list[Progress]]:
     reports: list[Progress] = []
     return run_campaign(trials, folder, processes=processes, progress=reports.append), reports
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def uninterrupted_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a campaign of two trials."""
     folder = tmp_path_factory.mktemp("undisturbed")
     run(folder, processes=2)
@@ -57,16 +57,16 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def kept(undisturbed: Path, tmp_path: Path) -> Path:
-    """Return a copy of the folder of `undisturbed`."""
-    return Path(shutil.copytree(undisturbed, tmp_path / "kept"))
+def copied_folder(uninterrupted_folder: Path, tmp_path: Path) -> Path:
+    """Return a copy of the folder of `uninterrupted_folder`."""
+    return Path(shutil.copytree(uninterrupted_folder, tmp_path / "kept"))
 
 
 def files(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def changed(before: Mapping[str, int], folder: Path) -> set[str]:
+def changed_records(before: Mapping[str, int], folder: Path) -> set[str]:
     """Return the record files that were written since `before`."""
     return {name for name, number in inodes(folder).items() if before.get(name) != number}
 
@@ -75,17 +75,17 @@ def inodes(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_ino for path in (folder / TRIALS).glob("*.json")}
 
 
-def test_a_campaign_keeps_a_record_and_the_frames_of_every_trial_and_no_other_file(undisturbed: Path) -> None:
-    names = {Path(name).parts[1] for name in files(undisturbed)}
+def test_a_campaign_keeps_a_record_and_the_frames_of_every_trial_and_no_other_file(uninterrupted_folder: Path) -> None:
+    names = {Path(name).parts[1] for name in files(uninterrupted_folder)}
 
-    assert names == {*KEPT, "seed 301", "seed 302"}
-    assert len(list((undisturbed / TRIALS / "seed 301").glob("*.png"))) == 2
+    assert names == {*RECORD_NAMES, "seed 301", "seed 302"}
+    assert len(list((uninterrupted_folder / TRIALS / "seed 301").glob("*.png"))) == 2
 
 
-def test_one_process_gives_the_same_bytes_as_two(undisturbed: Path, tmp_path: Path) -> None:
+def test_one_process_gives_the_same_bytes_as_two(uninterrupted_folder: Path, tmp_path: Path) -> None:
     outcomes, reports = run(tmp_path, processes=1)
 
-    assert files(tmp_path) == files(undisturbed)
+    assert files(tmp_path) == files(uninterrupted_folder)
     assert list(outcomes) == ["seed 301", "seed 302"]
     assert [(report.done, report.total, report.reused_trial_count, report.latest) for report in reports] == [
         (0, 2, 0, ""),
@@ -94,23 +94,23 @@ def test_one_process_gives_the_same_bytes_as_two(undisturbed: Path, tmp_path: Pa
     ]
 
 
-def test_a_trial_with_a_record_is_not_run_again_and_gives_the_same_outcome(kept: Path) -> None:
-    before = inodes(kept)
-    outcomes, reports = run(kept)
+def test_a_trial_with_a_record_is_not_run_again_and_gives_the_same_outcome(copied_folder: Path) -> None:
+    before = inodes(copied_folder)
+    outcomes, reports = run(copied_folder)
 
-    assert changed(before, kept) == set()
+    assert changed_records(before, copied_folder) == set()
     assert [(report.done, report.reused_trial_count) for report in reports] == [(2, 2)]
     assert {name: outcome.seed for name, outcome in outcomes.items()} == {"seed 301": 301, "seed 302": 302}
     assert outcomes["seed 301"].arms.keys() == {NEED.name, NAIVE.name}
 
 
 def truncate(folder: Path) -> None:
-    path = folder / KEPT[0]
+    path = folder / RECORD_NAMES[0]
     path.write_bytes(path.read_bytes()[:-200])
 
 
 def add_a_digit(folder: Path) -> None:
-    path = folder / KEPT[0]
+    path = folder / RECORD_NAMES[0]
     path.write_text(path.read_text().replace('"frames":', '"frames":1'))
 
 
@@ -119,45 +119,49 @@ def lose_a_frame(folder: Path) -> None:
 
 
 def take_another_trials(folder: Path) -> None:
-    shutil.copy(folder / KEPT[1], folder / KEPT[0])
+    shutil.copy(folder / RECORD_NAMES[1], folder / RECORD_NAMES[0])
 
 
 def write_something_else(folder: Path) -> None:
-    (folder / KEPT[0]).write_bytes(b"\xff\xfe[]")
+    (folder / RECORD_NAMES[0]).write_bytes(b"\xff\xfe[]")
 
 
 @pytest.mark.parametrize("damage", [truncate, add_a_digit, lose_a_frame, take_another_trials, write_something_else])
-def test_a_record_that_is_damaged_or_of_another_trial_is_ignored(kept: Path, damage: Callable[[Path], None]) -> None:
-    damage(kept / TRIALS)
+def test_a_record_that_is_damaged_or_of_another_trial_is_ignored(
+    copied_folder: Path, damage: Callable[[Path], None]
+) -> None:
+    damage(copied_folder / TRIALS)
 
-    assert [record.read() is None for record in records_of(TWO, kept / TRIALS)] == [True, False]
+    assert [record.read() is None for record in records_of(TWO_TRIALS, copied_folder / TRIALS)] == [True, False]
 
 
-def test_only_missing_records_are_made_again_and_then_all_files_are_the_same(undisturbed: Path, kept: Path) -> None:
-    before = inodes(kept)
-    add_a_digit(kept / TRIALS)
-    _, reports = run(kept)
+def test_only_missing_records_are_made_again_and_then_all_files_are_the_same(
+    uninterrupted_folder: Path, copied_folder: Path
+) -> None:
+    before = inodes(copied_folder)
+    add_a_digit(copied_folder / TRIALS)
+    _, reports = run(copied_folder)
 
     assert reports[0].reused_trial_count == 1
-    assert changed(before, kept) == {KEPT[0]}
-    assert files(kept) == files(undisturbed)
+    assert changed_records(before, copied_folder) == {RECORD_NAMES[0]}
+    assert files(copied_folder) == files(uninterrupted_folder)
 
 
-def test_another_trial_of_the_same_name_replaces_record_and_frames(kept: Path) -> None:
+def test_another_trial_of_the_same_name_replaces_record_and_frames(copied_folder: Path) -> None:
     other = replace(trial(303), name="seed 301", frames_kept=1)
-    outcomes, reports = run(kept, (other, TWO[1]))
+    outcomes, reports = run(copied_folder, (other, TWO_TRIALS[1]))
 
     assert reports[0].reused_trial_count == 1
     assert outcomes["seed 301"].seed == 303
-    assert len(list((kept / TRIALS / "seed 301").glob("*.png"))) == 1
+    assert len(list((copied_folder / TRIALS / "seed 301").glob("*.png"))) == 1
 
 
-def test_temporary_files_of_a_killed_campaign_are_removed(kept: Path) -> None:
-    (kept / TRIALS / ".codra-left").mkdir()
-    (kept / TRIALS / ".codra-left/record").write_text("half of i")
-    run(kept)
+def test_temporary_files_of_a_killed_campaign_are_removed(copied_folder: Path) -> None:
+    (copied_folder / TRIALS / ".codra-left").mkdir()
+    (copied_folder / TRIALS / ".codra-left/record").write_text("half of i")
+    run(copied_folder)
 
-    assert not (kept / TRIALS / ".codra-left").exists()
+    assert not (copied_folder / TRIALS / ".codra-left").exists()
 
 
 # Dependencies of a record
@@ -190,7 +194,7 @@ def test_a_record_depends_on_the_spec_its_parts_and_the_modules_that_it_calls(pr
 
 @pytest.mark.parametrize("changed", ["codra_dsl", "codra_papers"])
 def test_a_record_depends_on_the_code_of_both_packages(
-    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    changed_records: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package_folders = [tmp_path / package_folder.name for package_folder in trial_records.PACKAGE_FOLDERS]
     for package_folder in package_folders:
@@ -198,7 +202,7 @@ def test_a_record_depends_on_the_code_of_both_packages(
         (package_folder / "module.py").write_text("A = 1\n")
     monkeypatch.setattr(trial_records, "PACKAGE_FOLDERS", package_folders)
     before = trial_records.code_digest.__wrapped__()
-    (tmp_path / changed / "module.py").write_text("A = 2\n")
+    (tmp_path / changed_records / "module.py").write_text("A = 2\n")
 
     assert trial_records.code_digest.__wrapped__() != before
 
@@ -238,17 +242,17 @@ def test_work_whose_description_contains_its_address_is_refused(tmp_path: Path) 
 
 
 def test_a_trial_that_raises_is_named_and_its_traceback_is_in_a_file(tmp_path: Path) -> None:
-    with pytest.raises(TrialError) as raised:
+    with pytest.raises(TrialError) as error_info:
         run(tmp_path, (trial(7, Raises()),))
 
-    assert str(raised.value).startswith("trial 'seed 7' (seed 7): ZeroDivisionError: no robot at Mission (tests/")
-    assert raised.value.details == tmp_path / TRIALS / "seed 7.error"
-    assert "Traceback" in raised.value.details.read_text()
+    assert str(error_info.value).startswith("trial 'seed 7' (seed 7): ZeroDivisionError: no robot at Mission (tests/")
+    assert error_info.value.details == tmp_path / TRIALS / "seed 7.error"
+    assert "Traceback" in error_info.value.details.read_text()
     assert [path.name for path in (tmp_path / TRIALS).iterdir()] == ["seed 7.error"]
 
 
 def test_missing_graphics_are_reported_before_a_trial_begins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gl, "_known", [])
+    monkeypatch.setattr(gl, "_known_backends", [])
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
 
@@ -279,4 +283,4 @@ def test_a_folder_in_which_another_campaign_runs_is_left_alone(tmp_path: Path) -
         raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        run_campaign(TWO, tmp_path, progress=meanwhile)
+        run_campaign(TWO_TRIALS, tmp_path, progress=meanwhile)

@@ -23,7 +23,15 @@ from codra_papers.experiments.campaign.provenance import Provenance, Revision
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.lab.perception.tags import tag_image
 
-HOSTILE = ("</style><script>alert(1)</script>", "</section>", "<!--", "]]>", '" onload="alert(1)', "{{ 7 * 7 }}", "'")
+HOSTILE_TEXTS = (
+    "</style><script>alert(1)</script>",
+    "</section>",
+    "<!--",
+    "]]>",
+    '" onload="alert(1)',
+    "{{ 7 * 7 }}",
+    "'",
+)
 FETCHING = {"src", "href", "srcset", "action", "data", "poster", "background", "formaction", "xlink:href"}
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><script>alert(1)</script><path d="M0 0h9"/></svg>'
 EXPERIMENT = Experiment(
@@ -82,9 +90,9 @@ class Page(HTMLParser):
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
 
-    def handle_data(self, data: str) -> None:
+    def handle_data(self, jpeg_bytes: str) -> None:
         for tag in set(self.open):
-            self.texts[tag][-1] += data
+            self.texts[tag][-1] += jpeg_bytes
 
     def all(self, tag: str) -> Iterator[dict[str, str | None]]:
         return (attributes for name, attributes in self.elements if name == tag)
@@ -117,10 +125,12 @@ TABLE = Table(
 
 def test_a_page_has_no_requests_and_no_scripts_and_forbids_them_in_its_policy(photograph: Photograph) -> None:
     page = page_of(Words(text="said"), TABLE, Drawing(caption="drawn", svg=SVG), photograph)
-    led = [value or "" for _, attributes in page.elements for name, value in attributes.items() if name in FETCHING]
+    fetched_addresses = [
+        value or "" for _, attributes in page.elements for name, value in attributes.items() if name in FETCHING
+    ]
 
-    assert led
-    assert all(value.startswith(("#", "data:image/")) for value in led)
+    assert fetched_addresses
+    assert all(value.startswith(("#", "data:image/")) for value in fetched_addresses)
     assert not {"script", "link", "iframe", "object", "embed", "form", "svg"} & page.texts.keys()
     assert not [name for _, attributes in page.elements for name in attributes if name.startswith("on")]
     (policy,) = (meta["content"] for meta in page.all("meta") if meta.get("http-equiv") == "Content-Security-Policy")
@@ -156,10 +166,10 @@ def test_a_table_has_headers_aligns_numbers_to_the_right_and_marks_cells() -> No
 
 
 def test_a_table_without_rows_shows_none() -> None:
-    empty = Table(caption="Errors.", header=("run", "at s", "error"), rows=[])
+    empty_table = Table(caption="Errors.", header=("run", "at s", "error"), rows=[])
 
-    assert page_of(empty).texts["td"][:2] == ["", ""]
-    assert page_of(empty).texts["th"][:4] == ["run", "at s", "error", "none"]
+    assert page_of(empty_table).texts["td"][:2] == ["", ""]
+    assert page_of(empty_table).texts["th"][:4] == ["run", "at s", "error", "none"]
 
 
 @pytest.mark.parametrize(
@@ -195,15 +205,15 @@ def test_a_report_ends_with_its_provenance_and_all_trials() -> None:
         assert text_part in text
 
 
-@pytest.mark.parametrize("hostile", HOSTILE)
-def test_markup_in_a_report_is_shown_as_text(hostile: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("hostile_text", HOSTILE_TEXTS)
+def test_markup_in_a_report_is_shown_as_text(hostile_text: str, tmp_path: Path) -> None:
     before = page_of(Words(text=""), Table(caption="", header=("",), rows=[("",)]), summary=[""])
-    table = Table(caption=hostile, header=(hostile,), rows=[(hostile,)])
-    page = page_of(Words(text=hostile), table, summary=[hostile])
-    gone = page_of(Photograph(caption=hostile, path=tmp_path / "gone.png"))
+    table = Table(caption=hostile_text, header=(hostile_text,), rows=[(hostile_text,)])
+    page = page_of(Words(text=hostile_text), table, summary=[hostile_text])
+    page_without_photograph = page_of(Photograph(caption=hostile_text, path=tmp_path / "gone.png"))
 
     assert [tag for tag, _ in page.elements] == [tag for tag, _ in before.elements]
-    assert not list(gone.all("img"))
+    assert not list(page_without_photograph.all("img"))
 
 
 @settings(max_examples=60)
@@ -221,13 +231,13 @@ def test_any_text_is_shown_unchanged(text: str) -> None:
 
 
 def test_a_photograph_has_its_tags_outlined_and_numbered(photograph: Photograph) -> None:
-    data = annotated_jpeg(photograph.path)
-    shown = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
-    assert shown is not None
-    blue, green, red = (shown[:, :, channel].astype(int) for channel in range(3))
+    jpeg_bytes = annotated_jpeg(photograph.path)
+    decoded_image = cv2.imdecode(np.frombuffer(jpeg_bytes, dtype=np.uint8), cv2.IMREAD_COLOR)
+    assert decoded_image is not None
+    blue, green, red = (decoded_image[:, :, channel].astype(int) for channel in range(3))
 
-    assert shown.shape == (480, 640, 3)
-    assert len(data) < 100_000
+    assert decoded_image.shape == (480, 640, 3)
+    assert len(jpeg_bytes) < 100_000
     rows, columns = np.nonzero((green > red + 60) & (green > blue + 60))
     assert len(rows) > 200
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == pytest.approx((208, 271, 308, 371), abs=2)
@@ -237,10 +247,10 @@ def test_a_photograph_has_its_tags_outlined_and_numbered(photograph: Photograph)
 
 
 @pytest.mark.parametrize("data", [None, b"", b"no picture at all"])
-def test_an_unreadable_picture_is_replaced_by_the_reason(tmp_path: Path, data: bytes | None) -> None:
+def test_an_unreadable_picture_is_replaced_by_the_reason(tmp_path: Path, jpeg_bytes: bytes | None) -> None:
     path = tmp_path / "frame.png"
-    if data is not None:
-        path.write_bytes(data)
+    if jpeg_bytes is not None:
+        path.write_bytes(jpeg_bytes)
     page = page_of(Photograph(caption="Lost", path=path))
 
     with pytest.raises(NoPictureError, match=str(path)):

@@ -20,9 +20,11 @@ from codra_papers.experiments.campaign.statistics import (
     welch,
 )
 
-positive = st.floats(1.0, 1e4)
+positive_numbers = st.floats(1.0, 1e4)
 shares = st.lists(
-    st.tuples(st.floats(0.0, 1.0), positive).map(lambda pair: Share(pair[0] * pair[1], pair[1])), min_size=2, max_size=8
+    st.tuples(st.floats(0.0, 1.0), positive_numbers).map(lambda pair: Share(pair[0] * pair[1], pair[1])),
+    min_size=2,
+    max_size=8,
 )
 
 
@@ -58,7 +60,7 @@ def test_runs_that_all_agree_leave_no_doubt() -> None:
 def test_the_interval_lies_among_the_ratios_of_all_possible_resamples() -> None:
     runs = [Share(9.0, 10.0), Share(2.0, 10.0), Share(30.0, 40.0)]
     ratios = sorted(
-        filter(None, (ratio_of_sums([runs[index] for index in drawn]) for drawn in product(range(3), repeat=3)))
+        filter(None, (ratio_of_sums([runs[index] for index in indices]) for indices in product(range(3), repeat=3)))
     )
     estimate = ratio_interval(runs)
 
@@ -71,15 +73,15 @@ def test_the_interval_lies_among_the_ratios_of_all_possible_resamples() -> None:
 
 def test_pairing_removes_the_difficulty_that_a_run_has_for_both_arms() -> None:
     random = Random(1)
-    hard = [random.uniform(0.2, 0.9) for _ in range(20)]
-    better = [Share(100.0 * (share + 0.05), 100.0) for share in hard]
-    worse = [Share(100.0 * share + random.gauss(0.0, 0.5), 100.0) for share in hard]
+    shares_of_runs = [random.uniform(0.2, 0.9) for _ in range(20)]
+    better_arm = [Share(100.0 * (share + 0.05), 100.0) for share in shares_of_runs]
+    worse_arm = [Share(100.0 * share + random.gauss(0.0, 0.5), 100.0) for share in shares_of_runs]
 
-    paired = ratio_difference(better, worse)
-    other_order = ratio_difference(better, worse[::-1])
+    paired_difference = ratio_difference(better_arm, worse_arm)
+    unpaired_difference = ratio_difference(better_arm, worse_arm[::-1])
 
-    assert paired.is_positive
-    assert not other_order.is_positive
+    assert paired_difference.is_positive
+    assert not unpaired_difference.is_positive
 
 
 def test_different_numbers_of_runs_are_refused() -> None:
@@ -89,37 +91,41 @@ def test_different_numbers_of_runs_are_refused() -> None:
 
 @given(shares)
 def test_the_same_outcomes_give_the_same_interval_and_swapped_arms_give_its_negative(runs: list[Share]) -> None:
-    others = [Share(share.total - share.part, share.total) for share in runs]
-    difference = ratio_difference(runs, others)
-    turned = ratio_difference(others, runs)
+    other_runs = [Share(share.total - share.part, share.total) for share in runs]
+    difference = ratio_difference(runs, other_runs)
+    swapped_difference = ratio_difference(other_runs, runs)
 
-    assert difference == ratio_difference(runs, others)
-    assert difference.value == pytest.approx(-turned.value, abs=1e-9)
-    assert difference.low is None or turned.high is None or difference.low == pytest.approx(-turned.high, abs=0.02)
+    assert difference == ratio_difference(runs, other_runs)
+    assert difference.value == pytest.approx(-swapped_difference.value, abs=1e-9)
+    assert (
+        difference.low is None
+        or swapped_difference.high is None
+        or difference.low == pytest.approx(-swapped_difference.high, abs=0.02)
+    )
 
 
 def a_run(random: np.random.Generator) -> tuple[Share, Share]:
     """Return a run in which one arm is rarely wrong and the other often for long: shares as skewed as real ones."""
     length_s = random.uniform(800.0, 1500.0)
-    seldom = min(0.9, random.exponential(0.01))
-    often = random.uniform(0.0, 0.6) if random.random() < 0.5 else min(0.9, random.exponential(0.02))
-    return Share(length_s * (1 - seldom), length_s), Share(length_s * (1 - often), length_s)
+    rare_share = min(0.9, random.exponential(0.01))
+    frequent_share = random.uniform(0.0, 0.6) if random.random() < 0.5 else min(0.9, random.exponential(0.02))
+    return Share(length_s * (1 - rare_share), length_s), Share(length_s * (1 - frequent_share), length_s)
 
 
-def covers(runs: list[tuple[Share, Share]], true: float) -> bool:
+def covers(runs: list[tuple[Share, Share]], true_difference: float) -> bool:
     difference = ratio_difference([first for first, _ in runs], [second for _, second in runs])
     assert difference.low is not None
     assert difference.high is not None
-    return difference.low <= true <= difference.high
+    return difference.low <= true_difference <= difference.high
 
 
 def test_about_nineteen_of_twenty_intervals_hold_the_true_difference() -> None:
     random = np.random.default_rng(7)
-    many = [a_run(random) for _ in range(100_000)]
-    true = ratio_difference_of(many)
-    covered = sum(covers([a_run(random) for _ in range(20)], true) for _ in range(200))
+    many_runs = [a_run(random) for _ in range(100_000)]
+    true_difference = ratio_difference_of(many_runs)
+    covering_count = sum(covers([a_run(random) for _ in range(20)], true_difference) for _ in range(200))
 
-    assert 180 <= covered <= 199
+    assert 180 <= covering_count <= 199
 
 
 def ratio_difference_of(runs: list[tuple[Share, Share]]) -> float:
@@ -161,10 +167,12 @@ def test_a_sample_of_one_is_refused() -> None:
 
 
 def test_welch_equals_the_output_of_r_for_its_data_on_sleep() -> None:
-    first = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
-    second = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
+    first_sample = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
+    second_sample = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
 
-    welch_result = welch(first, second)  # as `t.test(extra ~ group, data = sleep)` is printed in R's manual
+    welch_result = welch(
+        first_sample, second_sample
+    )  # as `t.test(extra ~ group, data = sleep)` is printed in R's manual
 
     assert welch_result is not None
     assert welch_result.t == pytest.approx(-1.8608, abs=5e-5)
@@ -175,10 +183,10 @@ def test_welch_equals_the_output_of_r_for_its_data_on_sleep() -> None:
 
 
 def test_the_effect_and_its_interval_are_those_that_statpsych_prints() -> None:
-    first, second = (sample_of(30, mean, deviation) for mean, deviation in ((35.1, 7.32), (26.7, 6.98)))
+    first_sample, second_sample = (sample_of(30, mean, deviation) for mean, deviation in ((35.1, 7.32), (26.7, 6.98)))
 
     welch_result = welch(
-        first, second
+        first_sample, second_sample
     )  # as `ci.stdmean2(.05, 35.1, 26.7, 7.32, 6.98, 30, 30)` is printed in its manual
 
     assert welch_result is not None
@@ -189,5 +197,5 @@ def test_the_effect_and_its_interval_are_those_that_statpsych_prints() -> None:
 
 def sample_of(count: int, mean: float, deviation: float) -> list[float]:
     """Return a sample that has exactly this mean and standard deviation."""
-    raw = np.arange(count, dtype=float)
-    return list(mean + deviation * (raw - raw.mean()) / raw.std(ddof=1))
+    raw_values = np.arange(count, dtype=float)
+    return list(mean + deviation * (raw_values - raw_values.mean()) / raw_values.std(ddof=1))

@@ -48,7 +48,7 @@ FROM_THE_ROBOT_ITSELF = (
 
 
 @pytest.fixture(scope="module")
-def both_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
+def run_of_both_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
     """Return a run of two simulated minutes with both arms."""
     folder = tmp_path_factory.mktemp("compiled")
     arms = [observers(arm, read_spec(SPEC), folder / arm.name) for arm in (CONTEXT_DRIVEN, NAIVE)]
@@ -67,15 +67,15 @@ def short_run(expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabRun:
     return run_alone(settings(expect=expect, seed=seed))
 
 
-def test_the_same_seed_gives_the_same_record_also_with_another_arm_beside_it(both_arms: LabRun) -> None:
-    alone = short_run()
+def test_the_same_seed_gives_the_same_record_also_with_another_arm_beside_it(run_of_both_arms: LabRun) -> None:
+    run_of_one_arm = short_run()
 
-    assert alone.arms[0].record.text() == both_arms.arms[0].record.text()
-    assert len(alone.arms[0].record) > 100
+    assert run_of_one_arm.arms[0].record.text() == run_of_both_arms.arms[0].record.text()
+    assert len(run_of_one_arm.arms[0].record) > 100
 
 
-def test_another_seed_gives_another_record(both_arms: LabRun) -> None:
-    assert short_run(seed=4).arms[0].record.text() != both_arms.arms[0].record.text()
+def test_another_seed_gives_another_record(run_of_both_arms: LabRun) -> None:
+    assert short_run(seed=4).arms[0].record.text() != run_of_both_arms.arms[0].record.text()
 
 
 def preview_decisions(run: LabRun) -> Counter[tuple[str, str]]:
@@ -83,21 +83,25 @@ def preview_decisions(run: LabRun) -> Counter[tuple[str, str]]:
 
 
 def test_a_preview_is_answered_from_context_when_it_was_expected_and_falls_back_when_it_was_not() -> None:
-    expected, unexpected = (preview_decisions(short_run(expect)) for expect in (Expect.ONE_AHEAD, Expect.NOTHING))
+    expected_answers, unexpected_answers = (
+        preview_decisions(short_run(expect)) for expect in (Expect.ONE_AHEAD, Expect.NOTHING)
+    )
 
-    assert expected["centrifuge_locked", "answered"] >= 1
-    assert expected["centrifuge_locked", "fell_back"] == 0
-    assert unexpected["centrifuge_locked", "fell_back"] >= 1
+    assert expected_answers["centrifuge_locked", "answered"] >= 1
+    assert expected_answers["centrifuge_locked", "fell_back"] == 0
+    assert unexpected_answers["centrifuge_locked", "fell_back"] >= 1
 
 
 def test_an_expected_preview_is_answered_without_waiting() -> None:
-    first = next(event for event in short_run().arms[0].record.of(Kind.DECISION) if event.name == "centrifuge_locked")
+    first_decision = next(
+        event for event in short_run().arms[0].record.of(Kind.DECISION) if event.name == "centrifuge_locked"
+    )
 
-    assert (first.what, first.instant_s) == ("answered", first.details["asked_s"])
+    assert (first_decision.what, first_decision.instant_s) == ("answered", first_decision.details["asked_s"])
 
 
-def test_the_naive_arm_has_no_conditions_and_starts_again_as_soon_as_it_is_done(both_arms: LabRun) -> None:
-    context, naive = both_arms.arms
+def test_the_naive_arm_has_no_conditions_and_starts_again_as_soon_as_it_is_done(run_of_both_arms: LabRun) -> None:
+    context, naive = run_of_both_arms.arms
 
     assert (context.name, naive.name) == (CONTEXT_DRIVEN.name, NAIVE.name)
     assert all(naive.jobs[name] >= 10 for name in naive.jobs)
@@ -107,11 +111,11 @@ def test_the_naive_arm_has_no_conditions_and_starts_again_as_soon_as_it_is_done(
     assert ends[: len(starts_again)] == starts_again
 
 
-def test_right_wrong_and_unknown_seconds_of_every_variable_add_up_to_the_run(both_arms: LabRun) -> None:
-    assert both_arms.duration_s == 120.0
-    for arm in both_arms.arms:
+def test_right_wrong_and_unknown_seconds_of_every_variable_add_up_to_the_run(run_of_both_arms: LabRun) -> None:
+    assert run_of_both_arms.duration_s == 120.0
+    for arm in run_of_both_arms.arms:
         assert {name: round(sum(spans_s), 6) for name, *spans_s in map(seconds, arm.scores)} == dict.fromkeys(
-            both_arms.truth, 120.0
+            run_of_both_arms.truth, 120.0
         )
 
 
@@ -119,27 +123,27 @@ def seconds(variable_score: Score) -> tuple[Any, ...]:
     return variable_score.name, variable_score.right_s, variable_score.wrong_s, variable_score.unknown_s
 
 
-def test_a_value_of_the_main_execution_itself_does_not_count_as_observed(both_arms: LabRun) -> None:
-    assert both_arms.decisions["robot_is_localized"] == {"answered": 2}
-    locked = both_arms.decisions["centrifuge_locked"]
+def test_a_value_of_the_main_execution_itself_does_not_count_as_observed(run_of_both_arms: LabRun) -> None:
+    assert run_of_both_arms.decisions["robot_is_localized"] == {"answered": 2}
+    locked = run_of_both_arms.decisions["centrifuge_locked"]
     assert locked["answered"] == locked[OBSERVED] >= 1
 
 
 def test_a_run_ends_at_its_instant_while_the_main_execution_waits_for_observers() -> None:
-    waited = next(
+    waiting_decision = next(
         event
         for event in run_alone(settings(240.0)).arms[0].record.of(Kind.DECISION)
         if event.instant_s > event.details["asked_s"]
     )
-    middle_s = (waited.instant_s + waited.details["asked_s"]) / 2
+    middle_s = (waiting_decision.instant_s + waiting_decision.details["asked_s"]) / 2
 
     assert run_alone(settings(middle_s)).duration_s == middle_s
 
 
 def test_the_handles_of_perception_cannot_command_the_robot() -> None:
-    offered = {name for handle in (ArmCamera, Localization) for name in dir(handle) if not name.startswith("_")}
+    offered_names = {name for handle in (ArmCamera, Localization) for name in dir(handle) if not name.startswith("_")}
 
-    assert offered == {"capture", "processing_s", "believed_map_from_base"}
+    assert offered_names == {"capture", "processing_s", "believed_map_from_base"}
 
 
 class ListeningCamera:
@@ -181,13 +185,15 @@ def test_equal_instants_give_both_arms_equal_frames() -> None:
         for manager in managers:
             manager.close()
 
-    common = cameras[0].frames.keys() & cameras[1].frames.keys()
+    common_stamps_s = cameras[0].frames.keys() & cameras[1].frames.keys()
 
-    assert len(common) >= 5
-    for stamp_s in common:
-        left, right = cameras[0].frames[stamp_s], cameras[1].frames[stamp_s]
-        assert np.array_equal(left.pixels, right.pixels)
-        assert np.array_equal(left.believed_map_from_camera.rotation, right.believed_map_from_camera.rotation)
+    assert len(common_stamps_s) >= 5
+    for stamp_s in common_stamps_s:
+        left_frame, right_frame = cameras[0].frames[stamp_s], cameras[1].frames[stamp_s]
+        assert np.array_equal(left_frame.pixels, right_frame.pixels)
+        assert np.array_equal(
+            left_frame.believed_map_from_camera.rotation, right_frame.believed_map_from_camera.rotation
+        )
     assert managers[0].record.text() == managers[1].record.text()
 
 

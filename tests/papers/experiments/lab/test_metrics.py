@@ -39,7 +39,7 @@ def pieces_of(samples: Samples) -> tuple[Piece, ...]:
     return pieces([(float(second), value) for second, value in enumerate(samples)], float(END))
 
 
-def outcome_of(truth: Samples, held: dict[str, Samples], first_s: dict[str, float | None]) -> Outcome:
+def outcome_of(truth: Samples, held_samples_by_arm: dict[str, Samples], first_s: dict[str, float | None]) -> Outcome:
     arms = {
         name: ArmOutcome(
             held={"open": pieces_of(samples)},
@@ -48,7 +48,7 @@ def outcome_of(truth: Samples, held: dict[str, Samples], first_s: dict[str, floa
             triggers={},
             slot_s=0.0,
         )
-        for name, samples in held.items()
+        for name, samples in held_samples_by_arm.items()
     }
     return Outcome(
         name="run-1",
@@ -94,15 +94,17 @@ def test_right_wrong_and_unknown_seconds_add_up_to_the_rest_of_the_run(held: lis
 
 @given(held_samples, held_samples, true_or_false, instants, instants)
 def test_the_window_begins_when_the_last_arm_that_identifies_the_variable_first_does(
-    left: Samples, right: Samples, truth: Samples, left_s: float | None, right_s: float | None
+    left_samples: Samples, right_samples: Samples, truth: Samples, left_s: float | None, right_s: float | None
 ) -> None:
-    outcome = outcome_of(truth, {"left": left, "right": right}, {"left": left_s, "right": right_s})
+    outcome = outcome_of(truth, {"left": left_samples, "right": right_samples}, {"left": left_s, "right": right_s})
     identified_s = [instant_s for instant_s in (left_s, right_s) if instant_s is not None]
-    common = window(outcome, "open")
+    common_window = window(outcome, "open")
 
-    assert common.start_s == (max(identified_s) if identified_s else None)
-    assert common.left_out == {name for name, first_s in (("left", left_s), ("right", right_s)) if first_s is None}
-    for name, samples, first_s in (("left", left, left_s), ("right", right, right_s)):
+    assert common_window.start_s == (max(identified_s) if identified_s else None)
+    assert common_window.left_out == {
+        name for name, first_s in (("left", left_s), ("right", right_s)) if first_s is None
+    }
+    for name, samples, first_s in (("left", left_samples, left_s), ("right", right_samples, right_s)):
         window_seconds = in_window(outcome, "open", name)
         if first_s is None:
             assert window_seconds is None
@@ -113,14 +115,23 @@ def test_the_window_begins_when_the_last_arm_that_identifies_the_variable_first_
 @given(held_samples, true_or_false)
 def test_a_lag_is_the_number_of_samples_until_the_new_value_is_held(held: Samples, truth: Samples) -> None:
     seen_s: list[float] = []
-    unseen = 0
+    unseen_count = 0
     for change in (second for second in range(1, END) if truth[second] != truth[second - 1]):
-        until = next((later for later in range(change, END) if truth[later] != truth[change]), END)
-        lag_s = next((later - change for later in range(change, until) if held[later] == truth[change]), None)
+        next_change = next(
+            (sample_index for sample_index in range(change, END) if truth[sample_index] != truth[change]), END
+        )
+        lag_s = next(
+            (
+                sample_index - change
+                for sample_index in range(change, next_change)
+                if held[sample_index] == truth[change]
+            ),
+            None,
+        )
         seen_s += [] if lag_s is None else [float(lag_s)]
-        unseen += lag_s is None
+        unseen_count += lag_s is None
 
-    assert lags(pieces_of(held), pieces_of(truth)) == Lags(seen_s=tuple(seen_s), unseen=unseen)
+    assert lags(pieces_of(held), pieces_of(truth)) == Lags(seen_s=tuple(seen_s), unseen=unseen_count)
 
 
 def test_quantiles_of_lags_use_seen_changes_only() -> None:
@@ -155,41 +166,43 @@ reports = st.lists(st.tuples(st.integers(1, END - 1), st.integers(0, 5), st.samp
 
 
 @given(reports, true_or_false)
-def test_the_cause_of_a_wrong_second_follows_from_its_own_evidence(reported: list, truth: Samples) -> None:
+def test_the_cause_of_a_wrong_second_follows_from_its_own_evidence(reports_of_variable: list, truth: Samples) -> None:
     record = EventLog()
-    latest: dict[int, tuple[bool | None, int]] = {}
-    for instant, age, value in sorted(reported, key=lambda report: report[0]):
+    value_and_evidence_by_instant: dict[int, tuple[bool | None, int]] = {}
+    for instant, age, value in sorted(reports_of_variable, key=lambda report: report[0]):
         record.add(identified(float(instant), value, float(max(instant - age, 0))))
-        latest[instant] = (value, max(instant - age, 0))
-    seen_wrongly = changed_since = 0
-    held: tuple[bool | None, int] = (None, 0)
+        value_and_evidence_by_instant[instant] = (value, max(instant - age, 0))
+    seen_wrongly_count = changed_since_count = 0
+    held_value_and_evidence: tuple[bool | None, int] = (None, 0)
     for second in range(END):
-        held = latest.get(second, held)
-        value, evidence = held
+        held_value_and_evidence = value_and_evidence_by_instant.get(second, held_value_and_evidence)
+        value, evidence = held_value_and_evidence
         if value is not None and value != truth[second]:
-            changed_since += truth[evidence] == value
-            seen_wrongly += truth[evidence] != value
+            changed_since_count += truth[evidence] == value
+            seen_wrongly_count += truth[evidence] != value
 
     spans = wrong_spans(record, {"open": pieces_of(truth)})["open"]
 
-    assert causes(spans) == Causes(seen_wrongly_s=float(seen_wrongly), changed_since_s=float(changed_since))
-    for left, right in pairwise(spans):
-        assert left.end_s < right.start_s or (left.end_s == right.start_s and left.was_true != right.was_true)
+    assert causes(spans) == Causes(seen_wrongly_s=float(seen_wrongly_count), changed_since_s=float(changed_since_count))
+    for left_span, right_span in pairwise(spans):
+        assert left_span.end_s < right_span.start_s or (
+            left_span.end_s == right_span.start_s and left_span.was_true != right_span.was_true
+        )
 
 
 # Decisions
 
 
-def decision(held: bool | None, fact: bool, *, fresh: bool) -> Decision:
+def decision(held_value: bool | None, true_value: bool, *, is_fresh: bool) -> Decision:
     return Decision(
         instant_s=1.0,
         variable="open",
         skill="open_it",
         is_preview=False,
-        truth=fact,
-        held={"arm": held},
-        fresh={"arm": fresh},
-        answer=fact,
+        truth=true_value,
+        held={"arm": held_value},
+        fresh={"arm": is_fresh},
+        answer=true_value,
         answered_s=2.0,
         looked_s=1.0,
         waited_s=0.0,
@@ -202,10 +215,10 @@ def decision(held: bool | None, fact: bool, *, fresh: bool) -> Decision:
 
 def test_decisions_are_right_wrong_or_fall_back_and_fresh_or_not() -> None:
     decisions = [
-        decision(True, True, fresh=True),
-        decision(False, False, fresh=False),
-        decision(False, True, fresh=False),
-        decision(None, True, fresh=False),
+        decision(True, True, is_fresh=True),
+        decision(False, False, is_fresh=False),
+        decision(False, True, is_fresh=False),
+        decision(None, True, is_fresh=False),
     ]
 
     assert answers(decisions, "arm") == Answers(right=2, wrong=1, fell_back=1, fresh=1)

@@ -26,31 +26,31 @@ def watched_by(arms: tuple[Arm, ...], folder: Path) -> LabRun:
 
 
 @pytest.fixture(scope="module")
-def by_all(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
+def run_of_all_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
     return watched_by(ARMS, tmp_path_factory.mktemp("all"))
 
 
 def main_execution_events(run: LabRun) -> list[tuple[Any, ...]]:
     """Return all decisions and skills of the main execution, with their instants."""
-    asked = [
+    decisions = [
         (decision.instant_s, decision.variable, decision.skill, decision.answer, decision.answered_s, decision.looked_s)
         for decision in run.asked_decisions
     ]
-    return [*asked, *((span.name, span.start_s, span.end_s) for span in run.skills), (run.duration_s, run.error)]
+    return [*decisions, *((span.name, span.start_s, span.end_s) for span in run.skills), (run.duration_s, run.error)]
 
 
-def test_the_world_does_not_depend_on_the_arms_that_watch(by_all: LabRun, tmp_path: Path) -> None:
+def test_the_world_does_not_depend_on_the_arms_that_watch(run_of_all_arms: LabRun, tmp_path: Path) -> None:
     run_with_one_arm = watched_by((NEED,), tmp_path / "one")
     run_without_arms = watched_by((), tmp_path / "none")
 
     assert (
-        main_execution_events(by_all)
+        main_execution_events(run_of_all_arms)
         == main_execution_events(run_with_one_arm)
         == main_execution_events(run_without_arms)
     )
-    assert by_all.truth == run_with_one_arm.truth
-    assert len(by_all.asked_decisions) >= 4
-    assert len(by_all.truth) == 15
+    assert run_of_all_arms.truth == run_with_one_arm.truth
+    assert len(run_of_all_arms.asked_decisions) >= 4
+    assert len(run_of_all_arms.truth) == 15
 
 
 def test_all_arms_call_the_functions_of_the_spec_with_the_same_arguments_and_handles() -> None:
@@ -69,9 +69,9 @@ def test_all_arms_call_the_functions_of_the_spec_with_the_same_arguments_and_han
     assert [calls(arm) for arm in ARMS] == [expected] * len(ARMS)
 
 
-def test_evidence_of_the_same_instant_is_the_same_in_every_arm_that_took_it(by_all: LabRun) -> None:
+def test_evidence_of_the_same_instant_is_the_same_in_every_arm_that_took_it(run_of_all_arms: LabRun) -> None:
     values_by_evidence: dict[tuple[str, float], dict[str, Any]] = defaultdict(dict)
-    for arm in by_all.arms:
+    for arm in run_of_all_arms.arms:
         for event in arm.record.of(Kind.JOB):
             if event.what == "returned":
                 values_by_evidence[event.name, event.details["evidence_s"][1]][arm.name] = event.details["values"]
@@ -92,8 +92,8 @@ def test_evidence_of_the_same_instant_is_the_same_in_every_arm_that_took_it(by_a
     )
 
 
-def test_every_frame_that_was_rendered_was_perceived(by_all: LabRun) -> None:
-    assert by_all.frames == by_all.perceived > 50
+def test_every_frame_that_was_rendered_was_perceived(run_of_all_arms: LabRun) -> None:
+    assert run_of_all_arms.frames == run_of_all_arms.perceived > 50
 
 
 def test_another_arm_does_not_change_the_outcome_of_an_arm(tmp_path: Path) -> None:

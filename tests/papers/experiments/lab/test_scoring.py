@@ -10,9 +10,11 @@ from codra_dsl.runtime.journal import Event, Kind
 from codra_papers.experiments.lab.scoring import Piece, held_pieces, overlaps, pieces, score
 
 
-def variable_event(instant_s: float, value: bool | None, source: str = "look", present: bool = True) -> Event:
-    what = "unknown" if value is None else "identified"
-    return Event(instant_s, Kind.VARIABLE, "open", what, {"value": value, "source": source, "present": present})
+def variable_event(instant_s: float, value: bool | None, source: str = "look", is_present: bool = True) -> Event:
+    event_name = "unknown" if value is None else "identified"
+    return Event(
+        instant_s, Kind.VARIABLE, "open", event_name, {"value": value, "source": source, "present": is_present}
+    )
 
 
 def record_of(*events: Event) -> EventLog:
@@ -42,7 +44,7 @@ def test_a_value_of_the_main_execution_is_held_but_does_not_count_as_identified_
 
 
 def test_evidence_that_only_went_into_the_history_was_never_held() -> None:
-    record = record_of(variable_event(1.0, True, present=False))
+    record = record_of(variable_event(1.0, True, is_present=False))
 
     assert held_pieces(record, ["open"], 3.0)["open"] == (Piece(0.0, 3.0, None),)
 

@@ -34,7 +34,7 @@ from codra_papers.lab.simulator.laboratory import LABORATORY, LidMoved, PersonBe
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
 DURATION_S = 40.0
-BEYOND = [
+EXPERIMENTS = [
     DISTURBANCES,
     lab_options.EXPERIMENT,
     lab_ablation.EXPERIMENT,
@@ -54,24 +54,24 @@ class Judged:
     document: Document
 
 
-def judged(experiment: Experiment, folder: Path, seeds: int = 2, duration_s: float = DURATION_S) -> Judged:
+def run_and_judge(experiment: Experiment, folder: Path, seeds: int = 2, duration_s: float = DURATION_S) -> Judged:
     """Return short runs of an experiment, and the report on them."""
-    asked = settings(folder, seeds)
+    run_settings = settings(folder, seeds)
     outcomes = {
         trial.name: run_trial(replace(trial, duration_s=duration_s), folder / trial.name)
-        for trial in experiment.trials(asked)
+        for trial in experiment.trials(run_settings)
     }
-    return Judged(outcomes=outcomes, document=experiment.judge(asked, outcomes))
+    return Judged(outcomes=outcomes, document=experiment.judge(run_settings, outcomes))
 
 
 @pytest.fixture(scope="module")
 def options(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    return judged(lab_options.EXPERIMENT, tmp_path_factory.mktemp("options"))
+    return run_and_judge(lab_options.EXPERIMENT, tmp_path_factory.mktemp("options"))
 
 
 @pytest.fixture(scope="module")
 def ablation(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    return judged(lab_ablation.EXPERIMENT, tmp_path_factory.mktemp("ablation"), seeds=1)
+    return run_and_judge(lab_ablation.EXPERIMENT, tmp_path_factory.mktemp("ablation"), seeds=1)
 
 
 def tables(document: Document) -> list[Table]:
@@ -79,10 +79,10 @@ def tables(document: Document) -> list[Table]:
 
 
 def test_they_are_registered_by_name() -> None:
-    assert set(experiments()) >= {experiment.name for experiment in BEYOND}
+    assert set(experiments()) >= {experiment.name for experiment in EXPERIMENTS}
 
 
-@pytest.mark.parametrize("experiment", BEYOND)
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
 def test_reports_use_seeds_that_were_not_used_for_tuning(experiment: Experiment, tmp_path: Path) -> None:
     trials = experiment.trials(settings(tmp_path, experiment.seeds))
 
@@ -98,10 +98,10 @@ def test_every_row_of_every_table_has_a_cell_for_every_column(options: Judged, a
 
 
 def test_the_same_outcomes_give_the_same_report_and_results_are_plain_data(options: Judged, tmp_path: Path) -> None:
-    again = lab_options.EXPERIMENT.judge(settings(tmp_path), options.outcomes)
+    repeated_document = lab_options.EXPERIMENT.judge(settings(tmp_path), options.outcomes)
 
-    assert again == options.document
-    assert json.loads(json.dumps(again.results, allow_nan=False))
+    assert repeated_document == options.document
+    assert json.loads(json.dumps(repeated_document.results, allow_nan=False))
 
 
 def test_an_option_that_would_not_change_the_spec_has_no_arm(tmp_path: Path) -> None:
@@ -170,9 +170,9 @@ def test_differences_use_the_variables_that_both_arms_identified(ablation: Judge
 def test_without_its_precondition_an_algorithm_also_looks_from_afar(ablation: Judged) -> None:
     arm = "*_in_view without *_in_observable_distance"
     outcome = next(iter(ablation.outcomes.values()))
-    everywhere, near = (outcome.arms[name].triggers for name in (arm, PRECONDITIONS.name))
+    triggers_everywhere, triggers_nearby = (outcome.arms[name].triggers for name in (arm, PRECONDITIONS.name))
 
-    assert everywhere["find_pcr_cycler_in_view"] > near.get("find_pcr_cycler_in_view", 0)
+    assert triggers_everywhere["find_pcr_cycler_in_view"] > triggers_nearby.get("find_pcr_cycler_in_view", 0)
 
 
 # Disturbances
@@ -182,7 +182,7 @@ TRUTH = (Piece(0.0, 10.0, True), Piece(10.0, 30.0, False))
 
 
 @pytest.mark.parametrize(
-    ("held", "expected"),
+    ("held_pieces", "expected"),
     [
         ((Piece(0.0, 30.0, False),), 0.0),  # from 10 s on the value is right, as it was before
         ((Piece(0.0, 14.0, True), Piece(14.0, 30.0, False)), 4.0),
@@ -191,8 +191,8 @@ TRUTH = (Piece(0.0, 10.0, True), Piece(10.0, 30.0, False))
         ((Piece(0.0, 25.0, False), Piece(25.0, 30.0, True)), 0.0),  # a value after the end does not count
     ],
 )
-def test_right_again_is_when_it_stays_right_to_the_end(held: tuple[Piece, ...], expected: float | None) -> None:
-    assert right_again_s(held, TRUTH, 10.0, 20.0) == expected
+def test_right_again_is_when_it_stays_right_to_the_end(held_pieces: tuple[Piece, ...], expected: float | None) -> None:
+    assert right_again_s(held_pieces, TRUTH, 10.0, 20.0) == expected
 
 
 def test_episodes_follow_one_another_and_hold_their_disturbances() -> None:
@@ -205,7 +205,7 @@ def test_episodes_follow_one_another_and_hold_their_disturbances() -> None:
 
 
 @pytest.fixture(scope="module")
-def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def disturbed_run(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     """Return a run beside the PCR-cycler: somebody opens its lid, and closes the lid while a person hides it."""
     disturbances = (
         LidMoved(at_s=27.0, machine="pcr_cycler", open_share=1.0),
@@ -230,10 +230,10 @@ def belief(outcome: Outcome, arm: str, *times_s: float) -> Belief:
     return belief_in([outcome], episode, LID, arm)
 
 
-def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: Outcome) -> None:
-    assert [piece.value for piece in disturbed.truth[LID]] == [False, True, False]
+def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed_run: Outcome) -> None:
+    assert [piece.value for piece in disturbed_run.truth[LID]] == [False, True, False]
     for arm in (NAIVE.name, PRECONDITIONS.name):
-        lid_belief = belief(disturbed, arm, 27.0, 30.0, 46.0)
+        lid_belief = belief(disturbed_run, arm, 27.0, 30.0, 46.0)
         (again_s,) = lid_belief.right_again_s
         assert again_s is not None
         assert 0.0 < again_s < 16.0
@@ -243,9 +243,9 @@ def test_a_lid_that_somebody_opened_is_true_and_is_seen_by_both_arms(disturbed: 
         )
 
 
-def test_a_change_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed: Outcome) -> None:
+def test_a_change_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed_run: Outcome) -> None:
     for arm in (NAIVE.name, PRECONDITIONS.name):
-        lid_belief = belief(disturbed, arm, 46.0, 62.0, 76.0)
+        lid_belief = belief(disturbed_run, arm, 46.0, 62.0, 76.0)
         assert lid_belief.seconds_during.wrong_s > 8.0
         assert lid_belief.right_again_s[0] is None or lid_belief.right_again_s[0] > 14.0
 
@@ -258,7 +258,7 @@ def test_waiting_ends_at_its_instant_and_closes_the_machine() -> None:
 
 
 def test_a_third_machine_needs_one_more_line_and_is_known_and_seen(tmp_path: Path) -> None:
-    transfer = judged(lab_transfer.EXPERIMENT, tmp_path, seeds=1, duration_s=70.0)
+    transfer = run_and_judge(lab_transfer.EXPERIMENT, tmp_path, seeds=1, duration_s=70.0)
     before, after = SPEC.read_text().splitlines(), (tmp_path / "spec" / "lab.yaml").read_text().splitlines()
     (outcome,) = transfer.outcomes.values()
 
@@ -279,7 +279,7 @@ def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
 
 
 def test_more_machines_leave_naive_observers_fewer_looks(tmp_path: Path) -> None:
-    budgets = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
+    budgets = run_and_judge(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
     jobs = {
         count: budgets.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
         for count in lab_budgets.MACHINE_COUNTS
@@ -304,23 +304,23 @@ def test_further_machines_are_in_free_places_with_tags_of_their_own() -> None:
 
 def test_every_number_of_the_spec_is_made_smaller_and_larger_and_still_compiles(tmp_path: Path) -> None:
     spec = read_spec(SPEC)
-    changed = lab_sensitivity.arms(settings(tmp_path))[2:]
+    changed_arms = lab_sensitivity.arms(settings(tmp_path))[2:]
 
-    assert len(changed) > 10
-    for arm in changed:
+    assert len(changed_arms) > 10
+    for arm in changed_arms:
         edit = arm.edits[-1]
-        checked, _ = check(edit(spec))
-        assert checked is not None
+        checked_spec, _ = check(edit(spec))
+        assert checked_spec is not None
         assert edit(spec) != spec
 
 
 def test_a_number_is_scaled_in_its_condition_and_a_count_stays_an_integer() -> None:
     spec = read_spec(SPEC)
-    nearer = ScaledNumber(condition="distance < 1.6 m", variables="_in_observable_distance", factor=0.5)(spec)
-    stricter = ScaledNumber(condition="markers >= 3", variables="", factor=1.5)(spec)
+    nearer_spec = ScaledNumber(condition="distance < 1.6 m", variables="_in_observable_distance", factor=0.5)(spec)
+    stricter_spec = ScaledNumber(condition="markers >= 3", variables="", factor=1.5)(spec)
     texts = {
         entry.by.text
-        for algorithm in nearer.perception
+        for algorithm in nearer_spec.perception
         for entry in algorithm.identifies
         if isinstance(entry.by, Condition)
     }
@@ -328,17 +328,19 @@ def test_a_number_is_scaled_in_its_condition_and_a_count_stays_an_integer() -> N
     assert {"distance < 0.8 m", "distance < 0.95 m"} <= texts
     assert "distance < 1.6 m" not in texts
     assert "markers >= 5" in {
-        condition.text for algorithm in stricter.perception for condition in algorithm.accept_when
+        condition.text for algorithm in stricter_spec.perception for condition in algorithm.accept_when
     }
 
 
 def test_every_laboratory_is_compared_with_naive_observers_in_it(tmp_path: Path) -> None:
-    sensitivity = judged(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=35.0)
+    sensitivity = run_and_judge(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=35.0)
     names = {"as it is", *(variation.name for variation in lab_sensitivity.VARIATIONS)}
 
     assert set(sensitivity.document.results) == names
     assert all({NAIVE.name, PRECONDITIONS.name} <= set(sensitivity.document.results[name]) for name in names)
-    drawn = [part for section in sensitivity.document.sections for part in section.parts if isinstance(part, Drawing)]
-    assert len(drawn) == 2
-    assert all(part.svg.rstrip().endswith("</svg>") for part in drawn)
+    drawings = [
+        part for section in sensitivity.document.sections for part in section.parts if isinstance(part, Drawing)
+    ]
+    assert len(drawings) == 2
+    assert all(part.svg.rstrip().endswith("</svg>") for part in drawings)
     assert sensitivity.outcomes[f"tag size 0.5 {FIRST_REPORTED_SEED}"].truth != {}

@@ -43,8 +43,10 @@ def outcomes(settings: Settings) -> Mapping[str, Outcome]:
 
 @pytest.fixture(scope="module")
 def pair(outcomes: Mapping[str, Outcome]) -> Pair:
-    without, observed = (outcomes[f"tending-301-{condition}-observers"] for condition in ("without", "with"))
-    return Pair(seed=FIRST_REPORTED_SEED, without=without, observed=observed)
+    run_without_observers, run_with_observers = (
+        outcomes[f"tending-301-{condition}-observers"] for condition in ("without", "with")
+    )
+    return Pair(seed=FIRST_REPORTED_SEED, without=run_without_observers, observed=run_with_observers)
 
 
 @pytest.fixture(scope="module")
@@ -127,13 +129,13 @@ def test_the_report_shows_table_3_of_the_paper_beside_its_own(document: Document
 def test_the_drawing_is_svg_and_always_the_same(
     document: Document, settings: Settings, outcomes: Mapping[str, Outcome]
 ) -> None:
-    first, again = (
+    drawings, repeated_drawings = (
         [part.svg for section in report.sections for part in section.parts if isinstance(part, Drawing)]
         for report in (document, judge(settings, outcomes))
     )
 
-    assert first == again
-    assert [ElementTree.fromstring(svg).tag for svg in first] == ["{http://www.w3.org/2000/svg}svg"]
+    assert drawings == repeated_drawings
+    assert [ElementTree.fromstring(svg).tag for svg in drawings] == ["{http://www.w3.org/2000/svg}svg"]
 
 
 def test_results_are_data_and_their_savings_add_up(document: Document) -> None:
@@ -141,11 +143,13 @@ def test_results_are_data_and_their_savings_add_up(document: Document) -> None:
     saving = results["saving"]
 
     for name in ("opening", "closing", "all"):
-        parts = saving[name]
-        parts_s = parts["spared_s"] + parts["other_looks_s"] + parts["fewer_s"]
-        assert parts["saved_s"] == pytest.approx(parts_s - parts["waiting_s"] - parts["asking_s"])
-    for left, right in (("opening", "closing"), ("previews", "monitoring")):
-        assert saving["all"]["saved_s"] == pytest.approx(saving[left]["saved_s"] + saving[right]["saved_s"])
+        saving_of_task = saving[name]
+        parts_s = saving_of_task["spared_s"] + saving_of_task["other_looks_s"] + saving_of_task["fewer_s"]
+        assert saving_of_task["saved_s"] == pytest.approx(
+            parts_s - saving_of_task["waiting_s"] - saving_of_task["asking_s"]
+        )
+    for first_name, second_name in (("opening", "closing"), ("previews", "monitoring")):
+        assert saving["all"]["saved_s"] == pytest.approx(saving[first_name]["saved_s"] + saving[second_name]["saved_s"])
 
 
 def test_the_summary_has_both_tasks_the_sources_the_day_and_wrong_values(document: Document) -> None:
@@ -231,18 +235,18 @@ def test_a_record_without_the_frame_of_a_wrong_answer_is_ignored(
     settings: Settings, misled: tuple[Path, Outcome], tmp_path: Path
 ) -> None:
     folder, outcome = misled
-    answered = next(decision for decision in outcome.decisions if decision.wrong_answer is not None)
-    lone = replace(outcome, decisions=[replace(answered, wrong={})])
+    wrongly_answered_decision = next(decision for decision in outcome.decisions if decision.wrong_answer is not None)
+    outcome_without_frame = replace(outcome, decisions=[replace(wrongly_answered_decision, wrong={})])
     trial = replace(tending_trials(settings, FIRST_REPORTED_SEED)[0], name=outcome.name)
     record = TrialRecord(trial=trial, folder=tmp_path, digest="made-from")
     shutil.copytree(folder / "trials" / outcome.name, record.frames_folder)
-    text = lone.to_json()
+    text = outcome_without_frame.to_json()
     record.path.write_text(f"made-from {sha256(text.encode()).hexdigest()}\n{text}")
-    was_there = record.read()
-    assert answered.wrong_answer is not None
-    (record.frames_folder / answered.wrong_answer.frame).unlink()
+    record_before = record.read()
+    assert wrongly_answered_decision.wrong_answer is not None
+    (record.frames_folder / wrongly_answered_decision.wrong_answer.frame).unlink()
 
-    assert was_there == lone
+    assert record_before == outcome_without_frame
     assert record.read() is None
 
 
@@ -279,7 +283,7 @@ def test_the_report_lists_mistakes_with_their_frames(
 
 def test_a_wrong_look_of_the_robot_itself_has_a_cause_of_its_own(misled: tuple[Path, Outcome]) -> None:
     _, outcome = misled
-    first = mistakes([outcome])[0]
-    looked = replace(first.decision, wrong_answer=replace(first.basis, algorithm=OWN_LOOK))
+    first_mistake = mistakes([outcome])[0]
+    looked_decision = replace(first_mistake.decision, wrong_answer=replace(first_mistake.basis, algorithm=OWN_LOOK))
 
-    assert mistakes([replace(outcome, decisions=[looked])])[0].cause == "the robot's own look was wrong"
+    assert mistakes([replace(outcome, decisions=[looked_decision])])[0].cause == "the robot's own look was wrong"

@@ -36,22 +36,26 @@ def decision(asking_s: float, waited_s: float, looked_s: float, *, is_preview: b
 
 
 looks = st.builds(decision, st.just(0.0), st.just(0.0), seconds)
-asked = st.builds(decision, seconds, seconds, st.one_of(st.just(0.0), seconds), is_preview=st.booleans())
+observed_decisions = st.builds(decision, seconds, seconds, st.one_of(st.just(0.0), seconds), is_preview=st.booleans())
 
 
-@given(st.lists(looks, min_size=1, max_size=12), st.lists(asked, max_size=12))
+@given(st.lists(looks, min_size=1, max_size=12), st.lists(observed_decisions, max_size=12))
 def test_the_parts_of_a_saving_add_up_to_the_difference_of_perception_times(
-    without: list[Decision], observed: list[Decision]
+    decisions_without: list[Decision], decisions_with: list[Decision]
 ) -> None:
-    split_saving = saving(without, observed)
+    split_saving = saving(decisions_without, decisions_with)
 
-    assert isclose(split_saving.saved_s, spent_s(without) - spent_s(observed), rel_tol=1e-9, abs_tol=1e-6)
-    assert split_saving.answered + split_saving.fell_back == split_saving.checks == len(observed)
+    assert isclose(
+        split_saving.saved_s, spent_s(decisions_without) - spent_s(decisions_with), rel_tol=1e-9, abs_tol=1e-6
+    )
+    assert split_saving.answered + split_saving.fell_back == split_saving.checks == len(decisions_with)
 
 
-@given(st.lists(looks, min_size=1, max_size=12), st.lists(asked, max_size=12))
-def test_the_first_scenario_equals_the_measurement(without: list[Decision], observed: list[Decision]) -> None:
-    split_saving = saving(without, observed)
+@given(st.lists(looks, min_size=1, max_size=12), st.lists(observed_decisions, max_size=12))
+def test_the_first_scenario_equals_the_measurement(
+    decisions_without: list[Decision], decisions_with: list[Decision]
+) -> None:
+    split_saving = saving(decisions_without, decisions_with)
     measured_scenario = scenarios(split_saving)[0]
 
     assert isclose(measured_scenario.saved_s, split_saving.saved_s, rel_tol=1e-9, abs_tol=1e-6)

@@ -41,9 +41,9 @@ from codra_papers.store.simulator.store import Store
 from generated import lab, store
 
 THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
-TUNED = with_thresholds(store.MAPE, THRESHOLDS)
+TUNED_MAPE = with_thresholds(store.MAPE, THRESHOLDS)
 MANAGERS: tuple[Manager, ...] = (NominalManager(), RandomManager(), ThresholdManager(THRESHOLDS), LoopsManager())
-CALM: Mapping[str, Value | None] = {
+CALM_VALUES: Mapping[str, Value | None] = {
     "bumped": False,
     "person_distance": 10.0,
     "strange_gap": 10.0,
@@ -63,7 +63,7 @@ CALM: Mapping[str, Value | None] = {
 class WrittenContext:
     """A context that a test writes."""
 
-    values: dict[str, Value | None] = field(default_factory=lambda: dict(CALM))
+    values: dict[str, Value | None] = field(default_factory=lambda: dict(CALM_VALUES))
 
     def readings(self, names: Iterable[str]) -> Mapping[str, Reading[Value]]:
         return {name: self._reading(name, self.values[name]) for name in names}
@@ -87,7 +87,7 @@ def planner(manager: Manager, seed: int = 1) -> Planner:
 
 def plans(manager: Manager, seed: int = 1, cycles: int = 6) -> list[tuple[float, Plan]]:
     """Return the plans of a manager while a person is repeatedly close for 10 s and far away for 10 s."""
-    context, manager_planner = WrittenContext({**CALM, "picking_up": True}), planner(manager, seed)
+    context, manager_planner = WrittenContext({**CALM_VALUES, "picking_up": True}), planner(manager, seed)
     timed_plans = []
     for step in range(cycles * 200):
         context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
@@ -150,9 +150,9 @@ def test_replaced_decisions_keep_the_analysis_that_is_drawn() -> None:
 def weights(**changes: Value | None) -> dict[str, float | None]:
     scene = {
         name: Observation(variable=name, value=value, because="" if value is not None else "never observed")
-        for name, value in {**CALM, **changes}.items()
+        for name, value in {**CALM_VALUES, **changes}.items()
     }
-    return assess(TUNED, scene).weights()
+    return assess(TUNED_MAPE, scene).weights()
 
 
 @pytest.mark.parametrize(
@@ -185,28 +185,30 @@ def test_the_first_line_of_the_thresholds_that_holds_decides(
 
 
 def test_a_container_is_brought_away_from_the_load_of_the_grid_on() -> None:
-    early = with_thresholds(store.MAPE, replace(THRESHOLDS, load="loading"))
-    scene = {name: Observation(variable=name, value=value) for name, value in CALM.items()}
+    mape_from_loading = with_thresholds(store.MAPE, replace(THRESHOLDS, load="loading"))
+    scene = {name: Observation(variable=name, value=value) for name, value in CALM_VALUES.items()}
     scene |= {name: Observation(variable=name, value=value) for name, value in {"loaded": True}.items()}
     scene["container_load"] = Observation(variable="container_load", value="loading")
 
-    assert assess(early, scene).weights()["deliver"] == 1.0
-    assert assess(TUNED, scene).weights()["deliver"] == 0.0
+    assert assess(mape_from_loading, scene).weights()["deliver"] == 1.0
+    assert assess(TUNED_MAPE, scene).weights()["deliver"] == 0.0
 
 
 @settings(max_examples=60)
 @given(
-    unknown=st.sets(st.sampled_from(["person_distance", "battery_level", "picking_up", "loaded", "container_load"])),
+    unknown_names=st.sets(
+        st.sampled_from(["person_distance", "battery_level", "picking_up", "loaded", "container_load"])
+    ),
     distance_m=st.floats(0.0, 10.0),
     battery=st.floats(0.0, 100.0),
     truths=st.tuples(st.booleans(), st.booleans()),
     load=st.sampled_from(["empty", "loading", "full"]),
 )
 def test_the_result_of_thresholds_lies_within_their_bounds(
-    unknown: set[str], distance_m: float, battery: float, truths: tuple[bool, bool], load: str
+    unknown_names: set[str], distance_m: float, battery: float, truths: tuple[bool, bool], load: str
 ) -> None:
     values = {
-        **CALM,
+        **CALM_VALUES,
         "person_distance": distance_m,
         "battery_level": battery,
         "picking_up": truths[0],
@@ -215,12 +217,15 @@ def test_the_result_of_thresholds_lies_within_their_bounds(
     }
     complete_scene = {name: Observation(variable=name, value=value) for name, value in values.items()}
     partial_scene = {
-        name: Observation(variable=name) if name in unknown else observation
+        name: Observation(variable=name) if name in unknown_names else observation
         for name, observation in complete_scene.items()
     }
 
-    known, bounded = assess(TUNED, complete_scene).metrics.outputs, assess(TUNED, partial_scene).metrics.outputs
-    for one, other in zip(known, bounded, strict=True):
+    known_outputs, bounded_outputs = (
+        assess(TUNED_MAPE, complete_scene).metrics.outputs,
+        assess(TUNED_MAPE, partial_scene).metrics.outputs,
+    )
+    for one, other in zip(known_outputs, bounded_outputs, strict=True):
         assert one.value is not None
         assert other.bounds.holds(one.value)
 
@@ -267,10 +272,10 @@ def observe_run(manager: Manager, seed: int, duration_s: float) -> ObservedRun:
 def test_people_do_the_same_until_the_robot_acts_differently(manager: Manager) -> None:
     one, other = observe_run(NominalManager(), 1, 30.0), observe_run(manager, 1, 30.0)
     pairs = enumerate(zip(one.robot, other.robot, strict=True))
-    differs = next((step for step, (first, second) in pairs if first != second), len(one.robot) - 1)
+    first_difference = next((step for step, (first, second) in pairs if first != second), len(one.robot) - 1)
 
-    assert differs > 20
-    assert one.people_m[: differs + 1] == other.people_m[: differs + 1]
+    assert first_difference > 20
+    assert one.people_m[: first_difference + 1] == other.people_m[: first_difference + 1]
 
 
 def test_a_run_is_reproducible() -> None:
@@ -351,10 +356,10 @@ def test_a_near_person_is_no_cause_while_the_robot_does_not_fetch() -> None:
 
 def test_consecutive_unsafe_steps_are_one_span() -> None:
     near = ((6.2, 5.0),)
-    fast = [state(step, near, speed_m_s=0.5) for step in (1, 2, 3, 7)]
-    slow = [state(4, near, speed_m_s=0.3), state(5, ((9.0, 5.0),), speed_m_s=0.5)]
+    unsafe_states = [state(step, near, speed_m_s=0.5) for step in (1, 2, 3, 7)]
+    safe_states = [state(4, near, speed_m_s=0.3), state(5, ((9.0, 5.0),), speed_m_s=0.5)]
 
-    assert watch_states(*sorted([*fast, *slow], key=lambda shop_state: shop_state.step)).unsafe == [
+    assert watch_states(*sorted([*unsafe_states, *safe_states], key=lambda shop_state: shop_state.step)).unsafe == [
         Span(0.0, 0.3),
         Span(0.6, 0.7),
     ]
@@ -390,7 +395,7 @@ def test_spans_of_a_cause_with_a_short_gap_are_merged() -> None:
 
 
 def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tuple[CauseCall, ...]) -> StoreOutcome:
-    given_ = {"loops": 1, "unsafe_s": 2.0, "orders": {}, "aborts": 0, "bumps": 0, "called": ()} | changes
+    fields = {"loops": 1, "unsafe_s": 2.0, "orders": {}, "aborts": 0, "bumps": 0, "called": ()} | changes
     return StoreOutcome(
         name=name,
         seed=seed,
@@ -401,7 +406,7 @@ def outcome_of(name: str, seed: int, **changes: float | Mapping[str, int] | tupl
         unsafe=(),
         gaps_m=(),
         curves={},
-        **given_,  # type: ignore[arg-type]
+        **fields,  # type: ignore[arg-type]
     )
 
 
@@ -411,22 +416,29 @@ def test_differences_to_ours_are_taken_seed_by_seed() -> None:
     table = compare_managers({"none": none, "ours": ours}, "ours")
     rows_by_measure = {(row.measure.key, row.manager): row for row in table}
 
-    unsafe = rows_by_measure["unsafe_s", "none"]
-    assert unsafe.mean.value == 6.0
-    assert unsafe.difference is not None
-    assert (unsafe.difference.low, unsafe.difference.high) == (pytest.approx(3.0), pytest.approx(3.0))
+    unsafe_row = rows_by_measure["unsafe_s", "none"]
+    assert unsafe_row.mean.value == 6.0
+    assert unsafe_row.difference is not None
+    assert (unsafe_row.difference.low, unsafe_row.difference.high) == (pytest.approx(3.0), pytest.approx(3.0))
     assert rows_by_measure["unsafe_s", "ours"].difference is None
     assert rows_by_measure["switches_per_min", "none"].mean.value == 2.0
 
 
 def test_an_unanswered_cause_counts_as_later_than_any_answered_one() -> None:
-    soon, late, never = (CauseCall(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None))
-    runs = {"ours": [outcome_of("ours", 1, called=(soon, late)), outcome_of("ours", 2, called=(never,))]}
-    (all_causes_row, *rest) = reactions(runs)
+    soon_answered, late_answered, never_answered = (
+        CauseCall(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None)
+    )
+    runs = {
+        "ours": [
+            outcome_of("ours", 1, called=(soon_answered, late_answered)),
+            outcome_of("ours", 2, called=(never_answered,)),
+        ]
+    }
+    (all_causes_row, *rows_by_cause) = reactions(runs)
 
     assert (all_causes_row.count, all_causes_row.answered) == (3, 2)
     assert (all_causes_row.quantiles_s[0.5].value, all_causes_row.quantiles_s[0.99].value) == (2.0, math.inf)
-    assert next(row for row in rest if row.cause is Cause.BATTERY).quantiles_s[0.5].value is None
+    assert next(row for row in rows_by_cause if row.cause is Cause.BATTERY).quantiles_s[0.5].value is None
 
 
 def test_the_quantile_of_all_runs_is_one_of_their_values_and_lies_in_its_interval() -> None:

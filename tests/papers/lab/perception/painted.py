@@ -45,7 +45,7 @@ def painted(
     """Return an image, shape (480, 640), of tags that are given with their `camera_from_part`. None may face away."""
     start = np.full((480, 640), 120.0) if background is None else background
     canvas = np.kron(start, np.ones((_OVERSAMPLING, _OVERSAMPLING))).astype(np.float32)
-    for tag, camera_from_part in sorted(tags, key=lambda item: -float(item[1].translation_m[2])):
+    for tag, camera_from_part in sorted(tags, key=lambda tag_and_pose: -float(tag_and_pose[1].translation_m[2])):
         _paint(canvas, tag, camera_from_part @ tag.part_from_tag)
     image = cv2.resize(canvas, (640, 480), interpolation=cv2.INTER_AREA)
     image = cv2.GaussianBlur(image, (0, 0), blur_px) if blur_px else image
@@ -55,8 +55,8 @@ def painted(
 def _paint(canvas: NDArray[np.float32], tag: Tag, camera_from_tag: Pose) -> None:
     if camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m >= 0.0:
         return
-    half = tag.size_m / 2 * 10 / 8
-    square = np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
+    half_m = tag.size_m / 2 * 10 / 8
+    square = np.array([[-half_m, half_m, 0.0], [half_m, half_m, 0.0], [half_m, -half_m, 0.0], [-half_m, -half_m, 0.0]])
     target = (INTRINSICS.project(camera_from_tag.apply(square)) + 0.5) * _OVERSAMPLING - 0.5
     side = 10 * _PIXELS_PER_CELL
     source = np.array([[0, 0], [side, 0], [side, side], [0, side]], dtype=np.float32) - 0.5
@@ -76,7 +76,7 @@ def before_the_camera(
     distance_m: float, *, tilt_rad: float = 0.0, tilt_axis_rad: float = 0.0, roll_rad: float = 0.0
 ) -> Pose:
     """Return `camera_from_part` of a part on the optical axis, with its z axis to the camera, then tilted."""
-    facing = np.diag([1.0, -1.0, -1.0])
+    facing_rotation = np.diag([1.0, -1.0, -1.0])
     tilt = rotation_about((float(np.cos(tilt_axis_rad)), float(np.sin(tilt_axis_rad)), 0.0), tilt_rad)
     roll = rotation_about((0.0, 0.0, 1.0), roll_rad)
-    return Pose(roll @ tilt @ facing, np.array([0.0, 0.0, distance_m]))
+    return Pose(roll @ tilt @ facing_rotation, np.array([0.0, 0.0, distance_m]))

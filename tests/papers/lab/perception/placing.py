@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import atan2
 from random import Random
 
-from codra_papers.lab.gaze import Gaze, in_frame
+from codra_papers.lab.gaze import Gaze, gaze_in_frame
 from codra_papers.lab.perception.layout import Part, machine_named
 from codra_papers.lab.perception.poses import Pose
 from codra_papers.lab.simulator.world import JointKey, LabWorld, Quantity, Values
@@ -37,7 +37,7 @@ def place_robot_before(
     base = (float(spot_m[0]), float(spot_m[1]), atan2(-x_axis[1], -x_axis[0]))
     robot_from_machine = Pose.planar(*base).inverse() @ map_from_machine
     put(world, Quantity.BASE, *base, at_s=at_s)
-    put(world, Quantity.GAZE, *in_frame(gaze, robot_from_machine), at_s=at_s)
+    put(world, Quantity.GAZE, *gaze_in_frame(gaze, robot_from_machine), at_s=at_s)
 
 
 def set_joint(world: LabWorld, machine: str, part: Part, angle_rad: float, *, at_s: float = 0.0) -> None:

@@ -20,12 +20,12 @@ PANEL = BASE_TAGS[0].part_from_tag
 """A frame in the plane of the base's tags. The poses of the base follow from the camera's view of this frame."""
 
 
-def seen(tag: Tag, camera_from_part: Pose) -> Detection:
+def exact_detection(tag: Tag, camera_from_part: Pose) -> Detection:
     corners_px = INTRINSICS.project(camera_from_part.apply(tag.corners_m()))
     return Detection(tag_id=tag.tag_id, corners_px=corners_px)
 
 
-def spoilt(detection: Detection, by_px: float) -> Detection:
+def spoilt_detection(detection: Detection, by_px: float) -> Detection:
     """Return a detection with one wrong corner, as if it were covered."""
     corners_px = detection.corners_px.copy()
     corners_px[1] += (-by_px, by_px)
@@ -36,8 +36,8 @@ def base_before_the_camera(distance_m: float, tilt_rad: float) -> Pose:
     return before_the_camera(distance_m, tilt_rad=tilt_rad) @ PANEL.inverse()
 
 
-def degrees_between(first: Pose, second: Pose) -> float:
-    return degrees(acos(min(1.0, (float(np.trace(first.rotation.T @ second.rotation)) - 1.0) / 2.0)))
+def degrees_between(one_pose: Pose, other_pose: Pose) -> float:
+    return degrees(acos(min(1.0, (float(np.trace(one_pose.rotation.T @ other_pose.rotation)) - 1.0) / 2.0)))
 
 
 @settings(max_examples=60)
@@ -53,12 +53,12 @@ def test_the_better_of_a_tags_poses_is_the_true_one_and_comes_first(
     tag = lone_tag(20)
     pose = before_the_camera(distance_m, tilt_rad=tilt_rad, tilt_axis_rad=tilt_axis_rad, roll_rad=roll_rad)
 
-    better, *others = tag_poses(seen(tag, pose), tag.size_m, INTRINSICS)
+    better_pose, *other_poses = tag_poses(exact_detection(tag, pose), tag.size_m, INTRINSICS)
 
-    assert [better.error_px <= other.error_px for other in others] in ([True], [])
-    assert better.error_px < 1e-3
-    assert degrees_between(better.camera_from_tag, pose) < 0.1
-    assert np.allclose(better.camera_from_tag.translation_m, pose.translation_m, atol=1e-4)
+    assert [better_pose.error_px <= other.error_px for other in other_poses] in ([True], [])
+    assert better_pose.error_px < 1e-3
+    assert degrees_between(better_pose.camera_from_tag, pose) < 0.1
+    assert np.allclose(better_pose.camera_from_tag.translation_m, pose.translation_m, atol=1e-4)
 
 
 @pytest.mark.parametrize("roll_rad", [0.0, 0.5, 1.0, 2.0, pi])
@@ -67,7 +67,7 @@ def test_a_tag_seen_right_from_the_front_is_localised(distance_m: float, roll_ra
     """In these poses OpenCV's method for squares divides by zero or by nearly zero."""
     tag, pose = lone_tag(20), before_the_camera(distance_m, roll_rad=roll_rad)
 
-    fitted_pose = part_pose([tag], [seen(tag, pose)], INTRINSICS)
+    fitted_pose = part_pose([tag], [exact_detection(tag, pose)], INTRINSICS)
 
     assert fitted_pose is not None
     assert fitted_pose.error_px < 0.01
@@ -77,7 +77,7 @@ def test_a_tag_seen_right_from_the_front_is_localised(distance_m: float, roll_ra
 def test_all_tags_of_a_part_are_fitted_together() -> None:
     pose = base_before_the_camera(0.9, 0.4)
 
-    fitted_pose = part_pose(BASE_TAGS, [seen(tag, pose) for tag in BASE_TAGS], INTRINSICS)
+    fitted_pose = part_pose(BASE_TAGS, [exact_detection(tag, pose) for tag in BASE_TAGS], INTRINSICS)
 
     assert fitted_pose is not None
     assert fitted_pose.tag_ids == (20, 21, 22, 23)
@@ -88,20 +88,20 @@ def test_all_tags_of_a_part_are_fitted_together() -> None:
 
 def test_tags_of_other_parts_are_ignored() -> None:
     pose = base_before_the_camera(0.9, 0.4)
-    strangers = [seen(tag, pose) for tag in machine_named("pcr_cycler").tags_on(Part.LID)]
+    other_detections = [exact_detection(tag, pose) for tag in machine_named("pcr_cycler").tags_on(Part.LID)]
 
-    fitted_pose = part_pose(BASE_TAGS, [*strangers, seen(BASE_TAGS[1], pose)], INTRINSICS)
+    fitted_pose = part_pose(BASE_TAGS, [*other_detections, exact_detection(BASE_TAGS[1], pose)], INTRINSICS)
 
     assert fitted_pose is not None
     assert fitted_pose.tag_ids == (21,)
-    assert part_pose(BASE_TAGS, strangers, INTRINSICS) is None
+    assert part_pose(BASE_TAGS, other_detections, INTRINSICS) is None
 
 
 @pytest.mark.parametrize("index", range(4))
 def test_a_tag_that_something_covers_in_part_does_not_spoil_the_pose_of_the_others(index: int) -> None:
     pose = base_before_the_camera(0.9, 0.4)
-    detections = [seen(tag, pose) for tag in BASE_TAGS]
-    detections[index] = spoilt(detections[index], 4.0)
+    detections = [exact_detection(tag, pose) for tag in BASE_TAGS]
+    detections[index] = spoilt_detection(detections[index], 4.0)
 
     fitted_pose = part_pose(BASE_TAGS, detections, INTRINSICS)
 
@@ -111,7 +111,7 @@ def test_a_tag_that_something_covers_in_part_does_not_spoil_the_pose_of_the_othe
 
 
 def test_a_lone_tag_that_something_covers_in_part_gives_no_pose() -> None:
-    detection = spoilt(seen(BASE_TAGS[0], base_before_the_camera(0.7, 0.4)), 4.0)
+    detection = spoilt_detection(exact_detection(BASE_TAGS[0], base_before_the_camera(0.7, 0.4)), 4.0)
 
     assert tag_poses(detection, BASE_TAGS[0].size_m, INTRINSICS)[0].error_px > GATE_PX
     assert part_pose(BASE_TAGS, [detection], INTRINSICS) is None
@@ -128,13 +128,13 @@ def test_corners_that_are_a_tenth_of_a_pixel_off_leave_the_pose_of_a_part_within
 ) -> None:
     random = np.random.default_rng(seed)
     pose = base_before_the_camera(distance_m, tilt_rad)
-    exact = [seen(tag, pose) for tag in BASE_TAGS]
-    noisy = [
+    exact_detections = [exact_detection(tag, pose) for tag in BASE_TAGS]
+    noisy_detections = [
         Detection(tag_id=detection.tag_id, corners_px=detection.corners_px + random.normal(0.0, 0.1, (4, 2)))
-        for detection in exact
+        for detection in exact_detections
     ]
 
-    fitted_pose = part_pose(BASE_TAGS, noisy, INTRINSICS)
+    fitted_pose = part_pose(BASE_TAGS, noisy_detections, INTRINSICS)
 
     assert fitted_pose is not None
     assert degrees_between(fitted_pose.camera_from_part, pose) < 1.0

@@ -159,12 +159,12 @@ def test_one_machine_is_not_taken_for_the_other(lab: Laboratory) -> None:
 
 def test_a_hand_before_the_tags_costs_markers_and_not_truth(lab: Laboratory) -> None:
     lab.place_robot("pcr_cycler", (0.55, 0.0, 0.40, 0.2, 0.0, 0.15))
-    free = ask(localize_lid, "pcr_cycler", lab.frame())
+    free_measurement = ask(localize_lid, "pcr_cycler", lab.frame())
     lab.change(Quantity.REACH, 1.0)
-    covered = ask(localize_lid, "pcr_cycler", lab.frame())
+    covered_measurement = ask(localize_lid, "pcr_cycler", lab.frame())
 
-    assert covered["markers"] < free["markers"]
-    assert covered["lid_angle"] == pytest.approx(0.0, abs=0.02)
+    assert covered_measurement["markers"] < free_measurement["markers"]
+    assert covered_measurement["lid_angle"] == pytest.approx(0.0, abs=0.02)
 
 
 # Rotor
@@ -224,19 +224,19 @@ def test_a_tag_that_the_edge_of_the_image_cuts_counts_with_the_corners_that_it_s
 
 def test_shares_agree_with_geometry_wherever_the_robot_looks(lab: Laboratory) -> None:
     """Small, slanted and half hidden tags are sometimes missed. Parts that are reported in view really are in view."""
-    random, agreed, seen_but_not_there = Random(8), [], 0
+    random, agreements, wrongly_seen_count = Random(8), [], 0
     for _ in range(80):
         machine = random.choice(sorted(MACHINES))
         eye = (random.uniform(0.6, 1.4), random.uniform(-0.4, 0.4), random.uniform(0.4, 1.0))
         lab.place_robot(machine, (*eye, 0.1, random.uniform(-0.4, 0.4), random.uniform(0.0, 0.6)))
         measurement = ask(find_in_view, machine, lab.frame())
         for part in (Part.BASE, Part.LID):
-            reported, true = measurement[f"{part}_share"] >= 50.0, lab.share(machine, part) >= 50.0
-            agreed.append(reported == true)
-            seen_but_not_there += reported and not true
+            is_reported, is_true = measurement[f"{part}_share"] >= 50.0, lab.share(machine, part) >= 50.0
+            agreements.append(is_reported == is_true)
+            wrongly_seen_count += is_reported and not is_true
 
-    assert np.mean(agreed) > 0.9
-    assert seen_but_not_there <= 0.03 * len(agreed)
+    assert np.mean(agreements) > 0.9
+    assert wrongly_seen_count <= 0.03 * len(agreements)
 
 
 # Frames without content
@@ -325,10 +325,10 @@ def test_a_distance_is_evidence_of_the_instant_of_its_reading() -> None:
 
 def mean_duration_s(function: Callable[..., Mapping[str, Any]], **handles: Callable[[RecordedJob], object]) -> float:
     job = RecordedJob(random=Random(2))
-    given = {name: made(job) for name, made in handles.items()}
+    arguments = {name: make(job) for name, make in handles.items()}
     for _ in range(400):
-        function(machine="centrifuge", job=job, **given)
-    durations_s = [after_s - before_s for what, before_s, after_s in job.record if what == "slept"]
+        function(machine="centrifuge", job=job, **arguments)
+    durations_s = [after_s - before_s for name_of_call, before_s, after_s in job.record if name_of_call == "slept"]
     assert 2.0 < max(durations_s) / min(durations_s) < 8.0
     return float(np.mean(durations_s))
 
@@ -400,10 +400,10 @@ def test_stored_frames_give_the_same_evidence_in_another_process(lab: Laboratory
 def test_the_order_of_callers_does_not_matter(lab: Laboratory) -> None:
     lab.place_robot("centrifuge")
     lab.turn("centrifuge", Part.LID, 1.0)
-    first = [ask(function, "centrifuge", lab.frame()) for function in SEES_PIXELS]
-    again = [ask(function, "centrifuge", lab.frame()) for function in reversed(SEES_PIXELS)]
+    first_results = [ask(function, "centrifuge", lab.frame()) for function in SEES_PIXELS]
+    repeated_results = [ask(function, "centrifuge", lab.frame()) for function in reversed(SEES_PIXELS)]
 
-    assert first == again[::-1]
+    assert first_results == repeated_results[::-1]
 
 
 def test_detections_lie_where_geometry_puts_the_tags(lab: Laboratory) -> None:

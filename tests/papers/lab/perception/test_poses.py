@@ -29,18 +29,18 @@ def test_a_camera_looks_at_its_target_with_the_horizon_level(eye_m: np.ndarray, 
     second_rad=st.floats(-4.0, 4.0),
 )
 def test_turns_about_one_axis_add_up(axis: tuple[float, float, float], first_rad: float, second_rad: float) -> None:
-    both = rotation_about(axis, first_rad) @ rotation_about(axis, second_rad)
+    both_turns = rotation_about(axis, first_rad) @ rotation_about(axis, second_rad)
 
-    assert np.allclose(both, rotation_about(axis, first_rad + second_rad))
-    assert np.allclose(both @ np.array(axis), axis)
+    assert np.allclose(both_turns, rotation_about(axis, first_rad + second_rad))
+    assert np.allclose(both_turns @ np.array(axis), axis)
 
 
 @given(st.floats(-10.0, 10.0))
 def test_a_planar_pose_equals_a_turn_about_the_vertical_axis_exactly(heading_rad: float) -> None:
-    turned = rotation_about((0.0, 0.0, 1.0), heading_rad)
+    turn = rotation_about((0.0, 0.0, 1.0), heading_rad)
 
-    assert Pose.planar(1.0, 2.0, heading_rad).rotation.tobytes() == turned.tobytes()
-    assert planar(1.0, 2.0, heading_rad).rotation.tobytes() == turned.tobytes()
+    assert Pose.planar(1.0, 2.0, heading_rad).rotation.tobytes() == turn.tobytes()
+    assert planar(1.0, 2.0, heading_rad).rotation.tobytes() == turn.tobytes()
 
 
 @given(PLACES_M, PLACES_M)

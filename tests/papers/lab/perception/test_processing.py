@@ -38,14 +38,14 @@ def test_times_are_log_normal_with_the_mean_asked_for_and_the_spread(mean_s: flo
 
 def test_times_of_consecutive_calls_are_log_normal_and_independent() -> None:
     """The function is called like by naive observers: again as soon as it is done."""
-    computer, now_s, away = Computer(9), 0.0, []
+    computer, now_s, deviations = Computer(9), 0.0, []
     for mean_s in (FIND_IN_VIEW_S, FIND_IN_VIEW_S, LOCALIZE_LID_S, LOCALIZE_ROTOR_S, LOCALIZE_LID_S) * 500:
         time_s = computer.processing_s(now_s, mean_s)
-        away.append((log(time_s / mean_s) + SPREAD**2 / 2) / SPREAD)
+        deviations.append((log(time_s / mean_s) + SPREAD**2 / 2) / SPREAD)
         now_s += time_s
 
-    assert kstest(away, norm().cdf).pvalue > 0.01
-    assert abs(np.corrcoef(away[1:], away[:-1])[0, 1]) < 0.06
+    assert kstest(deviations, norm().cdf).pvalue > 0.01
+    assert abs(np.corrcoef(deviations[1:], deviations[:-1])[0, 1]) < 0.06
 
 
 def test_times_are_independent_of_the_next() -> None:
@@ -60,7 +60,7 @@ def test_equal_work_that_begins_a_little_later_nearly_always_ends_at_the_same_in
     ends_s = [start_s + computer.processing_s(start_s, LOCALIZE_LID_S) for start_s in starts_s]
     later_s = [start_s + 0.1 + computer.processing_s(start_s + 0.1, LOCALIZE_LID_S) for start_s in starts_s]
 
-    assert np.mean([end_s == later for end_s, later in zip(ends_s, later_s, strict=True)]) > 0.8
+    assert np.mean([end_s == later_end_s for end_s, later_end_s in zip(ends_s, later_s, strict=True)]) > 0.8
 
 
 def test_callers_with_equal_work_are_soon_in_step() -> None:

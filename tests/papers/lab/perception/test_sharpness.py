@@ -19,7 +19,7 @@ from codra_papers.lab.simulator.world import LabWorld, Quantity
 from tests.papers.lab.perception.painted import cluttered_wall, frame_of, painted
 from tests.papers.lab.perception.placing import place_robot_before, put, set_joint
 
-ENOUGH = 0.5
+ENOUGH_SHARPNESS = 0.5
 """The threshold in the `accept_when` of the spec."""
 
 
@@ -58,10 +58,10 @@ def test_a_motion_in_any_direction_shows(direction_rad: float) -> None:
     wall = cluttered_wall(chance())
     qualities = [sharpness_of(moved(wall, length_px, direction_rad)) for length_px in (1.0, 4.0, 8.0, 12.0)]
 
-    assert qualities[0] > ENOUGH
+    assert qualities[0] > ENOUGH_SHARPNESS
     assert qualities[0] > qualities[1] > qualities[2]
-    assert qualities[2] < ENOUGH
-    assert qualities[3] < ENOUGH
+    assert qualities[2] < ENOUGH_SHARPNESS
+    assert qualities[3] < ENOUGH_SHARPNESS
 
 
 @pytest.mark.parametrize("direction_degrees", [0, 2, 20, 45, 90, 132])
@@ -72,11 +72,11 @@ def test_sharp_streaks_of_a_motion_over_a_speckled_floor_do_not_count_as_sharpne
 
     assert sharpness_of(speckles) > 0.7
     for length_px in (8.0, 12.0, 20.0):
-        assert sharpness_of(moved(speckles, length_px, radians(direction_degrees))) < ENOUGH
+        assert sharpness_of(moved(speckles, length_px, radians(direction_degrees))) < ENOUGH_SHARPNESS
 
 
 def test_a_lens_out_of_focus_shows() -> None:
-    assert sharpness_of(cv2.GaussianBlur(cluttered_wall(chance()), (0, 0), 2.5)) < ENOUGH
+    assert sharpness_of(cv2.GaussianBlur(cluttered_wall(chance()), (0, 0), 2.5)) < ENOUGH_SHARPNESS
 
 
 def test_a_dark_frame_shows_less_and_less() -> None:
@@ -84,18 +84,18 @@ def test_a_dark_frame_shows_less_and_less() -> None:
     day, dusk, evening, night = (sharpness_of(wall * light) for light in (1.0, 0.2, 0.1, 0.03))
 
     assert day > dusk > evening >= night
-    assert evening < ENOUGH < day
+    assert evening < ENOUGH_SHARPNESS < day
     assert night < 0.1
 
 
 def test_noise_that_hides_a_tag_lowers_it() -> None:
     wall = cluttered_wall(chance())
 
-    assert sharpness_of(wall, noise=20.0) < ENOUGH < sharpness_of(wall, noise=3.0)
+    assert sharpness_of(wall, noise=20.0) < ENOUGH_SHARPNESS < sharpness_of(wall, noise=3.0)
 
 
 def test_a_frame_that_is_mostly_too_bright_shows_little() -> None:
-    assert sharpness_of(cluttered_wall(chance(), brightness=250.0, contrast=60.0)) < ENOUGH
+    assert sharpness_of(cluttered_wall(chance(), brightness=250.0, contrast=60.0)) < ENOUGH_SHARPNESS
 
 
 def test_stripes_in_one_direction_do_not_show_a_motion_along_them() -> None:
@@ -112,8 +112,8 @@ def look_around(world: LabWorld, count: int, random: Random) -> list[float]:
     instants_s = []
     for start_s in (10.0 * step for step in range(count)):
         machine = random.choice(sorted(MACHINES))
-        past = random.random() < 0.3
-        target = (random.uniform(1.5, 3.0), random.uniform(-2.0, 2.0), 0.3) if past else (0.1, 0.0, 0.3)
+        looks_past = random.random() < 0.3
+        target = (random.uniform(1.5, 3.0), random.uniform(-2.0, 2.0), 0.3) if looks_past else (0.1, 0.0, 0.3)
         eye = (random.uniform(0.6, 1.4), random.uniform(-0.3, 0.3), random.uniform(0.5, 1.0))
         place_robot_before(world, machine, (*eye, *target), at_s=start_s)
         set_joint(world, machine, Part.LID, random.choice((0.0, 1.35)), at_s=start_s)
@@ -133,9 +133,11 @@ def test_in_a_sharp_frame_every_complete_tag_is_detected() -> None:
     with FrameSource(world) as source:
         for instant_s in look_around(world, 150, Random(4)):
             frame = source.frame_at(instant_s)
-            seen = {detection.tag_id for detection in detect(frame)}
+            detected_ids = {detection.tag_id for detection in detect(frame)}
             views = geometry.tags_in_view(world.state(instant_s))
-            is_detected[sharpness(frame) >= ENOUGH] += [view.tag_id in seen for view in views if view.is_resolved()]
+            is_detected[sharpness(frame) >= ENOUGH_SHARPNESS] += [
+                view.tag_id in detected_ids for view in views if view.is_resolved()
+            ]
 
     assert len(is_detected[True]) > 150
     assert np.mean(is_detected[True]) >= 0.99
@@ -152,7 +154,7 @@ def test_still_frames_in_daylight_are_sharp_enough_with_and_without_a_machine_in
             place_robot_before(world, random.choice(sorted(MACHINES)), (1.1, 0.0, 0.8, *target), at_s=start_s)
             qualities.append(sharpness(source.frame_at(start_s + 1.0)))
 
-    assert np.mean(np.array(qualities) >= ENOUGH) >= 0.95
+    assert np.mean(np.array(qualities) >= ENOUGH_SHARPNESS) >= 0.95
 
 
 def test_a_percentile_equals_that_of_numpy() -> None:
@@ -170,10 +172,10 @@ def test_an_angle_modulo_half_a_turn_equals_that_of_numpy() -> None:
     angles_rad = np.concatenate((angles_rad, edges, np.nextafter(edges, half_turn), np.nextafter(edges, -half_turn)))
     angles_rad = angles_rad[np.abs(angles_rad) < 2 * half_turn]
 
-    folded = _modulo_pi(angles_rad)
+    folded_rad = _modulo_pi(angles_rad)
 
-    assert folded.dtype == np.float32
-    assert np.array_equal(folded, np.mod(angles_rad, half_turn))
+    assert folded_rad.dtype == np.float32
+    assert np.array_equal(folded_rad, np.mod(angles_rad, half_turn))
 
 
 def test_a_covered_lens_has_no_sharpness() -> None:

@@ -38,17 +38,17 @@ def test_a_tag_has_a_white_border_around_a_black_one() -> None:
     assert picture.shape == (10, 10)
     assert picture.dtype == np.uint8
     assert (np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]) == 255).all()
-    inner = picture[1:-1, 1:-1]
-    assert (np.concatenate([inner[0], inner[-1], inner[:, 0], inner[:, -1]]) == 0).all()
+    inner_cells = picture[1:-1, 1:-1]
+    assert (np.concatenate([inner_cells[0], inner_cells[-1], inner_cells[:, 0], inner_cells[:, -1]]) == 0).all()
 
 
 def test_no_two_tags_of_the_laboratory_look_alike_however_they_are_turned() -> None:
     """The family promises that codes differ in 11 of 36 cells."""
-    for first in TAG_IDS:
-        for second in TAG_IDS:
+    for one_id in TAG_IDS:
+        for other_id in TAG_IDS:
             for turns in range(4):
-                if (first, 0) != (second, turns):
-                    assert np.count_nonzero(tag_image(first) != np.rot90(tag_image(second), turns)) >= 11
+                if (one_id, 0) != (other_id, turns):
+                    assert np.count_nonzero(tag_image(one_id) != np.rot90(tag_image(other_id), turns)) >= 11
 
 
 @pytest.mark.parametrize("tag_id", [-1, FAMILY_SIZE])
@@ -74,9 +74,9 @@ def test_a_tag_of_the_family_outside_the_laboratory_is_not_detected() -> None:
 
 
 def test_a_tag_detected_in_two_places_is_dropped() -> None:
-    half = painted([(lone_tag(20), before_the_camera(1.0))], random=chance())[:, 160:480]
+    half_image = painted([(lone_tag(20), before_the_camera(1.0))], random=chance())[:, 160:480]
 
-    assert detect(frame_of(np.hstack([half, half]))) == ()
+    assert detect(frame_of(np.hstack([half_image, half_image]))) == ()
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])

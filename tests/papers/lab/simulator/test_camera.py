@@ -18,7 +18,7 @@ from codra_papers.lab.perception.frame import Frame
 from codra_papers.lab.perception.layout import INTRINSICS, MACHINES, Part
 from codra_papers.lab.perception.tags import detect
 from codra_papers.lab.simulator import camera
-from codra_papers.lab.simulator.camera import ArmCamera, FrameSource, GreyFrameSource, exposure
+from codra_papers.lab.simulator.camera import ArmCamera, FrameSource, GreyFrameSource, exposed_states
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.laboratory import NOISE_GREYS
 from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
@@ -42,7 +42,7 @@ def source(world: LabWorld) -> Iterator[FrameSource]:
         yield source
 
 
-def detail(frame: Frame) -> float:
+def detail_level(frame: Frame) -> float:
     """Return how much a frame changes from column to column, without noise."""
     grey = cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY)
     return float(np.percentile(np.abs(cv2.Sobel(cv2.blur(grey, (1, 9)), cv2.CV_64F, 1, 0, ksize=3)), 98))
@@ -52,9 +52,9 @@ def detail(frame: Frame) -> float:
 
 
 def test_a_frame_is_drawn_once_for_many_callers(source: FrameSource) -> None:
-    first, again = source.frame_at(1.0), source.frame_at(1.0)
+    first_frame, repeated_frame = source.frame_at(1.0), source.frame_at(1.0)
 
-    assert again is first
+    assert repeated_frame is first_frame
     assert source.rendered == 1
 
 
@@ -89,8 +89,8 @@ def test_noise_depends_on_seed_and_instant(source: FrameSource) -> None:
     with FrameSource(other_world) as other:
         frames = [source.frame_at(1.0), source.frame_at(2.0), other.frame_at(1.0)]
 
-    for first, second in ((0, 1), (0, 2)):
-        difference = frames[first].pixels.astype(float) - frames[second].pixels
+    for one_index, other_index in ((0, 1), (0, 2)):
+        difference = frames[one_index].pixels.astype(float) - frames[other_index].pixels
         assert 1.3 * NOISE_GREYS < difference.std() < 1.5 * NOISE_GREYS
 
 
@@ -111,12 +111,12 @@ def test_pixels_cannot_be_written(source: FrameSource) -> None:
 
 
 def test_all_frames_of_the_process_are_counted(source: FrameSource) -> None:
-    before = camera.frames_rendered()
+    before = camera.drawn_frame_count()
 
     source.frame_at(1.0)
     source.frame_at(1.0)
 
-    assert camera.frames_rendered() == before + 1
+    assert camera.drawn_frame_count() == before + 1
 
 
 def test_a_closed_camera_gives_no_frames_and_closes_again(source: FrameSource) -> None:
@@ -128,27 +128,27 @@ def test_a_closed_camera_gives_no_frames_and_closes_again(source: FrameSource) -
 
 
 def test_the_robot_believes_its_camera_near_where_it_is(world: LabWorld, source: FrameSource) -> None:
-    believed = source.frame_at(1.0).believed_map_from_camera
-    truly = world.state(1.0).map_from_camera()
-    off_m = float(np.linalg.norm(believed.translation_m - truly.translation_m))
+    believed_pose = source.frame_at(1.0).believed_map_from_camera
+    true_pose = world.state(1.0).map_from_camera()
+    off_m = float(np.linalg.norm(believed_pose.translation_m - true_pose.translation_m))
 
     assert 0.001 < off_m < 0.06
-    assert np.trace(believed.rotation.T @ truly.rotation) > 1 + 2 * np.cos(0.03)
+    assert np.trace(believed_pose.rotation.T @ true_pose.rotation) > 1 + 2 * np.cos(0.03)
 
 
 # Effects of light and motion
 
 
 def test_a_frame_of_a_still_scene_is_one_exposure(world: LabWorld) -> None:
-    assert len(exposure(world, 1.0)) == 1
+    assert len(exposed_states(world, 1.0)) == 1
 
 
 def test_turning_blurs_a_frame(world: LabWorld, source: FrameSource) -> None:
     x_m, y_m, heading_rad = world.state(1.0).base
     world.schedule(2.0, [world.moves_to(2.0, Quantity.BASE, (x_m, y_m, heading_rad + 1.0), 1.0)])
 
-    assert len(exposure(world, 2.3)) > 2
-    assert detail(source.frame_at(2.3)) < 0.6 * detail(source.frame_at(1.9))
+    assert len(exposed_states(world, 2.3)) > 2
+    assert detail_level(source.frame_at(2.3)) < 0.6 * detail_level(source.frame_at(1.9))
 
 
 def test_a_lid_that_moves_blurs_only_itself(world: LabWorld, source: FrameSource) -> None:
@@ -166,7 +166,7 @@ def test_a_move_slower_than_a_pixel_does_not_blur(world: LabWorld) -> None:
     x_m, y_m, heading_rad = world.state(1.0).base
     world.schedule(2.0, [world.moves_to(2.0, Quantity.BASE, (x_m, y_m + 0.05, heading_rad), 60.0)])
 
-    assert len(exposure(world, 32.0)) == 1
+    assert len(exposed_states(world, 32.0)) == 1
 
 
 def test_every_body_on_a_line_of_sight_through_the_picture_is_drawn(world: LabWorld) -> None:
@@ -264,12 +264,12 @@ def test_a_tag_behind_the_fingers_is_covered() -> None:
     place_robot_before(world, "pcr_cycler", (0.55, 0.0, 0.40, 0.2, 0.0, 0.15))
     put(world, Quantity.REACH, 1.0, at_s=2.0)
 
-    free = {view.tag_id: view.covered for view in geometry.tags_in_view(world.state(1.0))}
-    covered = {view.tag_id: view.covered for view in geometry.tags_in_view(world.state(3.0))}
+    visible_tag_shares = {view.tag_id: view.covered for view in geometry.tags_in_view(world.state(1.0))}
+    covered_shares = {view.tag_id: view.covered for view in geometry.tags_in_view(world.state(3.0))}
 
-    assert free[22] == 0.0
-    assert covered[22] > 0.1
-    assert covered[20] == 0.0
+    assert visible_tag_shares[22] == 0.0
+    assert covered_shares[22] > 0.1
+    assert covered_shares[20] == 0.0
 
 
 def test_while_the_hand_holds_the_lid_of_the_large_machine_hardly_a_tag_is_complete() -> None:

@@ -34,7 +34,7 @@ def digest(*lines: str) -> str:
     return sha256("\n".join(lines).encode()).hexdigest()[:16]
 
 
-def worked(seed: int) -> tuple[LabWorld, float]:
+def world_after_work(seed: int) -> tuple[LabWorld, float]:
     """Return a world in which the robot has tended both machines, and the time when the robot had finished."""
     world, clock = LabWorld(seed), SimClock()
     robot = Robot(world, clock, Random(f"{seed} robot"))
@@ -51,7 +51,7 @@ def worked(seed: int) -> tuple[LabWorld, float]:
     return world, clock.now_s()
 
 
-def numbers(state: LabState) -> str:
+def numbers_text(state: LabState) -> str:
     values = (*state.base, *state.eye_m, *state.target_m, state.reach, state.opening_m, state.light)
     return " ".join(
         f"{number:.6f}" for number in (*values, *(state.joints_rad[key] for key in sorted(state.joints_rad)))
@@ -70,15 +70,15 @@ TAG_IDS = [tag.tag_id for machine in MACHINES.values() for tag in machine.tags]
 
 
 def test_the_default_laboratory_moves_as_that_of_the_protocol() -> None:
-    world, end_s = worked(3)
-    states = [numbers(world.state(end_s * index / 200)) for index in range(201)]
+    world, end_s = world_after_work(3)
+    states = [numbers_text(world.state(end_s * index / 200)) for index in range(201)]
 
     assert f"{end_s:.6f}" == "570.295602"
     assert digest(*states) == "12ff298c07269d8e"
 
 
 def test_the_default_laboratory_has_the_same_truth() -> None:
-    world, end_s = worked(3)
+    world, end_s = world_after_work(3)
     spans = [f"{span.start_s:.3f} {sorted(span.values.items())}" for span in GroundTruth(world).over(0.0, end_s)]
 
     assert digest(*spans) == "390a10b70f64c33e"
@@ -94,11 +94,11 @@ def test_a_laboratory_is_plain_data_that_a_process_can_be_sent() -> None:
     laboratory = replace(
         LABORATORY.with_machines(shaker(5.3, 1.6, pi)), disturbances=(LightDown(at_s=1.0, lasts_s=2.0, light=0.1),)
     )
-    sent = pickle.loads(pickle.dumps(laboratory))
+    received_laboratory = pickle.loads(pickle.dumps(laboratory))
 
-    assert repr(sent) == repr(laboratory)
+    assert repr(received_laboratory) == repr(laboratory)
     assert " at 0x" not in repr(laboratory)
-    assert mjcf(sent) == mjcf(laboratory) != mjcf()
+    assert mjcf(received_laboratory) == mjcf(laboratory) != mjcf()
 
 
 def test_perception_knows_the_machines_of_the_laboratory_that_its_robot_works_in() -> None:
@@ -111,7 +111,7 @@ def test_perception_knows_the_machines_of_the_laboratory_that_its_robot_works_in
         machine_named("shaker")
 
 
-def tags_seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
+def detected_and_resolved_ids(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
     """Return the tags that are detected when the robot looks at a part, and the tags that are resolved by geometry."""
     world, clock = LabWorld(1, laboratory), SimClock()
     robot = Robot(world, clock, SteadyHand())
@@ -125,48 +125,48 @@ def tags_seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int
 
 def test_a_third_machine_of_another_shape_shows_all_its_tags() -> None:
     laboratory = LABORATORY.with_machines(shaker(5.3, 1.6, pi))
-    detected_ids, resolved_ids = tags_seen(laboratory, "shaker", Part.LID)
+    detected_ids, resolved_ids = detected_and_resolved_ids(laboratory, "shaker", Part.LID)
 
     assert {30, 31, 32, 33, 34, 35} <= detected_ids
     assert resolved_ids <= detected_ids
 
 
 def test_another_machine_of_the_same_shape_is_another_machine() -> None:
-    second = LABORATORY.machine("pcr_cycler").named("second", 40).at_place(5.3, 1.6, pi)
-    laboratory = LABORATORY.with_machines(second)
-    detected_ids, _ = tags_seen(laboratory, "second", Part.LID)
+    second_machine = LABORATORY.machine("pcr_cycler").named("second", 40).at_place(5.3, 1.6, pi)
+    laboratory = LABORATORY.with_machines(second_machine)
+    detected_ids, _ = detected_and_resolved_ids(laboratory, "second", Part.LID)
 
     assert set(range(40, 48)) <= detected_ids
-    assert second.map_from_base.translation_m.tolist() == [5.3, 1.6, 0.72]
+    assert second_machine.map_from_base.translation_m.tolist() == [5.3, 1.6, 0.72]
     assert truth_at(LabWorld(1, laboratory), 0.0)["second_locked"] is True
 
 
 def test_small_tags_are_not_detected_from_the_waiting_pose() -> None:
-    assert tags_seen(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
+    assert detected_and_resolved_ids(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
 
 
 def test_a_moved_machine_is_tended_at_its_new_place() -> None:
     laboratory = LABORATORY.with_machine_at("pcr_cycler", 5.3, 1.6, pi)
-    detected_ids, _ = tags_seen(laboratory, "pcr_cycler", Part.LID)
+    detected_ids, _ = detected_and_resolved_ids(laboratory, "pcr_cycler", Part.LID)
 
     assert set(range(20, 28)) <= detected_ids
 
 
-def disturbed(*disturbances: LidMoved | PersonBefore | LightDown) -> tuple[LabWorld, SimClock]:
+def disturbed_world(*disturbances: LidMoved | PersonBefore | LightDown) -> tuple[LabWorld, SimClock]:
     world, clock = LabWorld(1, replace(LABORATORY, disturbances=disturbances)), SimClock()
     disturb(world, clock)
     return world, clock
 
 
 def test_a_person_opens_a_lid_and_truth_follows() -> None:
-    world, clock = disturbed(LidMoved(at_s=10.0, machine="pcr_cycler", open_share=1.0))
+    world, clock = disturbed_world(LidMoved(at_s=10.0, machine="pcr_cycler", open_share=1.0))
     clock.sleep(20.0)
 
     assert [truth_at(world, instant_s)[LID] for instant_s in (9.0, 14.0)] == [False, True]
 
 
 def test_a_person_does_not_move_a_lid_while_the_robots_hand_is_extended() -> None:
-    world, clock = disturbed(LidMoved(at_s=110.0, machine="pcr_cycler", open_share=0.5))
+    world, clock = disturbed_world(LidMoved(at_s=110.0, machine="pcr_cycler", open_share=0.5))
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to("pcr_cycler")
     robot.unlock("pcr_cycler")
@@ -179,7 +179,7 @@ def test_a_person_does_not_move_a_lid_while_the_robots_hand_is_extended() -> Non
 
 
 def test_the_robot_grips_a_moved_lid_at_its_new_place() -> None:
-    world, clock = disturbed(LidMoved(at_s=100.0, machine="pcr_cycler", open_share=0.5))
+    world, clock = disturbed_world(LidMoved(at_s=100.0, machine="pcr_cycler", open_share=0.5))
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to("pcr_cycler")
     clock.sleep(99.0 - clock.now_s())
@@ -192,7 +192,7 @@ def test_the_robot_grips_a_moved_lid_at_its_new_place() -> None:
 
 def before_and_meanwhile(*disturbances: PersonBefore | LightDown) -> tuple[Frame, Frame, LabWorld]:
     """Return frames of a robot at rest at the PCR-cycler, before a disturbance at 100 s and during the disturbance."""
-    world, clock = disturbed(*disturbances)
+    world, clock = disturbed_world(*disturbances)
     robot = Robot(world, clock, SteadyHand())
     robot.drive_to("pcr_cycler")
     clock.sleep(200.0)

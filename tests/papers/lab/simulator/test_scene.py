@@ -55,12 +55,12 @@ def test_the_rotor_shows_its_tags_through_the_open_lid_only(rotor_rad: float) ->
     world = LabWorld(1)
     place_robot_before(world, "centrifuge", observation_gaze("centrifuge", Part.ROTOR))
     set_joint(world, "centrifuge", Part.ROTOR, rotor_rad)
-    behind_the_lid = detected_ids(world, 1.0)
+    ids_behind_lid = detected_ids(world, 1.0)
     set_joint(world, "centrifuge", Part.LID, OPEN_RAD, at_s=2.0)
-    through_the_open_lid = detected_ids(world, 3.0)
+    ids_through_open_lid = detected_ids(world, 3.0)
 
-    assert not behind_the_lid & ids_on("centrifuge", Part.ROTOR)
-    assert through_the_open_lid >= ids_on("centrifuge", Part.ROTOR)
+    assert not ids_behind_lid & ids_on("centrifuge", Part.ROTOR)
+    assert ids_through_open_lid >= ids_on("centrifuge", Part.ROTOR)
 
 
 def test_a_look_around_the_room_shows_no_unknown_tag() -> None:
@@ -81,12 +81,14 @@ def test_tags_are_unique_in_the_laboratory() -> None:
 
 
 def test_the_large_machine_carries_fewer_tags_and_farther_apart_than_the_compact_one() -> None:
-    fixed = {
+    compared_tags = {
         name: [tag for tag in machine.tags if tag.part in {Part.BASE, Part.LID}] for name, machine in MACHINES.items()
     }
-    width_m = {name: np.ptp([tag.part_from_tag.translation_m[1] for tag in tags]) for name, tags in fixed.items()}
+    width_m = {
+        name: np.ptp([tag.part_from_tag.translation_m[1] for tag in tags]) for name, tags in compared_tags.items()
+    }
 
-    assert len(fixed["centrifuge"]) < len(fixed["pcr_cycler"])
+    assert len(compared_tags["centrifuge"]) < len(compared_tags["pcr_cycler"])
     assert width_m["centrifuge"] > 2 * width_m["pcr_cycler"]
 
 
@@ -119,7 +121,7 @@ def test_the_backend_that_was_chosen_draws_and_is_named_to_mujoco() -> None:
     assert os.environ["MUJOCO_GL"] == backend
 
 
-WITHOUT_GRAPHICS = {
+ENVIRONMENT_WITHOUT_GRAPHICS = {
     "MUJOCO_GL": "egl",
     "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null",
     "PYTHONPATH": os.pathsep.join(sys.path),
@@ -129,7 +131,11 @@ WITHOUT_GRAPHICS = {
 
 def output_without_graphics(program: str) -> str:
     done = subprocess.run(
-        [sys.executable, "-c", program], env=os.environ | WITHOUT_GRAPHICS, capture_output=True, text=True, check=True
+        [sys.executable, "-c", program],
+        env=os.environ | ENVIRONMENT_WITHOUT_GRAPHICS,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return done.stdout
 
@@ -153,7 +159,7 @@ def test_a_backend_that_drew_for_another_process_is_not_tried_again() -> None:
     program = """
 import os
 from codra_papers.lab.simulator import gl
-gl.rely_on("osmesa")
+gl.use_backend("osmesa")
 print(gl.choose_backend(), os.environ["MUJOCO_GL"])
 """
 

@@ -23,7 +23,7 @@ from tests.papers.lab.perception.placing import SteadyHand, place_robot_before, 
 
 SPECS = Path(__file__).parents[4] / "specs"
 OVERVIEW = observation_gaze("pcr_cycler", Part.LID)
-AWAY: Gaze = (0.9, 0.0, 0.6, 2.0, 0.0, 0.6)
+GAZE_AWAY: Gaze = (0.9, 0.0, 0.6, 2.0, 0.0, 0.6)
 
 
 def before_the_cycler(gaze: Gaze = OVERVIEW, **place: float) -> LabWorld:
@@ -90,7 +90,7 @@ def test_a_machine_is_in_view_from_where_the_robot_looks_with_its_lid_closed_and
 
 
 def test_parts_behind_the_camera_are_not_in_view() -> None:
-    assert views(before_the_cycler(AWAY)) == (False, False)
+    assert views(before_the_cycler(GAZE_AWAY)) == (False, False)
 
 
 def test_tags_that_face_away_are_not_in_view() -> None:
@@ -98,11 +98,11 @@ def test_tags_that_face_away_are_not_in_view() -> None:
 
 
 def test_a_part_with_less_than_half_in_the_image_is_not_in_view() -> None:
-    half_way: Gaze = (0.7, 0.0, 0.35, 0.2, 0.28, 0.2)
-    farther: Gaze = (0.7, 0.0, 0.35, 0.2, 0.42, 0.2)
+    half_way_gaze: Gaze = (0.7, 0.0, 0.35, 0.2, 0.28, 0.2)
+    farther_gaze: Gaze = (0.7, 0.0, 0.35, 0.2, 0.42, 0.2)
 
-    assert views(before_the_cycler(half_way)) == (True, True)
-    assert views(before_the_cycler(farther)) == (False, False)
+    assert views(before_the_cycler(half_way_gaze)) == (True, True)
+    assert views(before_the_cycler(farther_gaze)) == (False, False)
 
 
 def test_a_part_hidden_by_the_hand_is_not_in_view() -> None:
@@ -125,10 +125,10 @@ def test_a_large_open_lid_leaves_the_view_of_a_near_camera() -> None:
 
 def test_light_does_not_change_the_truth() -> None:
     world = before_the_cycler()
-    by_day = truth_at(world, 1.0)
+    truth_by_day = truth_at(world, 1.0)
     put(world, Quantity.LIGHT, 0.0, at_s=2.0)
 
-    assert truth_at(world, 3.0) == by_day
+    assert truth_at(world, 3.0) == truth_by_day
 
 
 def test_the_belief_of_the_robot_changes_only_whether_it_is_localised() -> None:

@@ -78,17 +78,17 @@ def test_a_jump_shows_right_after_its_instant() -> None:
 
 
 def test_reading_does_not_change_the_state() -> None:
-    watched, alone = LabWorld(7), LabWorld(7)
-    for world in (watched, alone):
+    watched_world, unwatched_world = LabWorld(7), LabWorld(7)
+    for world in (watched_world, unwatched_world):
         for step in range(5):
             start_s = 10.0 * step
             world.schedule(start_s, [opening(world, start_s, 8.0, to_rad=0.2 * step)])
-            if world is watched:
+            if world is watched_world:
                 for t_s in np.linspace(0.0, start_s + 20.0, 40).tolist():
                     world.state(t_s)
                     world.believed_map_from_robot(t_s)
 
-    assert [watched.state(t_s) for t_s in range(60)] == [alone.state(t_s) for t_s in range(60)]
+    assert [watched_world.state(t_s) for t_s in range(60)] == [unwatched_world.state(t_s) for t_s in range(60)]
 
 
 def test_a_move_can_begin_later() -> None:
@@ -118,24 +118,24 @@ def test_moves_in_the_past_are_refused() -> None:
 def test_a_move_of_a_moving_part_is_refused_with_all_other_moves_of_the_call() -> None:
     world = LabWorld(1)
     world.schedule(0.0, [opening(world, 0.0, 10.0)])
-    later: LabState = world.state(20.0)
+    state_before: LabState = world.state(20.0)
 
     with pytest.raises(ValueError, match="still moving at 5 s"):
         world.schedule(5.0, [world.moves_to(5.0, Quantity.LIGHT, (0.0,), 1.0), opening(world, 5.0, 1.0, to_rad=0.0)])
 
-    assert world.state(20.0).joints_rad == later.joints_rad
+    assert world.state(20.0).joints_rad == state_before.joints_rad
     assert world.state(20.0).light == 1.0
 
 
 def test_moves_of_one_part_can_be_scheduled_one_after_the_other() -> None:
     world = LabWorld(1)
-    there = Move(channel=LID, path=straight((0.0,), (1.0,)), duration_s=2.0)
-    back = Move(channel=LID, path=straight((1.0,), (0.0,)), duration_s=2.0, delay_s=2.0)
-    world.schedule(0.0, [there, back])
+    move_there = Move(channel=LID, path=straight((0.0,), (1.0,)), duration_s=2.0)
+    move_back = Move(channel=LID, path=straight((1.0,), (0.0,)), duration_s=2.0, delay_s=2.0)
+    world.schedule(0.0, [move_there, move_back])
 
     assert [lid_rad(world, t_s) for t_s in (0.0, 2.0, 4.0)] == [0.0, 1.0, 0.0]
     with pytest.raises(ValueError, match="still moving"):
-        world.schedule(9.0, [there, there])
+        world.schedule(9.0, [move_there, move_there])
 
 
 def test_the_world_knows_when_something_moves() -> None:
@@ -154,12 +154,14 @@ def test_the_world_knows_when_something_moves() -> None:
 @given(seed=st.integers(0, 500), t_s=st.floats(0, 1e5))
 def test_the_believed_pose_is_a_few_centimetres_off_and_more_while_lost(seed: int, t_s: float) -> None:
     world = LabWorld(seed)
-    true = world.state(t_s).map_from_robot()
-    near = world.believed_map_from_robot(t_s)
+    true_pose = world.state(t_s).map_from_robot()
+    believed_pose = world.believed_map_from_robot(t_s)
     world.schedule(t_s, [world.moves_to(t_s, Quantity.LOCALIZED, (0.0,), 0.0)])
-    lost = world.believed_map_from_robot(t_s + 0.001)
+    believed_pose_when_lost = world.believed_map_from_robot(t_s + 0.001)
 
-    off_m = [hypot(*(pose.translation_m - true.translation_m)[:2]) for pose in (near, lost)]
+    off_m = [
+        hypot(*(pose.translation_m - true_pose.translation_m)[:2]) for pose in (believed_pose, believed_pose_when_lost)
+    ]
 
     assert 0.0 < off_m[0] < 0.04
     assert 0.38 < off_m[1] < 0.52

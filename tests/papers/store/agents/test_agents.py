@@ -15,14 +15,14 @@ from codra_papers.store.body import Side, Way
 from codra_papers.store.geometry import Point, Pose2D
 from codra_papers.store.knowledge import floor_pose_of, pose_of, store_knowledge
 from codra_papers.store.layout import AREAS, DOCK, ROW_WIDTH_M, ROWS_WEST_M, START, approach_to, robot_at
-from codra_papers.store.simulator.people import crossing
+from codra_papers.store.simulator.people import new_visitor
 from codra_papers.store.simulator.state import Container
 from codra_papers.store.simulator.world import Beginning, StoreWorld
 
 AREA = AREAS["area_1"]
 PLACE = AREA.places[0]
 SHELF_X_M = ROWS_WEST_M[AREA.recess.row] + ROW_WIDTH_M
-ASIDE = Pose2D(4.6, AREA.recess.north_m - 0.25)
+POSE_BESIDE_SHELF = Pose2D(4.6, AREA.recess.north_m - 0.25)
 """A pose before a recess, so near to its end that the fork fits in beside the shelf, but the body does not fit."""
 
 
@@ -41,13 +41,13 @@ class Bench:
         self.picking.place("world", "goal_pose", "goal", pose_of(goal))
         self.picking.set("goal", "goal_way", way)
 
-    def done(self, task: str) -> Handover:
+    def perform(self, task: str) -> Handover:
         self.picking.request(task)
         self.clock.wait_until(lambda: not self.knowledge.snapshot().handover(task).is_open, 400.0)
         return self.knowledge.snapshot().handover(task)
 
-    def let_in(self, at_m: Point) -> None:
-        self.world.add_person(crossing(at_m, [at_m], 1, at_m))
+    def add_visitor(self, at_m: Point) -> None:
+        self.world.add_person(new_visitor(at_m, [at_m], 1, at_m))
 
     def pose_on_floor(self, name: str) -> Pose2D:
         return floor_pose_of(self.knowledge.transform("world", name).pose)
@@ -61,15 +61,15 @@ def test_the_pose_in_the_graph_is_the_believed_one_and_near_the_true_one() -> No
     bench = Bench(START)
     bench.world.body.drive([(8.2, 8.0)], Way.FORWARD, lambda _: None)
     bench.clock.sleep(5.0)
-    spread = bench.knowledge.get("robot", "pose_spread").value
+    spread_m = bench.knowledge.get("robot", "pose_spread").value
 
-    assert bench.pose_on_floor("robot").distance_m(bench.world.body.believed()) < 0.12
-    assert bench.pose_on_floor("robot").distance_m(bench.world.state().robot.at) < 4 * spread + 0.12
+    assert bench.pose_on_floor("robot").distance_m(bench.world.body.believed_pose()) < 0.12
+    assert bench.pose_on_floor("robot").distance_m(bench.world.state().robot.at) < 4 * spread_m + 0.12
 
 
 def test_the_graph_has_battery_gaps_speed_and_bumps() -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
-    bench.let_in((8.2, 8.0))
+    bench.add_visitor((8.2, 8.0))
     bench.clock.sleep(1.0)
     snapshot = bench.knowledge.snapshot()
 
@@ -83,7 +83,7 @@ def test_the_graph_has_battery_gaps_speed_and_bumps() -> None:
 @pytest.mark.parametrize(("at_m", "is_near"), [((8.2, 7.2), True), ((8.2, 9.0), False)])
 def test_a_person_in_view_has_a_node_a_pose_and_is_near_or_not(at_m: Point, is_near: bool) -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
-    bench.let_in(at_m)
+    bench.add_visitor(at_m)
     bench.clock.sleep(4.0)
     snapshot = bench.knowledge.snapshot()
     (person,) = snapshot.nodes("person")
@@ -95,7 +95,7 @@ def test_a_person_in_view_has_a_node_a_pose_and_is_near_or_not(at_m: Point, is_n
 
 def test_a_person_who_has_gone_is_forgotten() -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
-    bench.world.add_person(crossing((8.2, 8.0), [(8.2, 8.0)], 3, (8.2, 13.9)))
+    bench.world.add_person(new_visitor((8.2, 8.0), [(8.2, 8.0)], 3, (8.2, 13.9)))
     bench.clock.sleep(2.0)
     assert len(bench.knowledge.snapshot().nodes("person")) == 1
     bench.world.body.turn(pi, lambda _: None)
@@ -111,7 +111,7 @@ def test_a_person_outside_the_cameras_view_is_followed_by_lasers_until_gone(
 ) -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
     aside_m = (beside_m[0], 5.0)
-    bench.world.add_person(crossing((beside_m[0], 8.0), [beside_m, beside_m, beside_m, beside_m], 4, aside_m))
+    bench.world.add_person(new_visitor((beside_m[0], 8.0), [beside_m, beside_m, beside_m, beside_m], 4, aside_m))
     distances_m: list[float] = []
     bench.knowledge.follow("robot", "person_distance", lambda r: distances_m.append(r.value) if r.known else None)
     bench.clock.sleep(4.5)
@@ -125,7 +125,7 @@ def test_a_person_outside_the_cameras_view_is_followed_by_lasers_until_gone(
 
 def test_a_person_behind_a_shelf_is_not_seen() -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
-    bench.let_in((11.8, 8.0))
+    bench.add_visitor((11.8, 8.0))
     bench.clock.sleep(3.0)
 
     assert bench.knowledge.snapshot().nodes("person") == ()
@@ -133,28 +133,28 @@ def test_a_person_behind_a_shelf_is_not_seen() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_container_in_sight_is_detected_at_its_place(seed: int) -> None:
-    bench = Bench(AREA.observation[0], containers=(box(),), seed=seed)
-    assert bench.done("detecting").result == "found"
+    bench = Bench(AREA.observation_poses[0], containers=(box(),), seed=seed)
+    assert bench.perform("detecting").result == "found"
     (node,) = bench.knowledge.snapshot().nodes("roll_container")
 
     assert bench.pose_on_floor(node.name).distance_m(PLACE) < 0.2
-    assert bench.done("detecting").result == "found"
+    assert bench.perform("detecting").result == "found"
     assert [container.name for container in bench.knowledge.snapshot().nodes("roll_container")] == [node.name]
 
 
 def test_a_hidden_container_is_detected_from_the_second_pose_only() -> None:
-    hidden = box(AREA.places[1])
+    hidden_container = box(AREA.places[1])
 
-    assert Bench(AREA.observation[0], containers=(hidden,)).done("detecting").result == "lost"
-    assert Bench(AREA.observation[1], containers=(hidden,)).done("detecting").result == "found"
+    assert Bench(AREA.observation_poses[0], containers=(hidden_container,)).perform("detecting").result == "lost"
+    assert Bench(AREA.observation_poses[1], containers=(hidden_container,)).perform("detecting").result == "found"
 
 
 def test_a_container_that_was_taken_away_is_forgotten_at_the_next_look() -> None:
     bench = Bench(approach_to(PLACE).turned(pi), containers=(box(),))
-    assert bench.done("detecting").result == "found"
+    assert bench.perform("detecting").result == "found"
     bench.world.move_container("box", AREAS["area_4"].places[0], box().where)
 
-    assert bench.done("detecting").result == "lost"
+    assert bench.perform("detecting").result == "lost"
     assert bench.knowledge.snapshot().nodes("roll_container") == ()
 
 
@@ -168,7 +168,7 @@ def test_the_wheels_give_the_pose_of_a_container_to_three_centimetres(aside_m: f
         poses.append(container_behind(bench.world.body.scan(Side.BACK)))
     robot = bench.world.state().robot.at
     errors_m = [
-        hypot(x - PLACE.x_m, y - PLACE.y_m) for pose in poses if pose for x, y in [robot.out(pose.x_m, pose.y_m)]
+        hypot(x - PLACE.x_m, y - PLACE.y_m) for pose in poses if pose for x, y in [robot.point_at(pose.x_m, pose.y_m)]
     ]
 
     assert len(errors_m) >= 8
@@ -178,83 +178,83 @@ def test_the_wheels_give_the_pose_of_a_container_to_three_centimetres(aside_m: f
 def test_without_wheels_behind_the_check_is_lost() -> None:
     bench = Bench(approach_to(PLACE))
 
-    assert bench.done("checking").result == "lost"
+    assert bench.perform("checking").result == "lost"
 
 
 def test_turning_ends_with_the_fork_where_the_front_was() -> None:
     bench = Bench(START)
-    assert bench.done("rotating").result == "turned"
+    assert bench.perform("rotating").result == "turned"
 
     assert abs(abs(START.turned(-bench.world.state().robot.at.heading_rad).heading_rad) - pi) < 0.05
 
 
 def test_next_to_a_person_turning_is_refused() -> None:
     bench = Bench(START)
-    bench.let_in(START.out(-0.3, 0.7))
+    bench.add_visitor(START.point_at(-0.3, 0.7))
     bench.clock.sleep(0.5)
 
-    assert bench.done("rotating").result == "blocked"
+    assert bench.perform("rotating").result == "blocked"
     assert bench.world.events == []
 
 
 def test_navigation_arrives_with_the_heading_that_was_asked_for() -> None:
     bench = Bench(START)
-    bench.aim(AREA.observation[1])
-    assert bench.done("navigating").result == "arrived"
+    bench.aim(AREA.observation_poses[1])
+    assert bench.perform("navigating").result == "arrived"
     robot = bench.world.state().robot.at
 
-    assert robot.distance_m(AREA.observation[1]) < 0.08
-    assert abs(robot.turned(-AREA.observation[1].heading_rad).heading_rad) < 0.06
+    assert robot.distance_m(AREA.observation_poses[1]) < 0.08
+    assert abs(robot.turned(-AREA.observation_poses[1].heading_rad).heading_rad) < 0.06
 
 
 def test_navigation_reports_an_unreachable_goal() -> None:
     bench = Bench(START)
     bench.aim(Pose2D(2.8, 5.0))
 
-    assert bench.done("navigating").result == "unreachable"
+    assert bench.perform("navigating").result == "unreachable"
 
 
 def test_navigation_goes_another_way_around_a_person_who_stays() -> None:
     bench = Bench(START)
-    bench.let_in((8.2, 5.0))
-    bench.aim(AREAS["area_2"].observation[1])
+    bench.add_visitor((8.2, 5.0))
+    bench.aim(AREAS["area_2"].observation_poses[1])
     path: list[Point] = []
     bench.world.watch(lambda state: path.append(state.robot.at.point_m))
 
-    assert bench.done("navigating").result == "arrived"
+    assert bench.perform("navigating").result == "arrived"
     assert max(y_m for _, y_m in path) > 13.0
     assert bench.world.events == []
 
 
 def test_navigation_gives_up_backwards_when_a_person_is_behind() -> None:
     bench = Bench(approach_to(PLACE), containers=(box(),))
-    bench.let_in((PLACE.x_m + 0.7, PLACE.y_m))
+    bench.add_visitor((PLACE.x_m + 0.7, PLACE.y_m))
     bench.aim(robot_at(PLACE), Way.BACKWARD)
 
-    assert bench.done("navigating").result == "blocked"
+    assert bench.perform("navigating").result == "blocked"
     assert bench.world.events == []
 
 
 def test_navigation_leaves_a_place_where_a_person_is_too_near_to_turn() -> None:
     bench = Bench(START)
-    bench.let_in(START.out(-0.3, 0.7))
+    bench.add_visitor(START.point_at(-0.3, 0.7))
     bench.aim(Pose2D(11.8, 2.0, 0.0))
 
-    assert bench.done("navigating").result == "arrived"
+    assert bench.perform("navigating").result == "arrived"
     assert bench.world.events == []
 
 
 def test_after_a_bump_backwards_the_robot_draws_back_reports_it_and_can_drive_again() -> None:
     """Behind the robot, the lasers keep the lane of the fork free, but the body is broader than this lane."""
-    bench = Bench(ASIDE)
-    bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
-    assert bench.done("navigating").result == "bumped"
+    bench = Bench(POSE_BESIDE_SHELF)
+    bench.aim(POSE_BESIDE_SHELF.pose_ahead(-1.6), Way.BACKWARD)
+    assert bench.perform("navigating").result == "bumped"
     ((_, event),) = bench.world.events
     assert event == "the robot bumped into a shelf"
     assert bench.world.state().robot.at.x_m > SHELF_X_M + 0.45
-    bench.aim(AREA.observation[1])
+    bench.aim(AREA.observation_poses[1])
 
-    assert bench.done("navigating").result == "arrived"
+    assert bench.perform("navigating").result == "arrived"
 
 
 def test_backwards_navigation_stops_before_obstacles_outside_of_container_places() -> None:
@@ -262,13 +262,13 @@ def test_backwards_navigation_stops_before_obstacles_outside_of_container_places
     bench = Bench(Pose2D(8.2, 6.0, pi / 2), containers=(box(Pose2D(8.72, 4.2)),))
     bench.aim(Pose2D(8.2, 4.4), Way.BACKWARD)
 
-    assert bench.done("navigating").result == "blocked"
+    assert bench.perform("navigating").result == "blocked"
     assert bench.world.events == []
 
 
 def bench_after_aborted_bump() -> Bench:
-    bench = Bench(ASIDE)
-    bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
+    bench = Bench(POSE_BESIDE_SHELF)
+    bench.aim(POSE_BESIDE_SHELF.pose_ahead(-1.6), Way.BACKWARD)
     bench.picking.request("navigating")
     bench.clock.wait_until(bench.world.body.is_bumped, 60.0)
     request = bench.knowledge.snapshot().handover("navigating").request
@@ -287,24 +287,24 @@ def test_after_a_bump_the_robot_draws_back_even_if_the_task_is_aborted() -> None
 
 def test_a_request_right_after_a_bump_draws_back_first_and_arrives() -> None:
     bench = bench_after_aborted_bump()
-    bench.aim(AREA.observation[1])
+    bench.aim(AREA.observation_poses[1])
 
-    assert bench.done("navigating").result == "arrived"
+    assert bench.perform("navigating").result == "arrived"
     assert len(bench.world.events) == 1
 
 
 def test_no_point_of_the_robot_goes_faster_than_the_maximum_speed_of_the_graph() -> None:
     bench = Bench(START)
     bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.3)
-    straight: list[float] = []
-    fastest: list[float] = []
-    bench.world.watch(lambda state: straight.append(state.robot.speed_m_s))
-    bench.world.watch(lambda state: fastest.append(state.robot.surface_speed_m_s()))
-    bench.aim(AREAS["area_2"].observation[0])
-    assert bench.done("navigating").result == "arrived"
+    speeds_m_s: list[float] = []
+    surface_speeds_m_s: list[float] = []
+    bench.world.watch(lambda state: speeds_m_s.append(state.robot.speed_m_s))
+    bench.world.watch(lambda state: surface_speeds_m_s.append(state.robot.surface_speed_m_s()))
+    bench.aim(AREAS["area_2"].observation_poses[0])
+    assert bench.perform("navigating").result == "arrived"
 
-    assert max(straight) == pytest.approx(0.3)
-    assert max(fastest) <= 0.3
+    assert max(speeds_m_s) == pytest.approx(0.3)
+    assert max(surface_speeds_m_s) <= 0.3
 
 
 @pytest.mark.parametrize(
@@ -314,7 +314,7 @@ def test_no_point_of_the_robot_goes_faster_than_the_maximum_speed_of_the_graph()
 )
 def test_a_person_outside_all_camera_views_reduces_the_gap(at_m: Point, gap_m: float) -> None:
     bench = Bench(Pose2D(8.2, 6.0, pi / 2))
-    bench.let_in(at_m)
+    bench.add_visitor(at_m)
     bench.clock.sleep(1.0)
 
     assert bench.knowledge.get("robot", "strange_gap").value == pytest.approx(gap_m, abs=0.08)
@@ -322,7 +322,7 @@ def test_a_person_outside_all_camera_views_reduces_the_gap(at_m: Point, gap_m: f
 
 @pytest.mark.parametrize("name", [*AREAS, "start"])
 def test_shelves_walls_and_containers_in_their_places_are_not_strange(name: str) -> None:
-    poses = [*AREAS[name].observation, AREAS[name].approach] if name in AREAS else [START]
+    poses = [*AREAS[name].observation_poses, AREAS[name].approach] if name in AREAS else [START]
     containers = [box(place) for place in AREAS[name].places[:1]] if name in AREAS else []
     for robot_pose in poses:
         bench = Bench(robot_pose, containers=tuple(containers))
@@ -332,35 +332,35 @@ def test_shelves_walls_and_containers_in_their_places_are_not_strange(name: str)
 
 def test_a_lifted_container_moves_with_the_robot_in_the_graph_until_it_is_set_down() -> None:
     bench = Bench(approach_to(PLACE).turned(pi), containers=(box(),))
-    assert bench.done("detecting").result == "found"
+    assert bench.perform("detecting").result == "found"
     bench.world.body.turn(pi, lambda _: None)
     bench.clock.sleep(8)
     bench.aim(robot_at(PLACE), Way.BACKWARD)
-    assert bench.done("navigating").result == "arrived"
-    assert bench.done("lifting").result == "lifted"
-    (carried,) = bench.knowledge.snapshot().edges("carries", origin="robot")
-    assert bench.knowledge.snapshot().parent(carried.target) == "robot"
+    assert bench.perform("navigating").result == "arrived"
+    assert bench.perform("lifting").result == "lifted"
+    (carried_container,) = bench.knowledge.snapshot().edges("carries", origin="robot")
+    assert bench.knowledge.snapshot().parent(carried_container.target) == "robot"
     bench.aim(Pose2D(4.6, 11.0, pi / 2))
-    assert bench.done("navigating").result == "arrived"
-    assert bench.done("lowering").result == "lowered"
+    assert bench.perform("navigating").result == "arrived"
+    assert bench.perform("lowering").result == "lowered"
     snapshot = bench.knowledge.snapshot()
 
-    assert snapshot.parent(carried.target) == "world"
+    assert snapshot.parent(carried_container.target) == "world"
     assert snapshot.edges("carries") == ()
-    assert bench.pose_on_floor(carried.target).distance_m(bench.world.state().containers[0].at) < 0.25
+    assert bench.pose_on_floor(carried_container.target).distance_m(bench.world.state().containers[0].at) < 0.25
 
 
 def test_an_empty_lift_is_reported() -> None:
     bench = Bench(START)
 
-    assert bench.done("lifting").result == "empty"
+    assert bench.perform("lifting").result == "empty"
     assert bench.knowledge.get("robot", "loaded").value is False
 
 
 TASKS: dict[str, Callable[[], Bench]] = {
     "navigating": lambda: Bench(START),
     "rotating": lambda: Bench(START),
-    "detecting": lambda: Bench(AREA.observation[0], containers=(box(),)),
+    "detecting": lambda: Bench(AREA.observation_poses[0], containers=(box(),)),
     "checking": lambda: Bench(approach_to(PLACE), containers=(box(),)),
     "lifting": lambda: Bench(robot_at(PLACE), containers=(box(),)),
     "lowering": lambda: Bench(robot_at(PLACE), containers=(box(),)),
@@ -371,7 +371,7 @@ TASKS: dict[str, Callable[[], Bench]] = {
 @pytest.mark.parametrize("after_s", [0.0, 0.05, 0.7])
 def test_an_aborted_task_stops_and_can_be_requested_again(task: str, after_s: float) -> None:
     bench = TASKS[task]()
-    bench.aim(AREAS["area_2"].observation[0])
+    bench.aim(AREAS["area_2"].observation_poses[0])
     request = bench.picking.request(task)
     bench.clock.sleep(after_s)
     bench.picking.abort(request)
@@ -384,7 +384,7 @@ def test_an_aborted_task_stops_and_can_be_requested_again(task: str, after_s: fl
     assert bench.world.state().robot.at == robot.at
     assert bench.world.state().robot.is_fork_up is False
     assert bench.knowledge.snapshot().nodes("roll_container") == ()
-    assert bench.done(task).stage is Stage.FINISHED
+    assert bench.perform(task).stage is Stage.FINISHED
 
 
 def test_a_task_requested_again_in_the_instant_of_its_abort_is_executed_again() -> None:
@@ -393,15 +393,15 @@ def test_a_task_requested_again_in_the_instant_of_its_abort_is_executed_again() 
     bench.clock.sleep(1.0)
     bench.picking.abort(request)
 
-    assert bench.done("rotating").result == "turned"
+    assert bench.perform("rotating").result == "turned"
     assert bench.knowledge.snapshot().handover("rotating").number == 2
 
 
 def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stops() -> None:
     bench = Bench(DOCK)
     bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.05)
-    bench.aim(AREAS["area_4"].observation[1])
-    handover = bench.done("navigating")
+    bench.aim(AREAS["area_4"].observation_poses[1])
+    handover = bench.perform("navigating")
     bench.clock.sleep(1.0)
 
     assert (handover.stage, handover.reason) == (Stage.ABORTED, "overdue")

@@ -22,9 +22,9 @@ class Served:
         self.store = Store(clock, StoreSettings(situation=situation, shoppers=0))
         for order in orders:
             self.store.page.order(*order)
-        serving = SequentialMission(self.store.knowledge, clock)
+        mission = SequentialMission(self.store.knowledge, clock)
         with suppress(TimeIsUp):
-            serving.serve()
+            mission.serve()
 
     def states(self) -> list[object]:
         snapshot = self.store.knowledge.snapshot()
@@ -33,62 +33,62 @@ class Served:
 
 
 def test_orders_are_served_in_their_order_and_then_the_robot_waits_at_the_start() -> None:
-    served = Served(
+    served_shop = Served(
         Situation.QUIET,
         420.0,
         (OrderKind.PROVIDE, "supply", "area_3"),
         (OrderKind.COLLECT, "area_1", "delivery"),
     )
 
-    assert served.states() == ["done", "done"]
-    assert served.store.judge.score.deliveries == ("area_3", "delivery")
-    start = served.store.world.state().robot.at
+    assert served_shop.states() == ["done", "done"]
+    assert served_shop.store.judge.score.deliveries == ("area_3", "delivery")
+    start = served_shop.store.world.state().robot.at
     assert (round(start.x_m), round(start.y_m)) == (8, 2)
 
 
 def test_an_order_without_a_container_fails_with_a_notice_and_the_next_one_is_served() -> None:
-    served = Served(Situation.ABSENT, 240.0)
-    knowledge = served.store.knowledge
+    served_shop = Served(Situation.ABSENT, 240.0)
+    knowledge = served_shop.store.knowledge
 
-    assert served.states() == ["failed"]
+    assert served_shop.states() == ["failed"]
     assert knowledge.get("base", "base_notice").value == "container_not_found"
-    assert served.store.judge.score.deliveries == ()
+    assert served_shop.store.judge.score.deliveries == ()
 
 
 def test_orders_not_begun_at_the_end_are_still_waiting() -> None:
-    served = Served(
+    served_shop = Served(
         Situation.QUIET, 10.0, (OrderKind.PROVIDE, "supply", "area_3"), (OrderKind.COLLECT, "area_1", "delivery")
     )
 
-    assert served.states() == ["open", None]
+    assert served_shop.states() == ["open", None]
 
 
 @pytest.mark.parametrize("work_s", [0.0, 0.04])
 def test_simulated_time_waits_for_real_time(work_s: float) -> None:
-    clock, real = SimClock(), SimClock(1000.0)
-    Beat(clock, real, lambda: real.sleep(work_s))
+    clock, real_clock = SimClock(), SimClock(1000.0)
+    Beat(clock, real_clock, lambda: real_clock.sleep(work_s))
 
     clock.sleep(10.0)
 
-    assert real.now_s() - 1000.0 == pytest.approx(10.0, abs=2 * BEAT_PERIOD_S)
+    assert real_clock.now_s() - 1000.0 == pytest.approx(10.0, abs=2 * BEAT_PERIOD_S)
 
 
 def test_a_simulation_that_is_late_goes_on_from_where_it_is() -> None:
-    clock, real, beats = SimClock(), SimClock(), []
-    Beat(clock, real, lambda: beats.append(real.now_s()))
+    clock, real_clock, beat_instants_s = SimClock(), SimClock(), []
+    Beat(clock, real_clock, lambda: beat_instants_s.append(real_clock.now_s()))
     clock.sleep(1.0)
-    real.sleep(60.0)  # the program was stopped for a minute
+    real_clock.sleep(60.0)  # the program was stopped for a minute
 
     clock.sleep(2.0)
 
-    after = [instant_s for instant_s in beats if instant_s > 60.0]
+    after = [instant_s for instant_s in beat_instants_s if instant_s > 60.0]
     assert max(after) - min(after) > 1.5, "it does not hurry to catch up"
 
 
 def test_without_real_time_the_simulation_does_not_wait() -> None:
-    clock, beats = SimClock(), []
-    Beat(clock, None, lambda: beats.append(clock.now_s()))
+    clock, beat_instants_s = SimClock(), []
+    Beat(clock, None, lambda: beat_instants_s.append(clock.now_s()))
 
     clock.sleep(1.0)
 
-    assert beats == pytest.approx([0.1 * number for number in range(1, 11)])
+    assert beat_instants_s == pytest.approx([0.1 * number for number in range(1, 11)])

@@ -116,7 +116,7 @@ class Leaves:
         outputs = {name: Entry(name) for name in ("observation_pose", "delivery_pose")}
         return self._robot.of(leaf).start(Ports(leaf, self._scope, inputs, outputs))
 
-    def taken(self) -> object:
+    def take_order(self) -> object:
         self.call("TakeOrder")
         return self._scope.get("observation_pose")
 
@@ -126,13 +126,13 @@ def test_an_order_that_was_left_waits_behind_those_that_were_left_less_often() -
         leaves = Leaves(stack)
         for area in ("area_1", "area_2"):
             leaves.page.order(OrderKind.COLLECT, area, DELIVERY.name)
-        taken = []
+        taken_poses = []
         for _ in range(4):
-            taken.append(leaves.taken())
+            taken_poses.append(leaves.take_order())
             leaves.call("SetOrderAside")
             leaves.call("ResumeOrders")
 
-    assert taken == ["area_1_pose_1", "area_2_pose_1", "area_1_pose_1", "area_2_pose_1"]
+    assert taken_poses == ["area_1_pose_1", "area_2_pose_1", "area_1_pose_1", "area_2_pose_1"]
 
 
 def test_an_order_that_has_failed_often_enough_is_closed_as_failed_and_the_next_is_served() -> None:
@@ -144,7 +144,7 @@ def test_an_order_that_has_failed_often_enough_is_closed_as_failed_and_the_next_
 
         assert results == [Result.FAILURE, Result.FAILURE, Result.SUCCESS]
         assert leaves.knowledge.get(first, "state").value == "failed"
-        assert leaves.taken() == "area_2_pose_1"
+        assert leaves.take_order() == "area_2_pose_1"
 
 
 def test_the_base_gets_a_notice_of_a_container_that_was_seen_but_cannot_be_placed() -> None:

@@ -43,14 +43,14 @@ class Run:
         watch(self.store)
         self.clock.sleep(2.0)
 
-    def finished(self) -> list[str]:
+    def finished_tasks(self) -> list[str]:
         """The ended tasks in the record, in order."""
         lines = [line.split(" ", 1)[1] for line in self.store.record().splitlines() if " finished " in line]
         return [line for line in lines if not line.startswith(("Store", "Score"))]
 
 
 @cache
-def collected(situation: Situation, seed: int) -> Run:
+def run_of_trip(situation: Situation, seed: int) -> Run:
     run = Run(situation, seed)
     if run.trip.pick_up("area_1"):
         run.trip.deliver("delivery")
@@ -61,9 +61,9 @@ def collected(situation: Situation, seed: int) -> Run:
 
 @pytest.mark.parametrize("seed", [3, 5])
 def test_a_container_in_sight_is_fetched_from_the_first_pose_and_delivered(seed: int) -> None:
-    run = collected(Situation.ORDINARY, seed)
+    run = run_of_trip(Situation.ORDINARY, seed)
 
-    assert [line for line in run.finished() if line in PICK_UP] == PICK_UP
+    assert [line for line in run.finished_tasks() if line in PICK_UP] == PICK_UP
     assert run.store.judge.score.deliveries == ("delivery",)
     assert run.store.judge.score.bumps == 0
     assert run.store.world.state().robot.at.distance_m(START) < 0.1
@@ -72,16 +72,16 @@ def test_a_container_in_sight_is_fetched_from_the_first_pose_and_delivered(seed:
 
 @pytest.mark.parametrize("seed", [3, 7])
 def test_a_hidden_container_is_detected_from_the_second_pose(seed: int) -> None:
-    run = collected(Situation.HIDDEN, seed)
-    detections = [line for line in run.finished() if line.startswith("detecting")]
+    run = run_of_trip(Situation.HIDDEN, seed)
+    detections = [line for line in run.finished_tasks() if line.startswith("detecting")]
 
     assert detections[:3] == ["detecting 1 finished lost", "detecting 2 finished found", "detecting 3 finished found"]
     assert run.store.judge.score.deliveries == ("delivery",)
 
 
 def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns() -> None:
-    run = collected(Situation.ABSENT, 3)
-    detections = [line for line in run.finished() if line.startswith("detecting")]
+    run = run_of_trip(Situation.ABSENT, 3)
+    detections = [line for line in run.finished_tasks() if line.startswith("detecting")]
 
     assert detections == ["detecting 1 finished lost", "detecting 2 finished lost"]
     assert run.store.knowledge.get("base", "base_notice").value == "container_not_found"
@@ -93,7 +93,7 @@ def test_a_second_order_comes_while_the_container_is_loaded_and_it_is_full_on_th
     """P2's first situation. The test itself changes the course."""
     run = Run(Situation.SECOND_ORDER, 3)
     trip, knowledge = run.trip, run.store.knowledge
-    full = knowledge.follow(
+    subscription = knowledge.follow(
         "robot", "container_load", lambda r: trip.abort() if r.known and r.value == "full" else None
     )
     (first,) = knowledge.snapshot().match(path(some("order", called="order"), "to_area", "area_1"))
@@ -105,7 +105,7 @@ def test_a_second_order_comes_while_the_container_is_loaded_and_it_is_full_on_th
     trip.pick_up("area_1")
     with pytest.raises(AbortedError, match="navigating was aborted: requester"):
         trip.deliver("area_2")
-    full.unsubscribe()
+    subscription.unsubscribe()
     trip.close()
     Trip(knowledge, run.clock).deliver("delivery")
     (container,) = [container for container in run.store.world.state().containers if container.load is Load.FULL]
@@ -134,7 +134,7 @@ def test_a_person_crosses_before_the_container_while_the_robot_is_about_to_fetch
 
 
 def test_the_staff_take_a_delivered_container_away_and_refill_the_supply() -> None:
-    run = collected(Situation.ORDINARY, 3)
+    run = run_of_trip(Situation.ORDINARY, 3)
     run.clock.sleep(70.0)
     containers = {container.name: container for container in run.store.world.state().containers}
 
@@ -161,7 +161,7 @@ def read_everything(store: Store) -> None:
     for variable in ("person_distance", "front_gap", "speed"):
         knowledge.follow("robot", variable, lambda _: None)
     knowledge.subscribe(lambda change: change.snapshot.nodes(), path(some("person"), "near", "robot"))
-    store.world.watch(lambda _: (body.look(), body.believed(), body.battery_percent()))
+    store.world.watch(lambda _: (body.look(), body.believed_pose(), body.battery_percent()))
 
 
 def test_more_readers_do_not_change_the_run() -> None:
@@ -169,7 +169,7 @@ def test_more_readers_do_not_change_the_run() -> None:
 
 
 def test_the_map_is_drawn_the_same_twice(tmp_path: Path) -> None:
-    run = collected(Situation.ORDINARY, 3)
+    run = run_of_trip(Situation.ORDINARY, 3)
     for name in ("one.svg", "two.svg"):
         draw_store(tmp_path / name, run.store.world.state(), run.path)
     picture = (tmp_path / "one.svg").read_bytes()
@@ -185,8 +185,8 @@ STEPS = ("navigating", "detecting", "rotating", "checking", "lifting")
 @pytest.mark.parametrize("step", STEPS)
 def test_a_trip_that_is_aborted_at_any_step_leaves_a_robot_that_can_go_home(step: str) -> None:
     run = Run(Situation.ORDINARY, 5)
-    acknowledged = path("robot", "is", step)
-    run.store.knowledge.subscribe(lambda change: run.trip.abort() if change.new else None, acknowledged)
+    acknowledged_path = path("robot", "is", step)
+    run.store.knowledge.subscribe(lambda change: run.trip.abort() if change.new else None, acknowledged_path)
     with pytest.raises(AbortedError, match=f"{step} was aborted: requester"):
         run.trip.pick_up("area_1")
     run.trip.close()

@@ -55,13 +55,13 @@ class OpenShop:
 
     def ask(self, method: str, path: str, body: bytes = b"", **headers: str) -> tuple[int, Mapping[str, Any]]:
         """Send a request as the page does. `headers` override those of the page; an empty header is omitted."""
-        own = f"127.0.0.1:{self.page.port}"
-        usual = {"host": own, "origin": f"http://{own}", "content-type": "application/json"}
-        sent = usual | {name.replace("_", "-"): text for name, text in headers.items()}
+        own_host = f"127.0.0.1:{self.page.port}"
+        usual_headers = {"host": own_host, "origin": f"http://{own_host}", "content-type": "application/json"}
+        sent_headers = usual_headers | {name.replace("_", "-"): text for name, text in headers.items()}
 
         def act() -> tuple[int, Mapping[str, Any]]:
             with closing(HTTPConnection("127.0.0.1", self.page.port, timeout=10.0)) as connection:
-                connection.request(method, path, body, {name: text for name, text in sent.items() if text})
+                connection.request(method, path, body, {name: text for name, text in sent_headers.items() if text})
                 response = connection.getresponse()
                 body_bytes = response.read()
                 is_json = response.headers.get_content_type() == "application/json"
@@ -72,7 +72,7 @@ class OpenShop:
     def say(self, path: str, **fields: object) -> tuple[int, Mapping[str, Any]]:
         return self.ask("POST", path, json.dumps(fields).encode())
 
-    def written(self) -> tuple[int, bool]:
+    def written_counts(self) -> tuple[int, bool]:
         """Return the number of orders, and whether a load is known: everything that a page can write."""
         snapshot = self.store.knowledge.snapshot()
         return len(snapshot.nodes("order")), snapshot.get("robot", "container_load").known
@@ -95,13 +95,13 @@ def shop() -> Iterator[OpenShop]:
     opened.close()
 
 
-def read_until(stream: socket.socket, wanted: Callable[[bytes], bool]) -> bytes:
-    read = b""
-    while not wanted(read):
-        piece = stream.recv(65_536)
-        assert piece, "the stream ended"
-        read += piece
-    return read
+def read_until(stream: socket.socket, is_complete: Callable[[bytes], bool]) -> bytes:
+    received_bytes = b""
+    while not is_complete(received_bytes):
+        chunk = stream.recv(65_536)
+        assert chunk, "the stream ended"
+        received_bytes += chunk
+    return received_bytes
 
 
 # Writes
@@ -173,7 +173,7 @@ def test_too_many_waiting_orders_are_refused(shop: OpenShop) -> None:
     statuses = [shop.say("/orders", kind="provide", area="area_1")[0] for _ in range(MOST_WAITING_ORDERS + 1)]
 
     assert statuses == [201] * MOST_WAITING_ORDERS + [409]
-    assert shop.written()[0] == MOST_WAITING_ORDERS
+    assert shop.written_counts()[0] == MOST_WAITING_ORDERS
 
 
 # Refused requests
@@ -194,10 +194,10 @@ def test_too_many_waiting_orders_are_refused(shop: OpenShop) -> None:
     ],
 )
 def test_requests_of_other_sites_are_refused(shop: OpenShop, headers: Mapping[str, str], status: int) -> None:
-    refused, answer = shop.ask("POST", "/load", b'{"load": "full"}', **headers)
+    refused_status, answer = shop.ask("POST", "/load", b'{"load": "full"}', **headers)
 
-    assert (refused, "error" in answer) == (status, True)
-    assert shop.written() == (0, False)
+    assert (refused_status, "error" in answer) == (status, True)
+    assert shop.written_counts() == (0, False)
 
 
 def test_requests_with_another_host_name_are_refused(shop: OpenShop) -> None:
@@ -225,16 +225,16 @@ def test_requests_with_another_host_name_are_refused(shop: OpenShop) -> None:
     ],
 )
 def test_invalid_requests_do_not_write(shop: OpenShop, path: str, body: bytes, status: int) -> None:
-    refused, answer = shop.ask("POST", path, body)
+    refused_status, answer = shop.ask("POST", path, body)
 
-    assert (refused, bool(answer["error"])) == (status, True)
-    assert shop.written() == (0, False)
+    assert (refused_status, bool(answer["error"])) == (status, True)
+    assert shop.written_counts() == (0, False)
 
 
 @pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS", "TRACE"])
 def test_other_methods_are_refused(shop: OpenShop, method: str) -> None:
     assert shop.ask(method, "/load", b'{"load": "full"}')[0] == 405
-    assert shop.written() == (0, False)
+    assert shop.written_counts() == (0, False)
 
 
 def test_random_bytes_do_not_harm_the_server(shop: OpenShop) -> None:
@@ -253,7 +253,7 @@ def test_random_bytes_do_not_harm_the_server(shop: OpenShop) -> None:
 
     shop.during(send)
 
-    assert shop.written() == (0, False)
+    assert shop.written_counts() == (0, False)
     assert any(
         shop.ask("GET", "/")[0] == 200 for _ in range(100)
     )  # first the server must notice that all clients have gone
@@ -287,7 +287,7 @@ def test_a_view_shows_the_robots_knowledge_and_not_the_truth(shop: OpenShop) -> 
     assert (view["metrics"], view["weights"], view["courses"]) == ([], [], [])
 
 
-def with_loop() -> KnowledgeModel:
+def model_with_loop() -> KnowledgeModel:
     """Return the shop's declarations with the attributes that agents of a loop write."""
     model = store_knowledge()
     attributes = (
@@ -303,7 +303,7 @@ def with_loop() -> KnowledgeModel:
 
 
 def test_metrics_weights_and_the_course_are_shown_where_agents_write_them() -> None:
-    shop = OpenShop(with_loop())
+    shop = OpenShop(model_with_loop())
     with closing(shop):
         with shop.store.knowledge.as_agent("analysis") as analysis:
             analysis.set("base", "safety", 0.5)
@@ -318,17 +318,19 @@ def test_metrics_weights_and_the_course_are_shown_where_agents_write_them() -> N
 
 def test_a_browser_gets_a_new_view_after_a_change(shop: OpenShop) -> None:
     with closing(shop.stream()) as stream:
-        shop.during(lambda: read_until(stream, lambda read: b'"orders":[]' in read))
+        shop.during(lambda: read_until(stream, lambda received_bytes: b'"orders":[]' in received_bytes))
         shop.say("/orders", kind="provide", area="area_4")
-        shop.during(lambda: read_until(stream, lambda read: b'"to_area":"area_4"' in read))
+        shop.during(lambda: read_until(stream, lambda received_bytes: b'"to_area":"area_4"' in received_bytes))
 
 
 def test_a_browser_that_does_not_read_delays_neither_the_shop_nor_other_browsers(shop: OpenShop) -> None:
-    with closing(shop.stream(receive_bytes=2048)) as slow, closing(shop.stream()) as quick:
-        views = shop.during(lambda: read_until(quick, lambda read: read.count(b"\ndata: ") > 30))
+    with closing(shop.stream(receive_bytes=2048)) as slow_stream, closing(shop.stream()) as quick_stream:
+        views = shop.during(
+            lambda: read_until(quick_stream, lambda received_bytes: received_bytes.count(b"\ndata: ") > 30)
+        )
         shop.say("/load", load="loading")
-        shop.during(lambda: read_until(quick, lambda read: b'"value":"loading"' in read))
-        shop.during(lambda: read_until(slow, lambda read: b'"value":"loading"' in read))
+        shop.during(lambda: read_until(quick_stream, lambda received_bytes: b'"value":"loading"' in received_bytes))
+        shop.during(lambda: read_until(slow_stream, lambda received_bytes: b'"value":"loading"' in received_bytes))
 
     assert len(views) > 30 * 2048
     assert shop.store.knowledge.get("robot", "container_load").value == "loading"
@@ -338,16 +340,19 @@ def test_too_many_browsers_get_an_error(shop: OpenShop) -> None:
     with ExitStack() as stack:
         for _ in range(MOST_STREAMS):
             stream = stack.enter_context(closing(shop.stream()))
-            shop.during(lambda stream=stream: read_until(stream, lambda read: b"data: " in read))  # type: ignore[misc]
-        refused, answer = shop.ask("GET", "/events")
+            shop.during(lambda stream=stream: read_until(stream, lambda received_bytes: b"data: " in received_bytes))  # type: ignore[misc]
+        refused_status, answer = shop.ask("GET", "/events")
 
-    assert (refused, answer) == (503, {"error": f"{MOST_STREAMS} browsers already follow this page; close one of them"})
+    assert (refused_status, answer) == (
+        503,
+        {"error": f"{MOST_STREAMS} browsers already follow this page; close one of them"},
+    )
 
 
 def test_the_page_ends_with_the_run_though_browsers_look_at_it() -> None:
     shop = OpenShop()
     with closing(shop.stream()) as stream:
-        shop.during(lambda: read_until(stream, lambda read: b"data: " in read))
+        shop.during(lambda: read_until(stream, lambda received_bytes: b"data: " in received_bytes))
         shop.close()
         while stream.recv(65_536):
             pass
@@ -386,12 +391,12 @@ def test_a_cancelled_call_is_not_run() -> None:
 
 def test_a_full_or_closed_desk_raises_an_error() -> None:
     desk = Desk()
-    waiting = [desk.ask(lambda: None) for _ in range(MOST_WAITING)]
+    waiting_calls = [desk.ask(lambda: None) for _ in range(MOST_WAITING)]
     with pytest.raises(BusyError, match="too many"):
         desk.ask(lambda: None)
 
     desk.close()
 
-    assert {str(future.exception()) for future in waiting} == {"the run is over"}
+    assert {str(future.exception()) for future in waiting_calls} == {"the run is over"}
     with pytest.raises(BusyError, match="over"):
         desk.ask(lambda: None)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from codra_dsl.runtime import SimClock
 from codra_papers.store.body import Lift, Outcome, Side, Way
 from codra_papers.store.geometry import Disc, Point, Pose2D
-from codra_papers.store.layout import AREAS, DOCK, FIXED, START, robot_at
-from codra_papers.store.simulator.people import Person, crossing, shopper
+from codra_papers.store.layout import AREAS, DOCK, FIXED_BOXES, START, robot_at
+from codra_papers.store.simulator.people import Person, new_shopper, new_visitor
 from codra_papers.store.simulator.situations import Situation, StoreSettings, beginning
 from codra_papers.store.simulator.state import Container, StoreState, Whereabouts
 from codra_papers.store.simulator.truth import Judge, Score, is_unsafe, nearest_person_m
@@ -22,18 +22,18 @@ from codra_papers.store.simulator.world import Beginning, StoreWorld
 PLACE = AREAS["area_1"].places[0]
 
 
-def opened(
+def open_shop(
     *, at: Pose2D = START, containers: tuple[Container, ...] = (), people: tuple[Person, ...] = (), level: float = 100.0
 ) -> tuple[SimClock, StoreWorld, list[StoreState]]:
     clock = SimClock()
-    begun = Beginning(seed=1, containers=containers, people=people, robot=at, battery_percent=level)
-    world, states = StoreWorld(clock, begun), list[StoreState]()
+    initial_shop = Beginning(seed=1, containers=containers, people=people, robot=at, battery_percent=level)
+    world, states = StoreWorld(clock, initial_shop), list[StoreState]()
     world.watch(states.append)
     return clock, world, states
 
 
 def resting_person(at_m: Point) -> Person:
-    return crossing(at_m, [at_m], 1, at_m)
+    return new_visitor(at_m, [at_m], 1, at_m)
 
 
 drives = st.tuples(
@@ -48,18 +48,18 @@ lifts = st.tuples(st.just("lift"), st.sampled_from(Lift))
 @settings(max_examples=12, deadline=None)
 @given(st.lists(st.tuples(st.one_of(drives, turns, lifts), st.floats(0.5, 20)), min_size=2, max_size=5))
 def test_under_all_commands_the_robot_hits_no_body_and_no_container_is_lost(commands: list) -> None:  # type: ignore[type-arg]
-    begun = beginning(StoreSettings(seed=2, shoppers=2))
+    initial_shop = beginning(StoreSettings(seed=2, shoppers=2))
     clock = SimClock()
-    world, states = StoreWorld(clock, begun), list[StoreState]()
+    world, states = StoreWorld(clock, initial_shop), list[StoreState]()
     world.watch(states.append)
     for (name, *values), wait_s in commands:
         getattr(world.body, name)(*values, lambda _: None)
         clock.sleep(wait_s)
 
     for state in states:
-        assert not any(part.overlaps(box) for part in state.footprint() for box in FIXED)
+        assert not any(part.overlaps(box) for part in state.footprint() for box in FIXED_BOXES)
         assert sorted(container.name for container in state.containers) == sorted(
-            container.name for container in begun.containers
+            container.name for container in initial_shop.containers
         )
         assert sum(container.where is Whereabouts.FORK for container in state.containers) <= 1
 
@@ -67,9 +67,9 @@ def test_under_all_commands_the_robot_hits_no_body_and_no_container_is_lost(comm
 @settings(max_examples=8, deadline=None)
 @given(st.lists(st.sampled_from(["start", "area_2", "area_3"]), min_size=1, max_size=2))
 def test_the_battery_only_falls_while_the_robot_drives(names: list[str]) -> None:
-    clock, world, states = opened(level=50.0)
+    clock, world, states = open_shop(level=50.0)
     for name in names:
-        goal = START if name == "start" else AREAS[name].observation[0]
+        goal = START if name == "start" else AREAS[name].observation_poses[0]
         world.body.drive([goal.point_m], Way.FORWARD, lambda _: None)
         clock.sleep(12)
     levels = [state.robot.battery_percent for state in states]
@@ -78,7 +78,7 @@ def test_the_battery_only_falls_while_the_robot_drives(names: list[str]) -> None
 
 
 def test_at_the_dock_the_battery_is_charged_and_never_above_full() -> None:
-    clock, world, _ = opened(at=DOCK, level=99.0)
+    clock, world, _ = open_shop(at=DOCK, level=99.0)
     clock.sleep(60)
 
     assert world.body.is_charging()
@@ -86,14 +86,14 @@ def test_at_the_dock_the_battery_is_charged_and_never_above_full() -> None:
 
 
 def test_an_empty_battery_stays_empty() -> None:
-    clock, world, _ = opened(level=0.001)
+    clock, world, _ = open_shop(level=0.001)
     clock.sleep(10)
 
     assert world.body.battery_percent() == 0.0
 
 
 def test_before_a_person_in_its_lane_the_robot_stops_and_gives_up() -> None:
-    clock, world, states = opened(people=(resting_person((8.2, 6.0)),))
+    clock, world, states = open_shop(people=(resting_person((8.2, 6.0)),))
     outcomes: list[Outcome] = []
     world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
     clock.sleep(30)
@@ -105,13 +105,13 @@ def test_before_a_person_in_its_lane_the_robot_stops_and_gives_up() -> None:
 
 def test_a_bump_into_a_person_outside_all_laser_views_is_counted() -> None:
     """The motion layer always stops in front of a resting person, so the test puts a person under the turning fork."""
-    clock, world, states = opened()
+    clock, world, states = open_shop()
     judge = Judge(world.state())
     world.watch(judge.see)
     outcomes: list[Outcome] = []
     world.body.drive([(8.2, 9.0)], Way.FORWARD, outcomes.append)
     clock.sleep(5)
-    x_m, y_m = world.state().robot.at.out(0.75)
+    x_m, y_m = world.state().robot.at.point_at(0.75)
     world.add_person(resting_person((x_m, y_m)))
     clock.sleep(2)
 
@@ -134,7 +134,7 @@ def test_no_motion_touches_a_person_beside_the_fork_with_only_the_near_side_in_v
 ) -> None:
     """Backing up would move the body into the person; a curve or a turn would move the fork."""
     at = Pose2D(4.6, 8.6, pi / 2)
-    clock, world, _ = opened(at=at, people=(resting_person(at.out(-0.29, beside_m)),))
+    clock, world, _ = open_shop(at=at, people=(resting_person(at.point_at(-0.29, beside_m)),))
     getattr(world.body, command)(*values, lambda _: None)
     clock.sleep(6)
 
@@ -142,8 +142,8 @@ def test_no_motion_touches_a_person_beside_the_fork_with_only_the_near_side_in_v
 
 
 def test_people_stop_before_the_robot_and_finally_turn_back() -> None:
-    walker = crossing((8.2, 6.0), [(8.2, 0.5)], 1, (8.2, 0.5))
-    clock, _, states = opened(people=(walker,))
+    walker = new_visitor((8.2, 6.0), [(8.2, 0.5)], 1, (8.2, 0.5))
+    clock, _, states = open_shop(people=(walker,))
     clock.sleep(30)
 
     assert min(nearest_person_m(state) for state in states) > 0.0
@@ -151,33 +151,33 @@ def test_people_stop_before_the_robot_and_finally_turn_back() -> None:
 
 
 def test_one_more_person_does_not_change_the_others() -> None:
-    alone_clock, _, alone = opened(people=(shopper(5, 0),))
-    many_clock, _, many = opened(people=(shopper(5, 0), shopper(5, 1), shopper(5, 2)))
+    alone_clock, _, states_with_one = open_shop(people=(new_shopper(5, 0),))
+    many_clock, _, states_with_many = open_shop(people=(new_shopper(5, 0), new_shopper(5, 1), new_shopper(5, 2)))
     alone_clock.sleep(60)
     many_clock.sleep(60)
 
-    assert [state.people_m[0] for state in alone] == [state.people_m[0] for state in many]
-    assert len({state.people_m[0][1] for state in alone}) > 100
+    assert [state.people_m[0] for state in states_with_one] == [state.people_m[0] for state in states_with_many]
+    assert len({state.people_m[0][1] for state in states_with_one}) > 100
 
 
 def test_people_never_walk_through_shelves() -> None:
-    clock, _, states = opened(at=DOCK, people=tuple(shopper(seed, seed) for seed in range(4)))
+    clock, _, states = open_shop(at=DOCK, people=tuple(new_shopper(seed, seed) for seed in range(4)))
     clock.sleep(240)
-    inside = [
+    instants_inside = [
         (state.instant_s, name)
         for state in states
         for name, at_m in state.people_m
-        if min(box.distance_m(at_m) for box in FIXED) < 0.2
+        if min(box.distance_m(at_m) for box in FIXED_BOXES) < 0.2
     ]
 
-    assert inside == []
+    assert instants_inside == []
 
 
 def test_a_container_is_lifted_only_from_right_above_the_fork() -> None:
     for aside_m, is_lifted in ((0.0, True), (0.08, True), (0.12, False)):
         container = Container(name="box", at=PLACE)
         at = robot_at(Pose2D(PLACE.x_m, PLACE.y_m + aside_m))
-        clock, world, _ = opened(at=at, containers=(container,))
+        clock, world, _ = open_shop(at=at, containers=(container,))
         world.body.lift(Lift.UP, lambda _: None)
         clock.sleep(4)
 
@@ -185,7 +185,7 @@ def test_a_container_is_lifted_only_from_right_above_the_fork() -> None:
 
 
 def test_a_carried_container_moves_along_and_stays_where_it_is_set_down() -> None:
-    clock, world, _ = opened(at=robot_at(PLACE), containers=(Container(name="box", at=PLACE),))
+    clock, world, _ = open_shop(at=robot_at(PLACE), containers=(Container(name="box", at=PLACE),))
     world.body.lift(Lift.UP, lambda _: None)
     clock.sleep(4)
     world.body.drive([(4.6, PLACE.y_m)], Way.FORWARD, lambda _: None)
@@ -195,13 +195,13 @@ def test_a_carried_container_moves_along_and_stays_where_it_is_set_down() -> Non
     (box,) = world.state().containers
 
     assert box.where is Whereabouts.FLOOR
-    assert box.at.distance_m(world.state().robot.at.ahead(-0.4)) < 1e-6
+    assert box.at.distance_m(world.state().robot.at.pose_ahead(-0.4)) < 1e-6
     assert box.at.x_m > PLACE.x_m + 1.4
 
 
 @pytest.mark.parametrize("when_s", [0.05, 0.5, 1.5, 4.0])
 def test_a_stopped_robot_rests_within_a_second(when_s: float) -> None:
-    clock, world, _ = opened()
+    clock, world, _ = open_shop()
     outcomes: list[Outcome] = []
     stop = world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
     clock.sleep(when_s)
@@ -210,14 +210,14 @@ def test_a_stopped_robot_rests_within_a_second(when_s: float) -> None:
     clock.sleep(1.0)
 
     assert world.state().robot.surface_speed_m_s() == 0.0
-    here = world.state().robot.at
+    robot_pose = world.state().robot.at
     clock.sleep(5.0)
-    assert world.state().robot.at == here
+    assert world.state().robot.at == robot_pose
 
 
 def test_stopping_a_replaced_command_does_not_stop_its_replacement() -> None:
     """The lift ends as stopped when another command is already running."""
-    clock, world, _ = opened()
+    clock, world, _ = open_shop()
     outcomes: list[Outcome] = []
     stop = world.body.lift(Lift.UP, outcomes.append)
     clock.sleep(1.0)
@@ -229,7 +229,7 @@ def test_stopping_a_replaced_command_does_not_stop_its_replacement() -> None:
 
 
 def test_the_robot_drives_no_faster_than_its_maximum_speed() -> None:
-    clock, world, states = opened()
+    clock, world, states = open_shop()
     world.body.set_max_speed(0.4)
     world.body.drive([(8.2, 11.0)], Way.FORWARD, lambda _: None)
     clock.sleep(15)
@@ -239,19 +239,21 @@ def test_the_robot_drives_no_faster_than_its_maximum_speed() -> None:
 
 
 def test_reading_sensors_does_not_change_their_values() -> None:
-    asked_clock, asked, asked_states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
-    clock, world, states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
-    for shop in (asked, world):
+    read_clock, read_world, read_states = open_shop(
+        people=(new_shopper(5, 0),), containers=(Container(name="box", at=PLACE),)
+    )
+    clock, world, states = open_shop(people=(new_shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
+    for shop in (read_world, world):
         shop.body.drive([(8.2, 9.0)], Way.FORWARD, lambda _: None)
     looks = []
-    asked.watch(lambda _: looks.append((asked.body.look(), [asked.body.scan(side) for side in Side])))
-    asked_clock.sleep(5)
+    read_world.watch(lambda _: looks.append((read_world.body.look(), [read_world.body.scan(side) for side in Side])))
+    read_clock.sleep(5)
     clock.sleep(5)
 
     assert len(looks) == 50
-    assert asked_states == states
-    assert asked.body.look() == world.body.look()
-    assert (asked.body.scan(Side.BACK).ranges_m == world.body.scan(Side.BACK).ranges_m).all()
+    assert read_states == states
+    assert read_world.body.look() == world.body.look()
+    assert (read_world.body.scan(Side.BACK).ranges_m == world.body.scan(Side.BACK).ranges_m).all()
 
 
 def test_any_integer_is_a_seed_with_its_own_noise() -> None:
@@ -264,34 +266,34 @@ def test_any_integer_is_a_seed_with_its_own_noise() -> None:
 
 
 def test_the_lasers_measure_obstacles_to_a_few_centimetres() -> None:
-    clock, world, _ = opened(people=(resting_person((8.2, 5.0)),))
+    clock, world, _ = open_shop(people=(resting_person((8.2, 5.0)),))
     clock.sleep(1)
     points = world.body.scan(Side.FRONT_LEFT).points_m()
-    ahead = min(x for x, y in points.tolist() if abs(y) < 0.1)
+    forward_m = min(x for x, y in points.tolist() if abs(y) < 0.1)
 
-    assert ahead == pytest.approx(5.0 - 0.25 - START.y_m, abs=0.05)
+    assert forward_m == pytest.approx(5.0 - 0.25 - START.y_m, abs=0.05)
 
 
 def test_only_fast_motion_near_a_person_is_unsafe() -> None:
-    clock, world, states = opened(people=(resting_person((9.3, 6.0)),))
+    clock, world, states = open_shop(people=(resting_person((9.3, 6.0)),))
     judge = Judge(world.state())
     world.watch(judge.see)
     world.body.drive([(8.2, 11.0)], Way.FORWARD, lambda _: None)
     clock.sleep(15)
-    by_hand = [
+    expected_states = [
         state
         for state in states
         if state.robot.speed_m_s > 0.3
         and min(box.distance_m(Disc((9.3, 6.0), 0.25).centre_m) for box in state.footprint()) - 0.25 < 1.0
     ]
 
-    assert len(by_hand) > 10
-    assert [state for state in states if is_unsafe(state)] == by_hand
-    assert judge.score.unsafe_s == pytest.approx(len(by_hand) * 0.1)
+    assert len(expected_states) > 10
+    assert [state for state in states if is_unsafe(state)] == expected_states
+    assert judge.score.unsafe_s == pytest.approx(len(expected_states) * 0.1)
 
 
 def test_a_quiet_run_has_an_empty_score() -> None:
-    clock, world, _ = opened()
+    clock, world, _ = open_shop()
     judge = Judge(world.state())
     world.watch(judge.see)
     clock.sleep(5)
