@@ -126,7 +126,7 @@ class FixResult:
 def fix(lint_input: LintInput, *, write: bool) -> FixResult:
     """Fix specs. If `write` is true and the specs are in files, write the changed files.
 
-    Each file is read once, before linting. If somebody else changes a file in the meantime, that file is not written.
+    The texts to fix are read once. If somebody else changes a file in the meantime, that file is not written.
     """
     from codra_dsl.language.load.yaml.source import MAX_BYTES
     from codra_dsl.workspace.suppression import fix_all, rewrite

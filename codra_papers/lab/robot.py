@@ -172,7 +172,9 @@ class Robot:
         self._drive_straight_to(*end)
         self._turn(goal[2])
         if station != Station.HOME:
-            self._move_camera(self._gaze_in_robot(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM)
+            self._move_camera(
+                self._gaze_in_robot_frame(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM
+            )
 
     def relocalize(self) -> None:
         """Look around until the robot is localised again."""
@@ -282,7 +284,7 @@ class Robot:
         If the lid is closed, the robot takes no tray and `is_carrying` stays False.
         """
         self._check_reach(machine)
-        tray = self._gaze_in_robot(machine, tray_gaze(self._machine(machine).shape))
+        tray = self._gaze_in_robot_frame(machine, tray_gaze(self._machine(machine).shape))
         self._wait(Phase.PLAN_TRAY)
         self._reach(stand_off_gaze(tray))
         if self._lid_is_open(machine):
@@ -309,7 +311,7 @@ class Robot:
         self._reach(stand_off_gaze(DECK_GAZE))
         self._grip(DECK_GAZE)
         self._schedule(self._new_move(Quantity.HOLDING, (1.0,), 0.0))
-        tray = self._gaze_in_robot(machine, tray_gaze(self._machine(machine).shape))
+        tray = self._gaze_in_robot_frame(machine, tray_gaze(self._machine(machine).shape))
         self._move_camera(stand_off_gaze(tray), Phase.CARRY_TRAY)
         lid_is_open = self._lid_is_open(machine)
         place = tray if lid_is_open else DECK_GAZE
@@ -407,7 +409,7 @@ class Robot:
         duration_s = self._draw(Phase.RETREAT)
         self._schedule(
             self._new_move(
-                Quantity.GAZE, self._gaze_in_robot(machine, ready_gaze(self._machine(machine).shape)), duration_s
+                Quantity.GAZE, self._gaze_in_robot_frame(machine, ready_gaze(self._machine(machine).shape)), duration_s
             ),
             self._new_move(Quantity.REACH, (0.0,), duration_s),
         )
@@ -433,7 +435,7 @@ class Robot:
     def _new_move(self, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0) -> Move:
         return self._world.moves_to(self._clock.now_s(), channel, values, duration_s, delay_s=delay_s)
 
-    def _gaze_in_robot(self, machine: str, gaze: Gaze) -> Gaze:
+    def _gaze_in_robot_frame(self, machine: str, gaze: Gaze) -> Gaze:
         """Transform a gaze from a machine's base frame to the robot's frame.
 
         The true pose of the robot is used, because the hand works by touch, without the localisation error.
@@ -442,7 +444,7 @@ class Robot:
 
     def _grip_at(self, machine: str, part: Part, angle_rad: float) -> Gaze:
         """Return the gaze while the fingers hold a part whose joint is at an angle, in the robot's frame."""
-        return self._gaze_in_robot(machine, grip_gaze(self._machine(machine), part, angle_rad))
+        return self._gaze_in_robot_frame(machine, grip_gaze(self._machine(machine), part, angle_rad))
 
     def _machine(self, name: str) -> Machine:
         return self.laboratory.machine(name)

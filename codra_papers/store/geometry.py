@@ -172,9 +172,9 @@ def _edge_ranges_m(eye: Floats, directions: Floats, starts: Floats, edges: Float
 def _disc_ranges_m(eye: Floats, directions: Floats, centres: Floats, radii: Floats) -> Floats:
     """Return the smallest t of each ray: solve |eye + t direction - centre| = radius; 0 in a disc; shape (rays,)."""
     to_centre = centres - eye
-    along_ray_m = directions @ to_centre.T
-    discriminant = along_ray_m**2 - (to_centre**2).sum(axis=1) + radii**2
+    distances_along_ray_m = directions @ to_centre.T
+    discriminant = distances_along_ray_m**2 - (to_centre**2).sum(axis=1) + radii**2
     half_chords = np.sqrt(np.maximum(discriminant, 0.0))
-    meets = (discriminant >= 0.0) & (along_ray_m + half_chords >= 0.0)
-    lengths_m: Floats = np.where(meets, np.maximum(along_ray_m - half_chords, 0.0), np.inf).min(axis=1)
+    meets = (discriminant >= 0.0) & (distances_along_ray_m + half_chords >= 0.0)
+    lengths_m: Floats = np.where(meets, np.maximum(distances_along_ray_m - half_chords, 0.0), np.inf).min(axis=1)
     return lengths_m

@@ -109,17 +109,17 @@ def hierarchy(
     return hierarchy_state
 
 
-def localization_state(name: str) -> HierarchyState:
+def make_localization_state(name: str) -> HierarchyState:
     """Return the states that write to context whether the robot is localized, and look around if the robot is lost."""
     feel_state = script("Feel", FEEL, {})
     feel_state.add_output_data_port("localized", bool, default_value=False, data_port_id=0)
-    set_state = LibraryState("codra", "set", name="Tell", state_id="TELL")
-    set_state.set_input_runtime_value(0, "robot_is_localized")
-    set_state.set_use_input_runtime_value(0, True)
+    tell_state = LibraryState("codra", "set", name="Tell", state_id="TELL")
+    tell_state.set_input_runtime_value(0, "robot_is_localized")
+    tell_state.set_use_input_runtime_value(0, True)
     look_state = look("Localized?", "robot_is_localized")
     hierarchy_state = hierarchy(
         name,
-        [feel_state, set_state, look_state, script("Look around", RELOCALIZE, {})],
+        [feel_state, tell_state, look_state, script("Look around", RELOCALIZE, {})],
         {
             ("Feel", "success"): "Tell",
             ("Tell", "success"): "Localized?",
@@ -129,7 +129,7 @@ def localization_state(name: str) -> HierarchyState:
             ("Look around", "success"): "Feel",
         },
     )
-    hierarchy_state.add_data_flow(feel_state.state_id, 0, set_state.state_id, 1, data_flow_id=0)
+    hierarchy_state.add_data_flow(feel_state.state_id, 0, tell_state.state_id, 1, data_flow_id=0)
     return hierarchy_state
 
 
@@ -173,9 +173,9 @@ def state_machine() -> StateMachine:
     drive = hierarchy(
         "Drive",
         [
-            localization_state("Before"),
+            make_localization_state("Before"),
             script("Go", DRIVE, {"station": MACHINE}, {"expect": f"unlock_{MACHINE}"}),
-            localization_state("After"),
+            make_localization_state("After"),
         ],
         {
             ("Before", DONE): "Go",

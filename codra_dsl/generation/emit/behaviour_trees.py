@@ -68,7 +68,7 @@ class _Writer:
         self._enums = dict(checked.enums)
         self._models = {(model.kind is NodeKind.SUBTREE, model.id): model for model in checked.forest.models}
         self._functions = _function_names(tree.id for tree in self._trees)
-        self._used_words: set[str] = {"Node"}
+        self._imported_names: set[str] = {"Node"}
         self._tree = ""
         self._helpers: list[str] = []
 
@@ -91,11 +91,11 @@ class _Writer:
     def _imports(self) -> str:
         """Return the import statements. Each renamed import is a separate statement after the others, as in ruff."""
         renamed_imports = [
-            f"{_EXPORTED_NAMES[word]} as {word}" for word in sorted(self._used_words & _EXPORTED_NAMES.keys())
+            f"{_EXPORTED_NAMES[word]} as {word}" for word in sorted(self._imported_names & _EXPORTED_NAMES.keys())
         ]
         import_statements = [
             import_statement(GENERATED_API, names)
-            for names in (self._used_words - _EXPORTED_NAMES.keys(), *zip(renamed_imports))
+            for names in (self._imported_names - _EXPORTED_NAMES.keys(), *zip(renamed_imports))
         ]
         return "from collections.abc import Callable, Mapping\n\n" + "\n".join(import_statements) + "\n"
 
@@ -227,7 +227,7 @@ class _Writer:
         """Return a script as a function: a lambda, or, if the script is long, the name of a helper function."""
         if len(text) <= SHORT_TEXT_LENGTH:
             return f"lambda it: {text}"
-        self._used_words.add("Scope")
+        self._imported_names.add("Scope")
         body: Expression = text
         if isinstance(node, And | Or) and text == truth_text(node, self._enums):
             first, *rest = operand_texts(node, self._enums)
@@ -240,7 +240,7 @@ class _Writer:
         return name
 
     def _call(self, word: str, *arguments: Expression, **keywords: Expression) -> Expression:
-        self._used_words.add(word)
+        self._imported_names.add(word)
         return call(word, *arguments, **keywords)
 
 

@@ -30,7 +30,7 @@ def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) ->
 
 
 def read_difference(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> float | None:
-    """Return a difference of two numbers of a type, in the unit of the type; None if the node has no such value."""
+    """Read a tolerance for numbers of a type, in the unit of the type; return None if the node has no such value."""
     difference = read_value(reader, node, ValueType(kind="float", unit=type_.unit), *steps)
     return float(difference) if isinstance(difference, int | float) else None
 

@@ -20,7 +20,7 @@ _MAX_LISTED = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class _OpenFile:
+class _IncludingFile:
     """A file whose parts are being read.
 
     `include_chain` has the files from the spec to this file; each of them includes the next one.
@@ -54,16 +54,16 @@ class Parts:
     def read_all(self, document: Document, path: Path) -> None:
         """Read a document's parts, recursively."""
         self._first_places[path] = document.origin.of(document.subject.key)
-        self._add(document, _OpenFile(path, (path,)))
+        self._add(document, _IncludingFile(path, (path,)))
 
-    def _add(self, document: Document, open_file: _OpenFile) -> None:
+    def _add(self, document: Document, open_file: _IncludingFile) -> None:
         self.documents.append(document)
         self._character_count += len(document.origin.source.text)
         for node in document.includes:
             if node.reported or not self._include(document, node, open_file):
                 self.is_complete = False
 
-    def _include(self, document: Document, node: ScalarNode, open_file: _OpenFile) -> bool:
+    def _include(self, document: Document, node: ScalarNode, open_file: _IncludingFile) -> bool:
         """Read one part; return whether its elements are known."""
         place = document.origin.of(node)
         path = self._locate(node, open_file, place)
@@ -90,10 +90,10 @@ class Parts:
             related = Related("this name makes it a spec", part.origin.of(part.name))
             self._refuse("part-is-spec", f"{shown(node.text)} is a spec", place, "include parts only", related)
             return False
-        self._add(part, _OpenFile(path, (*open_file.include_chain, path)))
+        self._add(part, _IncludingFile(path, (*open_file.include_chain, path)))
         return True
 
-    def _locate(self, node: ScalarNode, open_file: _OpenFile, place: Place) -> Path | None:
+    def _locate(self, node: ScalarNode, open_file: _IncludingFile, place: Place) -> Path | None:
         """Return the file that an include names, with links resolved.
 
         Report a missing or forbidden file and return None.
@@ -122,7 +122,7 @@ class Parts:
             )
         return path if is_inside and is_file else None
 
-    def _is_first(self, path: Path, node: ScalarNode, open_file: _OpenFile, place: Place) -> bool:
+    def _is_first(self, path: Path, node: ScalarNode, open_file: _IncludingFile, place: Place) -> bool:
         first = self._first_places.get(path)
         if first is None:
             return True

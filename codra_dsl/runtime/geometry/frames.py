@@ -212,14 +212,14 @@ class Frames:
         )
         source_pose, target_pose = _chained_pose(source_chain), _chained_pose(target_chain)
         chain = (*source_chain, *target_chain)
-        worst_outcome = max(
+        worst_entry = max(
             [(placement.outcome, placement.gap_s, name) for name, placement in chain], default=_EXACT_OUTCOME
         )
         transform = Transform(
             pose=target_pose.inverse() @ source_pose if target_chain else source_pose,
-            outcome=worst_outcome[0],
+            outcome=worst_entry[0],
             gap_s=max([placement.gap_s for _, placement in chain], default=0.0),
-            weakest=worst_outcome[2] if worst_outcome[0] else "",
+            weakest=worst_entry[2] if worst_entry[0] else "",
         )
         # The transform does not depend on the ancestors of the common frame.
         return transform, tuple([(name, self._tracks[name]) for name, _ in chain])

@@ -115,9 +115,8 @@ class Track:
             track._stamps_s.append(stamp_s)
             track._parents.append(parent)
             track._poses.append(pose)
-            track._motions.append(
-                motion
-            )  # at the end, because the length of this list shows whether another track has appended
+            # This list grows last, because its length shows other tracks whether the lists have grown.
+            track._motions.append(motion)
             track._end = self._end + 1
         else:
             track._copy(self)
@@ -175,7 +174,7 @@ class Track:
                 yield span_start_s, span_end_s, parent
 
     def affected_interval(self, stamp_s: float) -> tuple[float, float]:
-        """Return the interval in which a pose with a given stamp would determine the placement of the frame."""
+        """Return the interval in which a pose with a given stamp would determine the parent of the frame."""
         next_position, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
         is_first = next_position == start or (next_position == start + 1 and self._stamps_s[start] == stamp_s)
         return -math.inf if is_first else stamp_s, self._pose_end_s(next_position - 1)

@@ -1,8 +1,9 @@
 """Read a journal, complete or torn.
 
 A file is torn if its writer was killed, its disk was full, or only a part of the file was copied. Other MCAP readers
-look for the end of the file first, and refuse a torn file. `JournalReader` reads the file from its start, as far as
-possible, and then the region, which holds the records that are not in a chunk yet.
+look for the end of the file first, and refuse a torn file. `JournalReader` reads the region, which holds the
+records that are not in a chunk yet, and the file from its start, as far as possible. The messages of the region come
+last.
 """
 
 from __future__ import annotations

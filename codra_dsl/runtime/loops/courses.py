@@ -1,4 +1,4 @@
-"""The choice of a course: hard rules, urgency after a worse metric, and the filter."""
+"""The choice of a course: hard rules, actions that are urgent because a metric has become worse, and the filter."""
 
 from __future__ import annotations
 

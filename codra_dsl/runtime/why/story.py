@@ -56,7 +56,7 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
 
 def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
     name, since_text = reading.name, instant_text(reading.identified_s) if reading.identified_s > -math.inf else ""
-    last_known_event = latest_events.last_value_events.get(name)
+    last_value_event = latest_events.last_value_events.get(name)
     match reading.reason:
         case _ if reading.source == POSES:
             yield f"unknown from {since_text} on: {reading.detail}"
@@ -82,9 +82,9 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
             yield f"its observer {reading.detail} stopped at {since_text}"
         case _:
             yield f"{reading.reason} at {since_text}: {reading.detail} ({reading.source})"
-    if last_known_event is not None:
-        value, source = value_text(last_known_event.details.get("value")), last_known_event.details["source"]
-        yield f"it was {value} before, from {source} at {instant_text(last_known_event.instant_s)}"
+    if last_value_event is not None:
+        value, source = value_text(last_value_event.details.get("value")), last_value_event.details["source"]
+        yield f"it was {value} before, from {source} at {instant_text(last_value_event.instant_s)}"
 
 
 def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:

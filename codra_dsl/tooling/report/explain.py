@@ -106,7 +106,7 @@ def as_text(page: Page) -> str:
             lines += _head_of_block(line) if not is_in_block else []
             is_in_block = not is_in_block
         else:
-            lines.append(f"{_INDENT}{line}".rstrip() if is_in_block else _strip_marks(line))
+            lines.append(f"{_INDENT}{line}".rstrip() if is_in_block else _without_markdown(line))
     return "\n".join(lines) + "\n"
 
 
@@ -118,7 +118,7 @@ def _head_of_block(fence: str) -> list[str]:
     return ["pyproject.toml:"] if fence == "```toml" else []
 
 
-def _strip_marks(line: str) -> str:
+def _without_markdown(line: str) -> str:
     """Return a line of prose: headings without `#`, and backquotes as the quotes of findings."""
     return re.sub("^#+ ", "", line).replace("`", "'")
 
@@ -133,7 +133,7 @@ def list_as_text(pages: Iterable[Page]) -> str:
     """Return a list of pages for a terminal, with a heading for each family of codes."""
     families = (
         f"{family}\n"
-        + "".join(f"{_INDENT}{page.code}  {page.name}: {_strip_marks(page.summary)}\n" for page in family_pages)
+        + "".join(f"{_INDENT}{page.code}  {page.name}: {_without_markdown(page.summary)}\n" for page in family_pages)
         for family, family_pages in groupby(pages, lambda page: family_of(page.code))
     )
     return "\n".join(families)

@@ -154,10 +154,10 @@ def _best_fit(sightings: Sequence[_Sighting], intrinsics: Intrinsics) -> tuple[P
 def _refined_pose(start: Pose, points_m: Array, corners_px: Array, intrinsics: Intrinsics) -> Pose:
     rotation_vector, _ = cv2.Rodrigues(start.rotation)
     translation = start.translation_m.reshape(3, 1).copy()
-    better_rotation_vector, better_translation = cv2.solvePnPRefineLM(
+    better_rotation_vector, refined_translation = cv2.solvePnPRefineLM(
         points_m, corners_px, intrinsics.matrix(), None, rotation_vector, translation
     )
-    return _pose(better_rotation_vector, better_translation)
+    return _pose(better_rotation_vector, refined_translation)
 
 
 def _pose(rotation_vector: MatLike, translation: MatLike) -> Pose:

@@ -16,8 +16,9 @@ SHORTEST_MEAN_S = 0.35
 """Shortest mean duration of work that `Computer` accepts."""
 
 _POINTS_PER_S = 20.0
-"""Number of points per second, and also the largest height of a point in 1/s. No hazard is that large: for work with
-the shortest mean, the hazard is at most 18.5 1/s, and the largest hazard is inversely proportional to the mean."""
+"""The density of the random points of `Computer`: per second, and up to this hazard in 1/s. No hazard is that large:
+for work with the shortest mean, the hazard is at most 18.5 1/s, and the largest hazard is
+inversely proportional to the mean."""
 
 _CELL_S = 4.0
 _CELL_CACHE_SIZE = 8
@@ -35,8 +36,9 @@ def processing_s(random: Random, mean_s: float) -> float:
 class Computer:
     """The computer for a robot's vision. The duration of work depends only on the seed, the instant and the mean.
 
-    Points lie at random in the plane of instants and hazards, with uniform density. Work ends at the first point that
-    is below the hazard of the work at the instant of the point (thinning; Lewis and Shedler 1979). So durations have
+    Points lie at random in the plane of instants and hazards, with uniform density. The hazard
+    of the work is a curve in this plane. Work ends at the first point below the curve (thinning; Lewis and Shedler
+    1979). So durations have
     the distribution of `processing_s`. The durations of consecutive calls are independent; those of overlapping calls
     are correlated. Two robots that begin the same work at slightly different instants often end it at the same point.
     Then they remain synchronised and use the same frames, until one of them does other work. In comparisons, this

@@ -75,9 +75,9 @@ def _delivery_areas(before: StoreState, after: StoreState) -> tuple[str, ...]:
     carried_container = before.carried_container()
     if carried_container is None or after.carried_container() is not None:
         return ()
-    set_down_container = next(container for container in after.containers if container.name == carried_container.name)
-    if set_down_container.where is not Whereabouts.FLOOR:
+    released_container = next(container for container in after.containers if container.name == carried_container.name)
+    if released_container.where is not Whereabouts.FLOOR:
         return ()
     return tuple(
-        area.name for area in AREAS.values() if area.places[0].distance_m(set_down_container.at) < SET_DOWN_WITHIN_M
+        area.name for area in AREAS.values() if area.places[0].distance_m(released_container.at) < SET_DOWN_WITHIN_M
     )[:1]

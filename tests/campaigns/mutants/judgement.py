@@ -18,7 +18,7 @@ from tests.campaigns.mutants.mutation import Mutant, Slip, laid_out
 
 SUGGESTION = re.compile(r"did you mean (?P<quote>['\"])(?P<name>.*?)(?P=quote)")
 QUOTED = re.compile(r"'([^']*)'|\"([^\"]*)\"")
-HUMAN_TEXT_LINE = re.compile(r"^\s*(?:-\s*)?\{?.*\b(?:label|description|title)\b")
+FREE_TEXT_LINE = re.compile(r"^\s*(?:-\s*)?\{?.*\b(?:label|description|title)\b")
 DECLARED = re.compile(r"(?!call:|with:)[\w$()]+:|name: ")
 IGNORED_FILES = {"sources.json", "manifest.json"}
 
@@ -99,7 +99,7 @@ def _fate(before: Original, mutant: Mutant, meaning: Mapping[str, str], new: tup
         return Fate.FAR
     if meaning == before.meaning:
         return Fate.HARMLESS
-    if HUMAN_TEXT_LINE.match(mutant.context):
+    if FREE_TEXT_LINE.match(mutant.context):
         return Fate.PROSE
     return Fate.NAME if _only_names(before.meaning, meaning, mutant) else Fate.MISSED
 

@@ -263,11 +263,11 @@ def test_producers_are_listed_by_rank() -> None:
     text = (CASES / "valid/trees.yaml").read_text("utf-8")
     assert check_sound_text(text).producers["door_open"] == ("look_at_door", "feel_the_door")
     only_open_text = edit_spec(("{door_open: seen, door_locked: locked}", "{door_open: seen}\n    rank: 3"), text=text)
-    without_lock_text = edit_spec(
+    text_without_lock = edit_spec(
         ("identifies: [door_locked, door_open]", "identifies: [door_open]"), text=only_open_text
     )
     spec, _ = check_text(
-        without_lock_text.replace("  door_locked: {type: bool}\n", "").replace("    changes: [door_locked]\n", "")
+        text_without_lock.replace("  door_locked: {type: bool}\n", "").replace("    changes: [door_locked]\n", "")
     )
     assert spec is not None
     assert spec.producers["door_open"] == ("feel_the_door", "look_at_door")

@@ -200,7 +200,7 @@ def test_a_skill_that_needs_too_much_time_of_a_slot_is_reported_at_the_resource(
     assert (finding.rule.name, marked_text(text, finding)) == ("oversubscribed-slot", "vision")
     assert finding.message == (
         "resource 'vision' has 1 slot, but the observers of skill 'open' need 1.067: "
-        "some value becomes stale in any order of the looks"
+        "whatever the order of the looks, some value becomes stale"
     )
     assert [finding.message for finding in finding.related] == [
         "the skill that needs most",

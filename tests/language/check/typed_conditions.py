@@ -334,11 +334,11 @@ def _compare_values(operator: str, one: Result, other: Result) -> bool | None:
         is_near = abs(one.number - other.number) <= largest / 10**9
         if is_near and not (one.is_unrounded and other.is_unrounded):
             raise TooCloseError
-        return _order_holds(operator, one.number, other.number)
+        return _comparison_holds(operator, one.number, other.number)
     return (one == other) == (operator == "==")
 
 
-def _order_holds(operator: str, one: Fraction, other: Fraction) -> bool:
+def _comparison_holds(operator: str, one: Fraction, other: Fraction) -> bool:
     return {
         "<": one < other,
         "<=": one <= other,

@@ -96,7 +96,7 @@ class Judgement:
     def python(self, wanted_type: Type | None) -> str:
         """Return the condition as Python text.
 
-        `wanted_type` is the type of the variable that gets the value. If it is numeric, the value is in its unit.
+        `wanted_type` is the type of the variable that gets the value. A number is in the unit of this type.
         """
         return (
             to_python(self.typed, wanted_type.unit)

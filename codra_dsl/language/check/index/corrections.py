@@ -80,8 +80,8 @@ class _Corrector:
 
     def __init__(self, corrections: Corrections) -> None:
         self._corrections = corrections
-        self._variable_names = corrections.references.get("context", _NO_CORRECTIONS)
-        self._agent_names = corrections.references.get("agents", _NO_CORRECTIONS)
+        self._variable_corrections = corrections.references.get("context", _NO_CORRECTIONS)
+        self._agent_corrections = corrections.references.get("agents", _NO_CORRECTIONS)
 
     def spec(self, spec: Spec) -> Spec:
         """Return a spec with all corrections."""
@@ -121,7 +121,7 @@ class _Corrector:
         )
 
     def _variable(self, variable: Variable) -> Variable:
-        sources = self._references(variable.sources, self._agent_names)
+        sources = self._references(variable.sources, self._agent_corrections)
         return self._with_members(replace(variable, sources=sources), "context")
 
     def _with_members(self, element: Typed, owner: Owner) -> Typed:
@@ -138,10 +138,10 @@ class _Corrector:
         return replace(
             algorithm,
             uses=tuple(replace(usage, resource=_reference(usage.resource, resources)) for usage in algorithm.uses),
-            given=self._references(algorithm.given, self._variable_names),
+            given=self._references(algorithm.given, self._variable_corrections),
             returns=tuple(self._with_members(returned, (algorithm.name,)) for returned in returns),
             observable_when=tuple(
-                _condition(condition, self._variable_names) for condition in algorithm.observable_when
+                _condition(condition, self._variable_corrections) for condition in algorithm.observable_when
             ),
             accept_when=tuple(_condition(condition, returned_corrections) for condition in algorithm.accept_when),
             identifies=tuple(self._identification(entry, returned_corrections) for entry in algorithm.identifies),
@@ -158,29 +158,29 @@ class _Corrector:
             by = replace(by, enter=_condition(by.enter, returned_corrections), leave=leave_condition)
         else:
             by = _condition(by, returned_corrections)
-        return Identification(variable=_reference(entry.variable, self._variable_names), by=by)
+        return Identification(variable=_reference(entry.variable, self._variable_corrections), by=by)
 
     def _skill(self, skill: Skill) -> Skill:
         return replace(
             skill,
-            preview=self._references(skill.preview, self._variable_names),
+            preview=self._references(skill.preview, self._variable_corrections),
             monitor=tuple(map(self._expectation, skill.monitor)),
-            changes=self._references(skill.changes, self._variable_names),
+            changes=self._references(skill.changes, self._variable_corrections),
         )
 
     def _expectation(self, expectation: Expectation) -> Expectation:
         condition = expectation.condition
         return replace(
             expectation,
-            variable=_reference(expectation.variable, self._variable_names),
-            condition=None if condition is None else _condition(condition, self._variable_names),
+            variable=_reference(expectation.variable, self._variable_corrections),
+            condition=None if condition is None else _condition(condition, self._variable_corrections),
         )
 
     def _observer(self, setting: ObserverSetting) -> ObserverSetting:
-        return replace(setting, identifies=self._references(setting.identifies, self._variable_names))
+        return replace(setting, identifies=self._references(setting.identifies, self._variable_corrections))
 
     def _agent(self, agent: Agent) -> Agent:
-        if agent.conduct.is_bare or not self._variable_names:
+        if agent.conduct.is_bare or not self._variable_corrections:
             return agent
         conduct = agent.conduct
         rules = tuple(map(self._rule, conduct.rules))
@@ -192,7 +192,7 @@ class _Corrector:
 
     def _patterns(self, patterns: Iterable[Condition]) -> tuple[Condition, ...]:
         return tuple(
-            pattern if isinstance(pattern.tree, Path) else _condition(pattern, self._variable_names)
+            pattern if isinstance(pattern.tree, Path) else _condition(pattern, self._variable_corrections)
             for pattern in patterns
         )
 
@@ -206,11 +206,11 @@ class _Corrector:
         return tuple(replace(attribute, sources=self._writers(attribute.sources)) for attribute in attributes)
 
     def _writers(self, writers: Iterable[Writer]) -> tuple[Writer, ...]:
-        return tuple(replace(writer, name=self._agent_names.get(writer.name, writer.name)) for writer in writers)
+        return tuple(replace(writer, name=self._agent_corrections.get(writer.name, writer.name)) for writer in writers)
 
     def _task(self, task: Task) -> Task:
-        requesters = self._references(task.requesters, self._agent_names)
-        return replace(task, by=_reference(task.by, self._agent_names), requesters=requesters)
+        requesters = self._references(task.requesters, self._agent_corrections)
+        return replace(task, by=_reference(task.by, self._agent_corrections), requesters=requesters)
 
     def _references(self, references: Iterable[Reference], names: IntendedNames) -> tuple[Reference, ...]:
         return tuple(_reference(reference, names) for reference in references)

@@ -25,11 +25,11 @@ MAX_MEMBERS = 30
 """The maximum number of earlier members with which a member is compared. Further members are not compared at all."""
 
 MAX_RELATED_PLACES = 5
-"""The maximum number of further members in a finding."""
+"""The maximum number of other values with the same cause that a finding lists."""
 
 
 def never_holding_conditions(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Some result can be accepted, and each value that has a condition can be identified from an accepted result."""
+    """Some result passes `accept_when`, and some accepted result gives each value under `identifies`."""
     yield from _once_per_shape(spec_index, faults, _never_holding_findings)
 
 
@@ -84,7 +84,7 @@ def _once_per_shape(
     faults: FaultyElements,
     rule: Callable[[SpecIndex, FaultyElements, Algorithm], Iterable[Diagnostic]],
 ) -> Iterator[Diagnostic]:
-    """Yield the findings of a rule about the use of results, for each algorithm.
+    """Apply a check of conditions over results to each algorithm, and yield its findings.
 
     Many algorithms of a large spec have the same shape. If one of them has no finding, the others have no findings.
     """
@@ -156,7 +156,7 @@ def _always_holds_finding(
 def _never_identified_findings(
     spec_index: SpecIndex, algorithm: Algorithm, entry: Identification, accepted_conditions: tuple[StatedCondition, ...]
 ) -> Iterator[Diagnostic]:
-    """Yield findings about values that a variable never gets. Values with the same cause share one finding."""
+    """Yield findings about values that a variable never gets. Shadowed values with the same cause share one finding."""
     types = spec_index.returned_types[algorithm.name]
     earlier_conditions: dict[str, tuple[str, StatedCondition]] = {}
     shadowed_values: dict[tuple[str, ...], list[tuple[str, StatedCondition]]] = {}
@@ -248,7 +248,7 @@ def _shadowed_value_finding(
         if isinstance(entry.by, Members)
         else "change the condition",
         related=(
-            *(Related("holds in all of these cases", condition.place) for _, condition in blocking_conditions),
+            *(Related("holds first in these cases", condition.place) for _, condition in blocking_conditions),
             *(
                 Related(f"'{name}' is never {other} either", condition.place)
                 for other, condition in others[:MAX_RELATED_PLACES]

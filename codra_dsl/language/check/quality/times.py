@@ -66,7 +66,7 @@ class Renewal:
 
 
 def stale_evidence(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Evidence is valid until newer evidence can arrive, and until then also fulfils conditions on its age."""
+    """Until newer evidence can arrive, evidence does not go stale or become too old for a condition on its age."""
     if spec_index.has_damage("observers", "identifies", "period") or spec_index.has_damage("perception", "identifies"):
         return
     for name, variable in spec_index.variables.items():
@@ -136,7 +136,7 @@ TIMING_CHECKS = (stale_evidence, oversubscribed_slots, ineffective_on_event_sett
 
 
 def _slowest_renewal(spec_index: SpecIndex, faults: FaultyElements, name: str) -> Renewal | None:
-    """Return the renewal of a variable by its slowest algorithm; None if it has no algorithm, or this is undecided."""
+    """Return the renewal of a variable by its slowest algorithm; None without algorithms or after an error."""
     setting, _ = spec_index.claims.get(name, (None, None))
     if setting is not None and not faults.is_sound("observers", setting.name):
         return None
@@ -227,7 +227,7 @@ class _Share:
 
 @dataclass(frozen=True, slots=True)
 class _Demand:
-    """The shares of a resource's slots that observers need: those of one skill, or all observers if `skill` is None."""
+    """The shares of a resource's slots that the observers of a skill need, or all observers if `skill` is None."""
 
     skill: Skill | None
     shares: tuple[_Share, ...]
@@ -285,8 +285,8 @@ def _oversubscribed_finding(resource: Resource, demand: _Demand) -> Diagnostic:
     sorted_shares = sorted(demand.shares, key=lambda share: (-share.slot_fraction, share.algorithm.name))
     return finding(
         "oversubscribed-slot",
-        f"resource '{resource.name}' has {slots_text}, but {user_text} {demand.total:.4g}: some value becomes stale "
-        "in any order of the looks",
+        f"resource '{resource.name}' has {slots_text}, but {user_text} {demand.total:.4g}: whatever the order of "
+        "the looks, some value becomes stale",
         resource.place,
         path=f"resources.{resource.name}",
         help="add slots, or use shorter timeouts, longer validity, or fewer variables in the skill",

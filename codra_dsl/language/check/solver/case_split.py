@@ -1,9 +1,9 @@
 """The search for a case in which some conditions hold and another condition does not.
 
-A case restricts each name that occurs several times: to a bool, to a member, to unknown or, for a number, to one of the
-pieces into which the conditions cut the range of the name. Within a case, each comparison of such a name with constants
-has only one result. If the same two numbers are compared with each other twice, their difference is treated as one
-number. After MAX_CASES cases, the answer is that there may be such a case.
+In a case, each name that occurs several times has one value: true or false, a member, or unknown. A number is
+restricted to an interval between the constants with which the conditions compare it, so each comparison with a constant
+has only one result. If two numbers are compared with each other several times, a case also restricts their difference.
+After MAX_CASES cases, the answer is that there may be such a case.
 """
 
 from __future__ import annotations
@@ -148,8 +148,8 @@ class _Mentions:
     """The names, texts and comparisons in conditions.
 
     Attributes:
-        counts: for each name, how often its value, its age, and whether it is known affect the result. The keys are
-            those of a context.
+        counts: for each name, three counts: the mentions of its value, of its age, and of whether it is known. The keys
+            are those of a context.
         names: the keys in `counts` that are names.
         texts: all quoted texts.
         comparisons: the two sides of each comparison.
@@ -200,7 +200,7 @@ class _Search:
         self._pairs, self._sides = self._tracked_pairs()
 
     def finds_case(self) -> bool:
-        """Return whether there may be such a case. Cases are split until one case is certain or no case is left."""
+        """Return whether there may be such a case. Cases are split until one is certain or complete or none is left."""
         keys = [key for key in self._mentions.counts if self._needs_split(key)]
         keys += self._sides
         remaining_case_count = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
@@ -235,7 +235,7 @@ class _Search:
     def _tracked_pairs(self) -> tuple[Mapping[tuple[int, int], Pair], Mapping[str, tuple[Node, Node, Pair]]]:
         """Return the pairs of numbers whose difference occurs more than once or is 0.
 
-        Also return a mapping from the key of each difference that is not 0 to the two sides and their pair.
+        The second result maps the key of each such difference, except 0, to its two sides and their pair.
 
         A difference that depends on only one name is left out, since the range of this name is cut at the numbers where
         the results of its comparisons change. But if one side is curved, there are no such cuts, and the difference is

@@ -43,7 +43,7 @@ def untorn_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
     for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):
         if index < skip_until or not isinstance(node, SequenceNode):
             continue
-        torn_end = _torn_end(node, index)
+        torn_end = _end_of_split_item(node, index)
         if torn_end is None:
             yield index, item
             continue
@@ -114,7 +114,7 @@ def _cached_tree_over_context(text: str) -> Node | SyntaxProblem:
 _CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _cached_tree, parse_over_context: _cached_tree_over_context}
 
 
-def _torn_end(sequence: SequenceNode, index: int) -> int | None:
+def _end_of_split_item(sequence: SequenceNode, index: int) -> int | None:
     """Return the index after the pieces into which commas split an item, or None if the item is complete."""
     first = sequence.items[index]
     if not sequence.flow or not isinstance(first, ScalarNode) or first.style is not Style.PLAIN:

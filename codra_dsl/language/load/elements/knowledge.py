@@ -147,14 +147,14 @@ def _read_writers(reader: Reader) -> tuple[Writer, ...]:
 
 
 def _read_attributes(reader: Reader) -> Iterator[Attribute]:
-    first_names: dict[str, str] = {}
+    first_spellings: dict[str, str] = {}
     for key, node in entries(reader.node.value("attributes")):
         if not check_name(key, "an attribute", reader.subject, reader.findings, "attributes") or not isinstance(
             node, MappingNode
         ):
             reader.damage("attributes")
             continue
-        first = first_names.setdefault(key.text.casefold(), key.text)
+        first = first_spellings.setdefault(key.text.casefold(), key.text)
         if first != key.text:
             message = f"the attributes {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "attributes", key.text)
@@ -239,12 +239,12 @@ def _read_quantity(reader: Reader, key: str, unit: Unit, noun: str, default: flo
 
 
 def _read_rules(reader: Reader) -> Iterator[AgentRule]:
-    first_names: dict[str, str] = {}
+    first_spellings: dict[str, str] = {}
     for key, node in entries(reader.node.value("rules")):
         if not check_name(key, "a rule", reader.subject, reader.findings, "rules") or not isinstance(node, MappingNode):
             reader.damage("rules")
             continue
-        first = first_names.setdefault(key.text.casefold(), key.text)
+        first = first_spellings.setdefault(key.text.casefold(), key.text)
         if first != key.text:
             message = f"the rules {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "rules", key.text)

@@ -195,12 +195,12 @@ class _Explanation:
 
     def _report_unknown_keys(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
         known = error.schema["properties"]
-        torn_keys = self._report_torn_keys(mapping)
-        torn_keys |= self._report_lists(error.path, mapping, known.keys() | torn_keys, known)
+        keys_from_split_values = self._report_torn_keys(mapping)
+        keys_from_split_values |= self._report_lists(error.path, mapping, known.keys() | keys_from_split_values, known)
         free_keys = {other: None for other in known if other not in mapping.entries}
         corrections: dict[str, str | None] = {}
         for key, (key_node, _) in mapping.entries.items():
-            if key in known or key in torn_keys:
+            if key in known or key in keys_from_split_values:
                 continue
             known_key = corrections[key] = self._findings.nearest(key, free_keys) or _long_form(key, free_keys)
             allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
@@ -213,7 +213,7 @@ class _Explanation:
                 self._report_key(error.path, key_node, f"did you mean '{known_key}'?", fix)
             else:
                 self._unmatched_keys.setdefault(error.path, []).append((key_node, allowed))
-        if torn_keys or None in corrections.values():
+        if keys_from_split_values or None in corrections.values():
             self.damaged.update([damaged_key(error.path)] if error.path else free_keys)
         return corrections
 
@@ -385,7 +385,7 @@ class _Explanation:
 
     def _report_torn_keys(self, mapping: MappingNode) -> set[str]:
         """Return the keys of a mapping in braces that are pieces of a split condition, which is reported once."""
-        torn_keys: dict[str, ScalarNode] = {}
+        keys_from_split_values: dict[str, ScalarNode] = {}
         first_piece: ScalarNode | None = None
         openings = Openings("")
         for key, (key_node, value) in mapping.entries.items() if mapping.flow else ():
@@ -394,16 +394,16 @@ class _Explanation:
                 openings = Openings(text)
                 first_piece = value if openings.is_any_open and isinstance(value, ScalarNode) else None
                 continue
-            torn_keys[key] = key_node
+            keys_from_split_values[key] = key_node
             openings.read(f", {key_node.text}")
             if not openings.is_any_open:
                 self._report_torn_condition(first_piece, max(key_node.end, value.end))
                 first_piece = None
         if first_piece is not None:
             return set()
-        for key_node in torn_keys.values():
+        for key_node in keys_from_split_values.values():
             key_node.reported = True
-        return set(torn_keys)
+        return set(keys_from_split_values)
 
     def _report_torn_condition(self, first_piece: ScalarNode, end: int) -> None:
         place = self._subject.origin.place(first_piece.start, end)

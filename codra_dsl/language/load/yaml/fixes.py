@@ -46,7 +46,7 @@ def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple
 
 
 def item_removal_fix(sequence: SequenceNode, index: int, origin: Origin) -> Fix | None:
-    """Return the fix that removes an item after the first one from a list, or None if it would remove a comment.
+    """Return the fix that removes one item of a list, but not its first item; None if a comment would be lost.
 
     The result is also None in the text of a template, because the item may differ in another use.
     """

@@ -139,13 +139,13 @@ def _bisector(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]
     low_left, high_left = np.cumsum(lows), np.cumsum(highs)
     low_right, high_right = low_left[-1] - low_left, high_left[-1] - high_left
     with np.errstate(all="ignore"):
-        least_shares = np.nan_to_num(low_left / (low_left + high_right), nan=0.0)
-        most_shares = np.nan_to_num(high_left / (high_left + low_right), nan=1.0)
-    largest_errors = np.maximum(np.abs(least_shares - 0.5), np.abs(most_shares - 0.5))
+        min_left_shares = np.nan_to_num(low_left / (low_left + high_right), nan=0.0)
+        max_left_shares = np.nan_to_num(high_left / (high_left + low_right), nan=1.0)
+    largest_errors = np.maximum(np.abs(min_left_shares - 0.5), np.abs(max_left_shares - 0.5))
     smallest_errors = np.where(
-        (least_shares <= 0.5) & (most_shares >= 0.5),
+        (min_left_shares <= 0.5) & (max_left_shares >= 0.5),
         0.0,
-        np.minimum(np.abs(least_shares - 0.5), np.abs(most_shares - 0.5)),
+        np.minimum(np.abs(min_left_shares - 0.5), np.abs(max_left_shares - 0.5)),
     )
     possible_points = xs[smallest_errors <= largest_errors.min() + _ROUNDING]
     return float(possible_points.min()), float(possible_points.max())

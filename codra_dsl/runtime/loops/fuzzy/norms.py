@@ -6,7 +6,7 @@ from codra_dsl.runtime.loops.fuzzy.terms import divided
 
 
 def algebraic_product(a: float, b: float) -> float:
-    """Return a b."""
+    """Return a * b."""
     return a * b
 
 
@@ -22,12 +22,12 @@ def drastic_product(a: float, b: float) -> float:
 
 
 def einstein_product(a: float, b: float) -> float:
-    """Return a b / (2 - (a + b - a b))."""
+    """Return a * b / (2 - (a + b - a * b))."""
     return divided(a * b, 2.0 - (a + b - a * b))
 
 
 def hamacher_product(a: float, b: float) -> float:
-    """Return a b / (a + b - a b), and 0 for two zeros."""
+    """Return a * b / (a + b - a * b), and 0 for two zeros."""
     return divided(a * b, a + b - a * b) if a + b != 0.0 else 0.0
 
 
@@ -42,7 +42,7 @@ def nilpotent_minimum(a: float, b: float) -> float:
 
 
 def algebraic_sum(a: float, b: float) -> float:
-    """Return a + b - a b."""
+    """Return a + b - a * b."""
     return a + b - a * b
 
 

@@ -163,14 +163,14 @@ def test_one_more_person_does_not_change_the_others() -> None:
 def test_people_never_walk_through_shelves() -> None:
     clock, _, states = open_shop(at=DOCK, people=tuple(new_shopper(seed, seed) for seed in range(4)))
     clock.sleep(240)
-    instants_inside = [
+    shelf_collisions = [
         (state.instant_s, name)
         for state in states
         for name, at_m in state.people_m
         if min(box.distance_m(at_m) for box in FIXED_BOXES) < 0.2
     ]
 
-    assert instants_inside == []
+    assert shelf_collisions == []
 
 
 def test_a_container_is_lifted_only_from_right_above_the_fork() -> None:
