@@ -15,6 +15,7 @@ from pathlib import Path
 import pygraphviz
 import pytest
 
+from tests.command_server import as_text, run_codra
 from tests.test_compiler import DOOR
 
 ROOT = Path(__file__).parents[2]
@@ -49,15 +50,7 @@ def environment(**settings: str) -> dict[str, str]:
 
 
 def codra(*arguments: str, cwd: Path, stdin: str = "", **settings: str) -> subprocess.CompletedProcess[str]:
-    process = subprocess.run(
-        [sys.executable, "-m", "codra_dsl", *arguments],
-        cwd=cwd,
-        env=environment(**settings),
-        input=stdin,
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    process = as_text(run_codra(arguments, cwd, environment(**settings), stdin.encode()))
     assert "Traceback" not in process.stdout + process.stderr
     return process
 

@@ -6,11 +6,12 @@ import json
 import os
 import stat
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.command_server import as_text, run_codra
 
 ROOT = Path(__file__).parents[2]
 DOOR = """\
@@ -52,14 +53,7 @@ def environment(**settings: str) -> dict[str, str]:
 
 
 def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedProcess[str]:
-    process = subprocess.run(
-        [sys.executable, "-m", "codra_dsl", "diff", *arguments],
-        cwd=cwd,
-        env=environment(**settings),
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    process = as_text(run_codra(("diff", *arguments), cwd, environment(**settings)))
     assert "Traceback" not in process.stdout + process.stderr
     assert "internal error" not in process.stderr
     return process

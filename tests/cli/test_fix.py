@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from codra_dsl.cli.fixes import fix, input_from_files
 from codra_dsl.compiler import Planned
 from codra_dsl.language.load.yaml.source import MAX_BYTES
 from codra_dsl.workspace.timings import UNTIMED
+from tests.command_server import run_codra
 
 ROOT = Path(__file__).parents[2]
 SPEC = b"""\
@@ -42,14 +42,7 @@ def project(tmp_path: Path) -> Path:
 
 def codra(*arguments: str, cwd: Path, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     kept = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "GITHUB_ACTIONS")}
-    process = subprocess.run(
-        [sys.executable, "-m", "codra_dsl", *arguments],
-        cwd=cwd,
-        env={**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120"},
-        input=stdin,
-        capture_output=True,
-        check=False,
-    )
+    process = run_codra(arguments, cwd, {**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120"}, stdin)
     assert b"Traceback" not in process.stdout + process.stderr
     return process
 

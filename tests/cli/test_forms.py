@@ -11,6 +11,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tests.command_server import as_text, run_codra
+
 ROOT = Path(__file__).parents[2]
 DOOR = """\
 codra: 1
@@ -37,14 +39,8 @@ def project(tmp_path: Path) -> Path:
 
 def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedProcess[str]:
     kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
-    process = subprocess.run(
-        [sys.executable, "-m", "codra_dsl", *arguments],
-        cwd=cwd,
-        env={**kept, "PYTHONPATH": str(ROOT), "NO_COLOR": "1", **settings},
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    settings_of_process = {**kept, "PYTHONPATH": str(ROOT), "NO_COLOR": "1", **settings}
+    process = as_text(run_codra(arguments, cwd, settings_of_process))
     assert "Traceback" not in process.stdout + process.stderr
     return process
 

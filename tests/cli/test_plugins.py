@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.test_commands import environment
+from tests.command_server import as_text, run_codra
 
 DOOR_SPEC = """\
 codra: 1
@@ -86,14 +87,7 @@ def site(tmp_path: Path) -> Path:
 
 def codra(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     search_path = os.pathsep.join((str(site), environment()["PYTHONPATH"]))
-    process = subprocess.run(
-        [sys.executable, "-m", "codra_dsl", *arguments],
-        cwd=site.parent,
-        env=environment(PYTHONPATH=search_path),
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    process = as_text(run_codra(arguments, site.parent, environment(PYTHONPATH=search_path)))
     assert "Traceback" not in process.stdout + process.stderr
     return process
 
