@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from typing import Any, Self, TypeVar
 
+from codra_dsl.runtime.callbacks import log_raised
 from codra_dsl.runtime.remote.json_lines import (
     RESPONSE_TIMEOUT_S,
     Address,
@@ -277,5 +278,5 @@ class RemoteContext:
             if callback is not None:
                 try:
                     callback(reading_of(message["reading"]))
-                except Exception:
-                    _LOGGER.exception("a callback raised: %r", callback)
+                except BaseException as error:  # noqa: BLE001 - errors of a callback are logged
+                    log_raised(callback, error)
