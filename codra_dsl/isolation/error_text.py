@@ -20,8 +20,13 @@ MAX_TRACEBACK_CHARACTERS = 20_000
 
 def described(error: BaseException) -> str:
     """Return the type and the message of any exception."""
-    name = vars(type)["__name__"].__get__(type(error))  # a metaclass can replace `type(error).__name__`
-    return _encodable(f"{name[:MAX_SHOWN_CHARACTERS]}: {_call_safely(str, error, 'its message cannot be shown')}")
+    return f"{type_name(error)}: {_encodable(_call_safely(str, error, 'its message cannot be shown'))}"
+
+
+def type_name(error: BaseException) -> str:
+    """Return the name of the type of any exception."""
+    name: str = vars(type)["__name__"].__get__(type(error))  # a metaclass can replace `type(error).__name__`
+    return _encodable(name[:MAX_SHOWN_CHARACTERS])
 
 
 def loggable(error: BaseException) -> BaseException:
