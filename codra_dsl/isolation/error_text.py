@@ -1,8 +1,8 @@
 """Texts of exceptions and objects of user code, whose methods can raise anything, and can return anything.
 
-These functions never raise, and their texts are short and can always be encoded. All code that shows an exception of
-user code calls them, because an exception that is raised while another one is handled would end a thread, or the
-program.
+These functions never raise, and their texts have a limited length and can always be encoded. All code that shows an
+exception of user code calls them, because an exception that is raised while another one is handled would end a thread,
+or the program.
 """
 
 from __future__ import annotations
@@ -20,7 +20,12 @@ MAX_TRACEBACK_CHARACTERS = 20_000
 
 def described(error: BaseException) -> str:
     """Return the type and the message of any exception."""
-    return f"{type_name(error)}: {_encodable(_call_safely(str, error, 'its message cannot be shown'))}"
+    return f"{type_name(error)}: {message_of(error, MAX_SHOWN_CHARACTERS)}"
+
+
+def message_of(error: BaseException, max_characters: int) -> str:
+    """Return the message of any exception, or its beginning."""
+    return _call_safely(str, error, "its message cannot be shown", max_characters)
 
 
 def type_name(error: BaseException) -> str:
@@ -46,18 +51,18 @@ def loggable(error: BaseException) -> BaseException:
 
 def shown(value: object) -> str:
     """Return the `repr` of any object."""
-    return _encodable(_call_safely(repr, value, "an object that cannot be shown"))
+    return _call_safely(repr, value, "an object that cannot be shown", MAX_SHOWN_CHARACTERS)
 
 
-def _call_safely(make_text: Callable[[Any], str], value: object, default_text: str) -> str:
+def _call_safely(make_text: Callable[[Any], str], value: object, default_text: str, max_characters: int) -> str:
     """Return the beginning of a text of an object; `default_text` if the object does not provide a text."""
     try:
         text = make_text(value)
     except BaseException:  # noqa: BLE001 - also SystemExit and KeyboardInterrupt, which would end the program
         return default_text
     # A subclass of `str` can override all methods, so the methods of `str` are called.
-    beginning = str.__getitem__(text, slice(MAX_SHOWN_CHARACTERS))
-    return f"{beginning}..." if str.__len__(text) > MAX_SHOWN_CHARACTERS else beginning
+    beginning = str.__getitem__(text, slice(max_characters))
+    return _encodable(f"{beginning}..." if str.__len__(text) > max_characters else beginning)
 
 
 def _encodable(text: str) -> str:

@@ -154,14 +154,23 @@ def _signal_group(worker_pid: int, signal_number: signal.Signals) -> None:
         os.killpg(worker_pid, signal_number)
 
 
+def child_pids(pid: int) -> list[int]:
+    """Return the process IDs of the children of a process.
+
+    Raises:
+        OSError: if there is no such process, or if Linux was built without lists of children.
+    """
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text("ascii").split()]
+
+
 def _kill_children() -> None:
     """End all children of this process, in any process group. Their orphaned descendants become children as well."""
-    children = Path(f"/proc/self/task/{os.getpid()}/children")  # Linux can be built without this file
     with contextlib.suppress(OSError):
         while True:
-            for child in map(int, children.read_text("ascii").split()):
+            for child_pid in child_pids(os.getpid()):
                 with contextlib.suppress(ProcessLookupError):
-                    os.kill(child, signal.SIGKILL)
+                    os.kill(child_pid, signal.SIGKILL)
             os.waitpid(-1, 0)
 
 

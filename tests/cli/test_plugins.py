@@ -145,7 +145,7 @@ def test_a_broken_world_gives_one_line_and_leaves_the_others_alone(site: Path) -
 def test_a_world_whose_import_raises_a_hostile_exception_gives_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    error = "from tests.runtime.hostile_errors import HOSTILE_ERRORS\nraise HOSTILE_ERRORS['raises SystemExit'][0]\n"
+    error = "from tests.runtime.hostile_errors import hostile_error\nraise hostile_error('raises SystemExit')\n"
     (tmp_path / "hostile_world.py").write_text(error)
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(typer.Exit):

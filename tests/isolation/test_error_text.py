@@ -8,7 +8,7 @@ import logging
 import pytest
 
 from codra_dsl.isolation.error_text import MAX_TRACEBACK_CHARACTERS, described, loggable, shown
-from tests.runtime.hostile_errors import HOSTILE_ERRORS, UNSPEAKABLE
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, UNSPEAKABLE, hostile_error
 
 
 def caught(error: BaseException) -> BaseException:
@@ -21,13 +21,13 @@ def caught(error: BaseException) -> BaseException:
 
 @pytest.mark.parametrize("kind", HOSTILE_ERRORS)
 def test_every_exception_is_described_by_its_type_and_the_beginning_of_its_message(kind: str) -> None:
-    error, text = HOSTILE_ERRORS[kind]
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
     assert described(error) == text
 
 
 @pytest.mark.parametrize("kind", HOSTILE_ERRORS)
 def test_every_exception_can_be_logged_with_its_place(kind: str) -> None:
-    error, text = HOSTILE_ERRORS[kind]
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
     stream = io.StringIO()
     logger = logging.Logger("hostile")
     logger.addHandler(logging.StreamHandler(stream))
@@ -46,7 +46,7 @@ def test_an_exception_without_surprises_is_logged_itself() -> None:
 
 @pytest.mark.parametrize("kind", HOSTILE_ERRORS)
 def test_every_object_is_shown(kind: str) -> None:
-    error, text_of_error = HOSTILE_ERRORS[kind]
+    error, text_of_error = hostile_error(kind), HOSTILE_ERRORS[kind]
     text = shown(error)
     assert type(text) is str
     assert len(text) <= 203

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.runtime.hostile_errors import HOSTILE_ERRORS
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
 KEPT: list[bytes] = []
 """Memory that a process keeps from one job to the next."""
@@ -68,8 +68,7 @@ def raises(*, job: Any) -> object:
 
 def raises_hostile_errors(*, job: Any) -> object:
     """Raise all hostile exceptions, one in each job."""
-    errors = [error for error, _ in HOSTILE_ERRORS.values()]
-    raise errors[job.index % len(errors)]
+    raise hostile_error(list(HOSTILE_ERRORS)[job.index])
 
 
 def exits(*, job: Any) -> object:
@@ -169,20 +168,28 @@ def attacks_its_supervisor(*, pids: str, signals: str, job: Any) -> object:
 
     Args:
         pids: a file, which gets the process IDs of all processes that must end.
-        signals: the targets and signals, such as `supervisor STOP, guard KILL`.
+        signals: the targets and signals, such as `supervisor STOP, guard KILL`; after `again:`, the daemon sends them
+            again and again.
         job: the job.
     """
     if Path(pids).exists():
         return {"seen": True}
-    if os.fork() == 0:
-        os.setsid()
-        signal.pause()
     supervisor = os.getppid()
     guard = int(Path(f"/proc/{supervisor}/stat").read_text().rpartition(")")[2].split()[1])
-    (daemon,) = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    attacks = [attack.split() for attack in signals.removeprefix("again: ").split(", ")]
+
+    def attack() -> None:
+        for target, name in attacks:
+            os.kill({"supervisor": supervisor, "guard": guard}[target], signal.Signals[f"SIG{name}"])
+
+    daemon = os.fork()
+    if daemon == 0:
+        os.setsid()
+        while signals.startswith("again: "):
+            attack()
+        signal.pause()
     Path(pids).write_text(f"{os.getpid()} {daemon} {supervisor} {guard}")
-    for target, name in (attack.split() for attack in signals.split(", ")):
-        os.kill({"supervisor": supervisor, "guard": guard}[target], signal.Signals[f"SIG{name}"])
+    attack()
     while True:
         pass
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NoReturn
 
 
@@ -52,16 +54,23 @@ class Unnamed(Exception, metaclass=_Nameless):  # noqa: N818
 
 
 UNSPEAKABLE = "its message cannot be shown"
-HOSTILE_ERRORS: dict[str, tuple[BaseException, str]] = {
+_KINDS: dict[str, tuple[Callable[[], BaseException], str]] = {
     **{
-        f"raises {error.__name__}": (_raising(error)(), f"Raises{error.__name__}: {UNSPEAKABLE}")
+        f"raises {error.__name__}": (_raising(error), f"Raises{error.__name__}: {UNSPEAKABLE}")
         for error in (SystemExit, KeyboardInterrupt, GeneratorExit, RecursionError, MemoryError)
     },
-    "no text": (Wordless(), f"Wordless: {UNSPEAKABLE}"),
-    "hostile text": (Spoken(), "Spoken: spoken"),
-    "hostile properties": (Masked("mask"), "Masked: mask"),
-    "hostile metaclass": (Unnamed("no name"), "Unnamed: no name"),
-    "long message": (ValueError("\ud800" + "x" * 10**7), f"ValueError: ?{'x' * 199}..."),
-    "long name": (type("N" * 10**6, (Exception,), {})("long"), f"{'N' * 200}: long"),
+    "no text": (Wordless, f"Wordless: {UNSPEAKABLE}"),
+    "hostile text": (Spoken, "Spoken: spoken"),
+    "hostile properties": (partial(Masked, "mask"), "Masked: mask"),
+    "hostile metaclass": (partial(Unnamed, "no name"), "Unnamed: no name"),
+    "long message": (lambda: ValueError("\ud800" + "x" * 10**7), f"ValueError: ?{'x' * 199}..."),
+    "long name": (partial(type("N" * 10**6, (Exception,), {}), "long"), f"{'N' * 200}: long"),
 }
-"""Exceptions, and the texts that describe them."""
+
+HOSTILE_ERRORS = {kind: text for kind, (_, text) in _KINDS.items()}
+"""The kinds of hostile exceptions, and the texts that describe them."""
+
+
+def hostile_error(kind: str) -> BaseException:
+    """Return a new exception of a kind. Do not keep it: other tests look at all objects of the program."""
+    return _KINDS[kind][0]()

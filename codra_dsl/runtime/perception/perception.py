@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from codra_dsl.isolation.error_text import described
+from codra_dsl.isolation.error_text import described, message_of
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Cancelled, Clock, is_interrupt
 from codra_dsl.runtime.journal import EventWriter, Kind
@@ -25,6 +25,8 @@ from codra_dsl.runtime.values.model import Algorithm
 
 GRACE_S = 0.2
 """How long a job may take to end by itself after its timeout. Then its process is ended, if it runs in a process."""
+
+_MAX_MESSAGE_CHARACTERS = 2_000
 
 
 class Perception:
@@ -181,7 +183,7 @@ class Perception:
         except Cancelled:
             return Failure(Reason.FAILED, "it ended because it was cancelled")
         except JobError as error:
-            return Failure(Reason.FAILED, str(error))
+            return Failure(Reason.FAILED, message_of(error, _MAX_MESSAGE_CHARACTERS))
         except BaseException as error:  # errors of a user's function must not reach the forest
             if is_interrupt(error):
                 raise

@@ -17,7 +17,7 @@ from collections import deque
 from typing import IO, Any
 
 from codra_dsl.isolation.messages import Connection
-from codra_dsl.isolation.supervisor import EXIT_TIMEOUT_MS, SIGTERM_TIMEOUT_MS, TERMINATE, WAIT_STATUS
+from codra_dsl.isolation.supervisor import EXIT_TIMEOUT_MS, SIGTERM_TIMEOUT_MS, TERMINATE, WAIT_STATUS, child_pids
 
 _LOGGER = logging.getLogger("codra_dsl.perception")
 
@@ -157,10 +157,21 @@ class Process:
     def _end_guard(self) -> None:
         """Wait until the guard has ended, which ends all other processes before."""
         self._guard.send_signal(signal.SIGCONT)  # a process that stops both its guard and its supervisor
-        try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             self._guard.wait(_END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self._guard.kill()  # then the supervisor ends the process
+            return
+        _kill_tree(self._guard.pid)  # a process that stops its guard and its supervisor again and again
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._guard.wait(_END_TIMEOUT_S)
+
+
+def _kill_tree(pid: int) -> None:
+    """Kill a process and its descendants, the descendants first."""
+    with contextlib.suppress(OSError):
+        for child_pid in child_pids(pid):
+            _kill_tree(child_pid)
+    with contextlib.suppress(OSError):
+        os.kill(pid, signal.SIGKILL)
 
 
 def _guard_command(message_fd: int, control_fd: int, call: str) -> list[str]:

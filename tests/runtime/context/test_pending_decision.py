@@ -13,7 +13,7 @@ from codra_dsl.runtime import ContextManager, DecisionState, Journal, Kind, NotO
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
 from tests.runtime.door import MODEL, Door, Manager, started
-from tests.runtime.hostile_errors import HOSTILE_ERRORS
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.journal.journals import read
 
 
@@ -93,7 +93,7 @@ def test_a_decision_that_was_abandoned_while_it_waited_is_no_longer_urgent() -> 
 
 @pytest.mark.parametrize("kind", HOSTILE_ERRORS)
 def test_a_look_that_raises_a_hostile_exception_ends_its_decision(kind: str) -> None:
-    error, text = HOSTILE_ERRORS[kind]
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
 
     def look() -> bool:
         raise error

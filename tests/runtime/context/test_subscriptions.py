@@ -14,7 +14,7 @@ from codra_dsl.runtime import Reading, Reason, SimClock, UnknownNameError, WallC
 from codra_dsl.runtime.callbacks import MAX_WAITING_CHANGES
 from codra_dsl.runtime.values.model import integer
 from tests.runtime.forests import Manager, World, forest, given, observer, seen, started, takes, variable
-from tests.runtime.hostile_errors import HOSTILE_ERRORS
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
 PATIENCE_S = 20.0
 MODEL = forest([given("a", valid_for_s=10.0), given("n", type=integer())])
@@ -138,7 +138,7 @@ def test_a_callback_that_raises_is_logged_and_gets_the_next_change(caplog: pytes
 def test_a_callback_with_a_hostile_exception_is_logged_and_gets_the_next_change(
     kind: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    error, text = HOSTILE_ERRORS[kind]
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
     clock, notifications = SimClock(), list[object]()
 
     class Callback:

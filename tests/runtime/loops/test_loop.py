@@ -20,7 +20,7 @@ from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import MapeModel, Repeat
 from codra_dsl.runtime.loops.planning import Context, Plan, Planning
 from codra_dsl.runtime.values.conditions import choose, value
-from tests.runtime.hostile_errors import HOSTILE_ERRORS
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.loops.shop import CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop
 
 CLOSE_M, FAR_M = 1.0, 6.0
@@ -320,7 +320,7 @@ def test_an_action_that_raises_is_reported_and_the_loop_goes_on() -> None:
 
 @pytest.mark.parametrize("kind", HOSTILE_ERRORS)
 def test_an_action_that_raises_a_hostile_exception_is_reported_and_the_loop_goes_on(kind: str) -> None:
-    error, text = HOSTILE_ERRORS[kind]
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
 
     def raising_error(_: Ports) -> bool:
         raise error

@@ -17,7 +17,7 @@ from codra_dsl.runtime import CallError, ContextManager, Journal, Reason, SimClo
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.replay import replay
 from tests.runtime.forests import Look, events, forest, given, observer, variable
-from tests.runtime.hostile_errors import HOSTILE_ERRORS
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.journal.journals import read
 from tests.runtime.perception.isolated import (
     PATIENCE_S,
@@ -152,16 +152,16 @@ def test_hostile_exceptions_of_a_process_end_only_their_jobs() -> None:
     with started(looking(eye("raises_hostile_errors")), clock) as manager:
         clock.sleep(len(HOSTILE_ERRORS) - 0.5)
         failed = [event.details["message"] for event in manager.record.of(Kind.JOB) if event.what == "failed"]
-    assert failed == [text for _, text in HOSTILE_ERRORS.values()]
+    assert failed == list(HOSTILE_ERRORS.values())
 
 
 def test_hostile_exceptions_of_a_handle_end_only_the_jobs_that_call_it() -> None:
     class Camera:
         def __init__(self) -> None:
-            self._errors = iter(HOSTILE_ERRORS.values())
+            self._kinds = iter(HOSTILE_ERRORS)
 
         def __call__(self, _: int) -> int:
-            raise next(self._errors)[0]
+            raise hostile_error(next(self._kinds))
 
     clock = SimClock()
     algorithm = eye("calls_the_handle", handles=("camera",))
@@ -169,7 +169,7 @@ def test_hostile_exceptions_of_a_handle_end_only_the_jobs_that_call_it() -> None
         clock.sleep(len(HOSTILE_ERRORS) - 0.5)
         failed = [event.details["message"] for event in manager.record.of(Kind.JOB) if event.what == "failed"]
     assert len(failed) == len(HOSTILE_ERRORS)
-    for message, (_, text) in zip(failed, HOSTILE_ERRORS.values(), strict=True):
+    for message, text in zip(failed, HOSTILE_ERRORS.values(), strict=True):
         assert message.removeprefix("RuntimeError: ").startswith(text[:150])
 
 

@@ -47,6 +47,7 @@ ATTACKS = {
     "supervisor STOP, guard STOP": (TIMED_OUT, LOST),
     "guard STOP, supervisor STOP": (TIMED_OUT, TIMED_OUT),
     "guard STOP, supervisor KILL": (LOST, TIMED_OUT),
+    "again: guard STOP, supervisor STOP": (TIMED_OUT, TIMED_OUT),
     "supervisor STOP, guard KILL": (LOST, "its process was ended by SIGTERM"),
 }
 """The signals that a process sends to its supervisor and to its guard, and the possible failures of its job."""
