@@ -15,6 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from codra_dsl.cli.console import ExitCode, say
+from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
     from typer._click import Command, Context
@@ -43,7 +44,7 @@ def load_plugin(entry_point: EntryPoint) -> Any:
     try:
         return entry_point.load()
     except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        reason = " ".join(described(error).split())
         say(f"codra: the {plugin_kind} '{entry_point.name}'{_origin_text(entry_point)} cannot be loaded: {reason}")
         raise typer.Exit(ExitCode.FAILED) from error
 

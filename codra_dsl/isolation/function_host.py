@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from codra_dsl.isolation.messages import described
+from codra_dsl.isolation.error_text import described
 
 
 class AbsentError(LookupError):

@@ -14,14 +14,13 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
+from codra_dsl.isolation.error_text import described
+
 MAX_BYTES_FROM_PROCESS = 2**20
 """The maximum size of a frame from a process. The results of a process are for decisions; they are not payload."""
 
 MAX_BYTES_TO_PROCESS = 64 * 2**20
 """The maximum size of a frame to a process. For comparison: the image of a large camera has 36 MB."""
-
-MAX_SHOWN_CHARACTERS = 200
-"""The maximum number of characters of a foreign text that a message shows."""
 
 _FRAME_HEADER = struct.Struct("!I")
 _MAX_ENTRIES = 1000
@@ -215,13 +214,3 @@ def _unbox_numpy(value: object) -> object:
         return item() if callable(item) else value
     except Exception:  # noqa: BLE001 - an array of several values, or a foreign object
         return value
-
-
-def described(error: BaseException) -> str:
-    """Return a short text for any error. The text can always be encoded."""
-    try:
-        message = str(error)
-    except Exception:  # noqa: BLE001 - even `str` of an error may fail
-        message = "its message cannot be shown"
-    shown_message = message if len(message) <= MAX_SHOWN_CHARACTERS else f"{message[:MAX_SHOWN_CHARACTERS]}..."
-    return f"{type(error).__name__}: {shown_message}".encode(errors="replace").decode()

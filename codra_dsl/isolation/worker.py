@@ -5,11 +5,13 @@ from __future__ import annotations
 import random
 import socket
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
+from codra_dsl.isolation.error_text import described
 from codra_dsl.isolation.function_host import AbsentError, FunctionHost, resolve_call
-from codra_dsl.isolation.messages import Connection, described, encode_argument, encode_result
+from codra_dsl.isolation.messages import Connection, encode_argument, encode_result
 
 
 class Cancelled(Exception):  # noqa: N818 - it is an outcome, not an error
@@ -69,29 +71,31 @@ class RemoteJob:
 
 
 class RemoteHandle:
-    """A handle that stays in the program: its attributes are copied to the process, its methods run in the program."""
+    """A handle that stays in the program: its values are copied to the process, its methods run in the program."""
 
-    __slots__ = ("_path", "_request_sender")
+    __slots__ = ("_name", "_request_sender")
 
-    def __init__(self, request_sender: _RequestSender, path: Sequence[str]) -> None:
+    def __init__(self, request_sender: _RequestSender, name: str) -> None:
         object.__setattr__(self, "_request_sender", request_sender)
-        object.__setattr__(self, "_path", list(path))
+        object.__setattr__(self, "_name", name)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
-            raise AttributeError(
-                f"a process cannot access private attribute {name!r} of handle {'.'.join(self._path)!r}"
-            )
-        kind, content = self._request_sender.ask("get", [*self._path, name])
-        return content if kind == "value" else RemoteHandle(self._request_sender, [*self._path, name])
+            raise AttributeError(f"a process cannot access private attribute {name!r} of handle {self._name!r}")
+        kind, content = self._request_sender.ask("get", self._name, name)
+        return content if kind == "value" else partial(self._call, name)
 
     def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"an observer is passive: it cannot set {name!r} of handle {'.'.join(self._path)!r}")
+        raise AttributeError(f"an observer is passive: it cannot set {name!r} of handle {self._name!r}")
 
     def __call__(self, *arguments: object, **keyword_arguments: object) -> Any:
-        """Call a method, or the handle itself, in the program."""
+        """Call the handle itself in the program."""
+        return self._call(None, *arguments, **keyword_arguments)
+
+    def _call(self, method: str | None, /, *arguments: object, **keyword_arguments: object) -> Any:
         encoded_arguments = [encode_argument(argument) for argument in arguments]
-        return self._request_sender.ask("call", self._path, encoded_arguments, encode_argument(keyword_arguments))[1]
+        encoded_keyword_arguments = encode_argument(keyword_arguments)
+        return self._request_sender.ask("call", self._name, method, encoded_arguments, encoded_keyword_arguments)[1]
 
 
 def run_worker(message_socket: socket.socket, call: str) -> None:
@@ -141,7 +145,7 @@ def _send_answer(connection: Connection, answer: tuple[object, ...]) -> None:
 def _execute_request(
     request_sender: _RequestSender, function_host: FunctionHost, method: str, request: Mapping[str, Any]
 ) -> tuple[object, ...]:
-    remote_handles = {name: RemoteHandle(request_sender, [name]) for name in request["handles"]}
+    remote_handles = {name: RemoteHandle(request_sender, name) for name in request["handles"]}
     if method == "setup":
         function_host.setup({**request["arguments"], **remote_handles})
         return ("ready",)

@@ -8,7 +8,8 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, Self, TypeVar
 
-from codra_dsl.runtime.clock import Clock, Work
+from codra_dsl.isolation.error_text import loggable, shown
+from codra_dsl.runtime.clock import Clock, Work, is_interrupt
 from codra_dsl.runtime.values.cell import Reading
 
 _LOGGER = logging.getLogger(__name__)
@@ -21,6 +22,11 @@ ChangeT = TypeVar("ChangeT")
 
 def _no_op() -> None:
     pass
+
+
+def log_raised(callback: object, error: BaseException) -> None:
+    """Log an exception of a callback."""
+    _LOGGER.error("a callback raised: %s", shown(callback), exc_info=loggable(error))
 
 
 class Subscription:
@@ -115,10 +121,10 @@ class CallbackQueue(Generic[ChangeT]):
             try:
                 self._callback(change[0])
             except BaseException as error:
-                if isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
+                if is_interrupt(error):
                     self._is_running = False
-                    raise  # in simulated time, the user interrupts the program
-                _LOGGER.exception("a callback raised: %r", self._callback)
+                    raise
+                log_raised(self._callback, error)
 
     def _next_change(self) -> tuple[ChangeT] | None:
         """Return the next change. If no change waits, mark the queue as not running and return None."""

@@ -25,6 +25,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import TypeVar
 
+from codra_dsl.isolation.error_text import loggable
+
 __all__ = [
     "Cancelled",
     "Clock",
@@ -365,8 +367,8 @@ class WallClock(Clock):
         while (timer := self._next_due_timer()) is not None:
             try:
                 timer.fire()
-            except BaseException:  # an event that raises must not stop the others
-                _LOGGER.exception("an event failed")
+            except BaseException as error:
+                _LOGGER.error("an event failed", exc_info=loggable(error))
 
     def _check_thread(self) -> None:
         if threading.current_thread() is self._dispatcher:
@@ -380,6 +382,16 @@ class WallClock(Clock):
                     return heapq.heappop(self._events)[2]
                 self._condition.wait(None if wait_s is None else min(wait_s, _LONGEST_WAIT_S))
         return None
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Return whether user code was interrupted by Ctrl-C, which must end the program.
+
+    In simulated time, user code can run in the main thread.
+    """
+    # `isinstance` could run code of the exception: its class can define `__class__` as a property
+    is_keyboard_interrupt = issubclass(type(error), KeyboardInterrupt)
+    return is_keyboard_interrupt and threading.current_thread() is threading.main_thread()
 
 
 def _no_op() -> None:

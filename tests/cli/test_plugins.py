@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
+import typer
 
+from codra_dsl.cli.plugins import WORLDS_GROUP, load_plugin
 from tests.cli.test_commands import environment
 from tests.command_server import as_text, run_codra
 
@@ -131,6 +134,18 @@ def test_a_broken_world_gives_one_line_and_leaves_the_others_alone(site: Path) -
     message = "codra: the world 'broken' from arena cannot be loaded: ImportError: no such simulator here\n"
     assert process.stderr == message
     assert codra(site, "run", "door.yaml", "--world", "arena").returncode == 0
+
+
+def test_a_world_whose_import_raises_a_hostile_exception_gives_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = "from tests.runtime.hostile_errors import hostile_error\nraise hostile_error('raises SystemExit')\n"
+    (tmp_path / "hostile_world.py").write_text(error)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(typer.Exit):
+        load_plugin(EntryPoint("hostile", "hostile_world:run", WORLDS_GROUP))
+    message = "codra: the world 'hostile' cannot be loaded: RaisesSystemExit: its message cannot be shown\n"
+    assert capsys.readouterr().err == message
 
 
 def test_a_world_cannot_redefine_an_option_of_all_worlds(site: Path) -> None:

@@ -9,6 +9,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
+
 KEPT: list[bytes] = []
 """Memory that a process keeps from one job to the next."""
 
@@ -30,7 +32,30 @@ def echoes(*, what: str, given: bool, job: Any) -> dict[str, object]:
 def asks(*, camera: Any, gain: Any, job: Any) -> dict[str, object]:
     frame = camera.frame(2, gain=gain)
     camera.noted.append(3)
-    return {"seen": frame.mean() == 2 * gain, "number": camera.edges + len(camera.lens.names), "pid": job.index}
+    return {"seen": frame.mean() == 2 * gain, "number": camera.edges + len(camera.names), "pid": job.index}
+
+
+def asks_for_more(*, camera: Any, names: str, job: Any) -> dict[str, object]:
+    """Return the errors for attributes of a handle that a process may not use."""
+    errors = []
+    for name in names.split():
+        try:
+            getattr(camera, name)("echo reached > /dev/stderr")
+        except AttributeError as error:
+            errors.append(str(error))
+    return {"text": "\n".join(errors)}
+
+
+def forges_calls(*, camera: Any, names: str, job: Any) -> dict[str, object]:
+    """Call attributes of a handle by messages of this process's own, as `asks_for_more` does by the handle."""
+    sender = object.__getattribute__(camera, "_request_sender")
+    errors = []
+    for name in names.split():
+        try:
+            sender.ask("call", "camera", name, ["echo reached > /dev/stderr"], {})
+        except AttributeError as error:
+            errors.append(str(error))
+    return {"text": "\n".join(errors)}
 
 
 def calls_the_handle(*, camera: Any, job: Any) -> dict[str, object]:
@@ -39,6 +64,11 @@ def calls_the_handle(*, camera: Any, job: Any) -> dict[str, object]:
 
 def raises(*, job: Any) -> object:
     raise ValueError("no picture")
+
+
+def raises_hostile_errors(*, job: Any) -> object:
+    """Raise all hostile exceptions, one in each job."""
+    raise hostile_error(list(HOSTILE_ERRORS)[job.index])
 
 
 def exits(*, job: Any) -> object:
@@ -133,8 +163,39 @@ def sends_pickles(*, job: Any) -> object:
     return _sends(len(bad).to_bytes(4, "big") + bad)
 
 
+def attacks_its_supervisor(*, pids: str, signals: str, job: Any) -> object:
+    """In the first job, start a daemon and send signals to the supervisor and its guard, then loop forever.
+
+    Args:
+        pids: a file, which gets the process IDs of all processes that must end.
+        signals: the targets and signals, such as `supervisor STOP, guard KILL`; after `again:`, the daemon sends them
+            again and again.
+        job: the job.
+    """
+    if Path(pids).exists():
+        return {"seen": True}
+    supervisor = os.getppid()
+    guard = int(Path(f"/proc/{supervisor}/stat").read_text().rpartition(")")[2].split()[1])
+    attacks = [attack.split() for attack in signals.removeprefix("again: ").split(", ")]
+
+    def attack() -> None:
+        for target, name in attacks:
+            os.kill({"supervisor": supervisor, "guard": guard}[target], signal.Signals[f"SIG{name}"])
+
+    daemon = os.fork()
+    if daemon == 0:
+        os.setsid()
+        while signals.startswith("again: "):
+            attack()
+        signal.pause()
+    Path(pids).write_text(f"{os.getpid()} {daemon} {supervisor} {guard}")
+    attack()
+    while True:
+        pass
+
+
 def asks_for_what_is_hidden(*, camera: Any, job: Any) -> object:
-    message = b'["call", ["camera", "__class__", "__init__", "__globals__", "clear"], [], {}]'
+    message = b'["call", "camera", "__class__", [], {}]'
     return _sends(len(message).to_bytes(4, "big") + message)
 
 

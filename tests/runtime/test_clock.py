@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from codra_dsl.runtime import Clock, SimClock, WallClock
 from codra_dsl.runtime.clock import Cancelled, Work
 from codra_dsl.runtime.locked_clock import LockedClock
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
 ROOT = Path(__file__).parents[2]
 
@@ -177,6 +179,22 @@ def test_an_event_that_fails_does_not_stop_the_others(wall: WallClock, caplog: p
     wall.call_at(wall.now_s() + 0.01, lambda: (happened.append(True), wall.notify()))
     assert wall.wait_until(lambda: bool(happened), 60)
     assert [record.message for record in caplog.records] == ["an event failed"] * 2
+
+
+def test_events_with_hostile_exceptions_do_not_stop_the_others(
+    wall: WallClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    happened: list[bool] = []
+
+    def raise_error(kind: str) -> None:
+        raise hostile_error(kind)
+
+    for kind in HOSTILE_ERRORS:
+        wall.call_at(wall.now_s(), partial(raise_error, kind))
+    wall.call_at(wall.now_s() + 0.01, lambda: (happened.append(True), wall.notify()))
+    assert wall.wait_until(lambda: bool(happened), 60)
+    assert caplog.messages == ["an event failed"] * len(HOSTILE_ERRORS)
+    assert all(text in caplog.text for text in HOSTILE_ERRORS.values())
 
 
 def test_an_event_must_not_wait_in_real_time_either(wall: WallClock) -> None:

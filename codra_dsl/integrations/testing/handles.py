@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, MutableMapping
 from typing import Any
 
 from codra_dsl.integrations.testing.timeline import Alteration, Maker
+from codra_dsl.isolation.error_text import described
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.runtime import CallError, Clock
 
@@ -25,7 +26,7 @@ def make_handle(maker: Maker, clock: Clock) -> object:
         takes_clock = "clock" in inspect.signature(factory).parameters and "clock" not in maker.arguments
         return factory(**maker.arguments, **({"clock": clock} if takes_clock else {}))
     except Exception as error:
-        raise CallError(f"{_place_text(maker.place)}: {maker.call!r}: {type(error).__name__}: {error}") from error
+        raise CallError(f"{_place_text(maker.place)}: {maker.call!r}: {described(error)}") from error
 
 
 def alter(handle: object, change: Alteration) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 
 from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.emit.records import model_digest
+from codra_dsl.isolation.error_text import described
 from codra_dsl.language.diagnostics import suggest
 from codra_dsl.runtime import ContextManager, ContextModel, SimClock
 from codra_dsl.runtime.context.package_files import manifest_of
@@ -94,7 +95,7 @@ def load_package(root: Path, name: str) -> Package:
     try:
         module = importlib.import_module(f"{FOLDER}.{name}")
     except Exception as error:
-        message = f"'{FOLDER}/{name}' cannot be imported: {type(error).__name__}: {error}"
+        message = f"'{FOLDER}/{name}' cannot be imported: {described(error)}"
         raise PackageError(message, "compile it again: codra compile") from error
     if not Path(str(module.__file__)).resolve().is_relative_to(root.resolve()):
         message = f"Python finds '{FOLDER}.{name}' in another project"

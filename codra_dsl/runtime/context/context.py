@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar, cast
 
 from codra_dsl.collector import paused_collector
+from codra_dsl.isolation.error_text import type_name
 from codra_dsl.logic import Term, Value, known
 from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock
@@ -352,7 +353,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 return pending_decision.value
             acquired_value = otherwise()
         except BaseException as error:
-            pending_decision.abandon(type(error).__name__)
+            pending_decision.abandon(type_name(error))
             raise
         pending_decision.record_result(acquired_value)
         return acquired_value

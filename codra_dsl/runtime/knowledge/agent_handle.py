@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn, Self, SupportsIndex
 
 from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.geometry import Pose
@@ -38,6 +38,14 @@ class Writer:
 
     def __init__(self, apply: Apply) -> None:
         self._apply = apply
+
+    def __reduce_ex__(self, _protocol: SupportsIndex) -> NoReturn:
+        """Refuse to be copied or pickled, because closing this object would not close the copy.
+
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError(f"a {type(self).__name__} cannot be copied: pass this object itself, or open another one")
 
     def insert_node(self, name: str, type: str, /, **values: object) -> None:
         """Insert a node, with values of some of its attributes.

@@ -15,6 +15,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from codra_dsl.isolation.error_text import described
 from codra_dsl.runtime.behavior_trees import Result, Tree
 from codra_dsl.runtime.behavior_trees.node import Leaves
 from codra_dsl.runtime.clock import Clock
@@ -139,7 +140,7 @@ class Execution:
         try:
             run()
         except Exception as error:  # noqa: BLE001 - the robot's actions may raise any exception
-            self._record_event(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
+            self._record_event(self.model.name, "failed", {"message": described(error)})
             return False
         return True
 

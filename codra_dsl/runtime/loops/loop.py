@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Self
 
+from codra_dsl.isolation.error_text import described, loggable
 from codra_dsl.runtime.behavior_trees import Robot
 from codra_dsl.runtime.behavior_trees.node import Leaves
 from codra_dsl.runtime.callbacks import Subscription
@@ -338,8 +339,8 @@ class Loop:
         try:
             run_part()
         except Exception as error:
-            _LOGGER.exception("a part of the loop %r failed", self._loop.name)
-            self._record_event(self._loop.name, "failed", {"message": f"{type(error).__name__}: {error}"})
+            _LOGGER.error("a part of the loop %r failed", self._loop.name, exc_info=loggable(error))
+            self._record_event(self._loop.name, "failed", {"message": described(error)})
 
     def _end_round(self, due_s: float) -> None:
         with self._lock:

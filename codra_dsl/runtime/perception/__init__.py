@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codra_dsl.isolation.messages import described
+from codra_dsl.isolation.error_text import described
 from codra_dsl.runtime.perception.cost import Cost, CostMeter
 from codra_dsl.runtime.perception.functions import CallError, Function, check_handles, imported
 from codra_dsl.runtime.perception.job import Interval, Job

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from codra_dsl.runtime.clock import Work
 from codra_dsl.runtime.perception.functions import Executor, Function, imported
-from codra_dsl.runtime.perception.process_executor import ProcessExecutor, check_handles
+from codra_dsl.runtime.perception.handles import check_handles
+from codra_dsl.runtime.perception.process_executor import ProcessExecutor
 from codra_dsl.runtime.perception.thread_executor import ThreadExecutor
 from codra_dsl.runtime.values.model import Algorithm
 

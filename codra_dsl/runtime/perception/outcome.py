@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from codra_dsl.isolation.messages import MAX_SHOWN_CHARACTERS
+from codra_dsl.isolation.error_text import MAX_SHOWN_CHARACTERS
 from codra_dsl.logic import Value
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError

@@ -6,13 +6,12 @@ main execution are not affected (P1, section 3.2: observers never interfere).
 
 from __future__ import annotations
 
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from codra_dsl.isolation.messages import described
+from codra_dsl.isolation.error_text import described, message_of
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import Cancelled, Clock
+from codra_dsl.runtime.clock import Cancelled, Clock, is_interrupt
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.perception.cost import Cost, CostMeter
 from codra_dsl.runtime.perception.executors import Executors
@@ -26,6 +25,8 @@ from codra_dsl.runtime.values.model import Algorithm
 
 GRACE_S = 0.2
 """How long a job may take to end by itself after its timeout. Then its process is ended, if it runs in a process."""
+
+_MAX_MESSAGE_CHARACTERS = 2_000
 
 
 class Perception:
@@ -182,10 +183,10 @@ class Perception:
         except Cancelled:
             return Failure(Reason.FAILED, "it ended because it was cancelled")
         except JobError as error:
-            return Failure(Reason.FAILED, str(error))
+            return Failure(Reason.FAILED, message_of(error, _MAX_MESSAGE_CHARACTERS))
         except BaseException as error:  # errors of a user's function must not reach the forest
-            if isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
-                raise  # in simulated time, jobs can run in the main thread: the user's Ctrl-C must end the program
+            if is_interrupt(error):
+                raise
             return Failure(Reason.FAILED, described(error))
 
     def _record_evidence(self, job_run: JobRun, report_instant_s: float, interval: Interval) -> None:

@@ -17,7 +17,7 @@ from collections import deque
 from typing import IO, Any
 
 from codra_dsl.isolation.messages import Connection
-from codra_dsl.isolation.supervisor import EXIT_TIMEOUT_MS, SIGTERM_TIMEOUT_MS, TERMINATE, WAIT_STATUS
+from codra_dsl.isolation.supervisor import EXIT_TIMEOUT_MS, SIGTERM_TIMEOUT_MS, TERMINATE, WAIT_STATUS, child_pids
 
 _LOGGER = logging.getLogger("codra_dsl.perception")
 
@@ -30,6 +30,8 @@ _LISTENER_TIMEOUT_S = 0.5
 _CHUNK_BYTES = 8192
 _CHUNK_PERIOD_S = 0.05
 _NORMAL_END_TEXT = "ended with exit code 0"
+_LOST_TEXT = "ended, because its supervisor was stopped or killed"
+_INHERITED_TEXT = "belongs to the program of which this program is a fork"
 _MAX_LINE_CHARACTERS = 200
 
 
@@ -40,8 +42,9 @@ class Process:
     `codra_dsl.perception` at a limited rate. A process that writes too much output has to
     wait, but the program does not wait for it.
 
+    If the program forks itself, the process belongs only to the parent: the child can neither use nor end it.
+
     Attributes:
-        connection: the connection to the process.
         is_ending: whether the process was ordered to end.
     """
 
@@ -58,16 +61,17 @@ class Process:
         message_socket, child_message_socket = socket.socketpair()
         control_socket, child_control_socket = socket.socketpair()
         with child_message_socket, child_control_socket:
-            self._supervisor = subprocess.Popen(
-                _supervisor_command(child_message_socket.fileno(), child_control_socket.fileno(), call),
+            self._guard = subprocess.Popen(
+                _guard_command(child_message_socket.fileno(), child_control_socket.fileno(), call),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 pass_fds=(child_message_socket.fileno(), child_control_socket.fileno()),
                 start_new_session=True,
             )
-        self.connection = Connection(message_socket)
         self.is_ending = False
+        self._connection = Connection(message_socket)
+        self._program_pid = os.getpid()
         self._name = name
         self._control_socket = control_socket
         self._end_lock = threading.Lock()
@@ -77,22 +81,41 @@ class Process:
         self._shut_down_sockets = weakref.finalize(
             self, _shut_down_sockets, message_socket, control_socket, os.getpid()
         )
-        output = self._supervisor.stdout
+        output = self._guard.stdout
         assert output is not None
         listener_arguments = (output, name, self._last_lines)
         self._listener = threading.Thread(target=_log_output, args=listener_arguments, name="codra-output", daemon=True)
         self._listener.start()
 
     @property
+    def connection(self) -> Connection:
+        """Return the connection to the process.
+
+        Raises:
+            EOFError: if this program is a fork of the program that started the process.
+        """
+        if self._is_inherited:
+            raise EOFError(_INHERITED_TEXT)
+        return self._connection
+
+    @property
     def is_idle(self) -> bool:
         """Return whether the process waits for a request, because it has neither ended nor sent a message."""
+        if self._is_inherited or self.is_ending:
+            return False
         poll = select.poll()
-        poll.register(self.connection.socket, select.POLLIN)
-        return not self.is_ending and not poll.poll(0)
+        poll.register(self._connection.socket, select.POLLIN)
+        return not poll.poll(0)
+
+    @property
+    def _is_inherited(self) -> bool:
+        return os.getpid() != self._program_pid
 
     def terminate(self) -> None:
         """End the process at once by SIGTERM and then SIGKILL; do not wait for its end."""
         self.is_ending = self._is_terminated = True
+        if self._is_inherited:
+            return
         with contextlib.suppress(OSError):
             self._control_socket.send(TERMINATE, socket.MSG_DONTWAIT)
 
@@ -103,6 +126,8 @@ class Process:
 
     def wait_for_end(self) -> str:
         """Wait for the end of a process that was ordered to end or has ended; return a text that describes the end."""
+        if self._is_inherited:
+            return _INHERITED_TEXT
         with self._end_lock:
             if self._end_text is None:
                 self._end_text = self._wait_for_end()
@@ -119,9 +144,8 @@ class Process:
             status = self._control_socket.recv(WAIT_STATUS.size)
         self.hang_up()
         self._control_socket.close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._supervisor.wait(_END_TIMEOUT_S)
-        end_text = _describe_end(WAIT_STATUS.unpack(status)[0]) if len(status) == WAIT_STATUS.size else "was lost"
+        self._end_guard()
+        end_text = _describe_end(WAIT_STATUS.unpack(status)[0]) if len(status) == WAIT_STATUS.size else _LOST_TEXT
         if end_text != _NORMAL_END_TEXT:
             self._listener.join(_LISTENER_TIMEOUT_S)
             output_text = f"; it printed last: {self._last_lines[-1]}" if self._last_lines else ""
@@ -130,8 +154,27 @@ class Process:
             _LOGGER.log(level, "the process of perception %r %s%s", self._name, end_text, output_text)
         return end_text
 
+    def _end_guard(self) -> None:
+        """Wait until the guard has ended, which ends all other processes before."""
+        self._guard.send_signal(signal.SIGCONT)  # a process that stops both its guard and its supervisor
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._guard.wait(_END_TIMEOUT_S)
+            return
+        _kill_tree(self._guard.pid)  # a process that stops its guard and its supervisor again and again
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._guard.wait(_END_TIMEOUT_S)
 
-def _supervisor_command(message_fd: int, control_fd: int, call: str) -> list[str]:
+
+def _kill_tree(pid: int) -> None:
+    """Kill a process and its descendants, the descendants first."""
+    with contextlib.suppress(OSError):
+        for child_pid in child_pids(pid):
+            _kill_tree(child_pid)
+    with contextlib.suppress(OSError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def _guard_command(message_fd: int, control_fd: int, call: str) -> list[str]:
     number_arguments = map(str, (message_fd, control_fd, os.getpid()))
     return [sys.executable, "-P", "-c", _BOOT_CODE, json.dumps(list(map(str, sys.path))), *number_arguments, call]
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Mapping
-from enum import Enum
-from pathlib import PurePath
-from types import GeneratorType, ModuleType
 from typing import Any
 
-from codra_dsl.isolation.messages import GarbageError, decode_result, described
+from codra_dsl.isolation.error_text import described
+from codra_dsl.isolation.messages import GarbageError, decode_result
 from codra_dsl.runtime.clock import Cancelled
-from codra_dsl.runtime.perception.functions import CallError, JobError, call_error
+from codra_dsl.runtime.perception.functions import JobError, call_error
+from codra_dsl.runtime.perception.handles import has_method, is_copied, method_of, value_of
 from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.perception.process import Process
 from codra_dsl.runtime.values.model import Algorithm
@@ -23,7 +22,6 @@ SETUP_TIMEOUT_S = 60.0
 In simulated time, a job may also take this long between two messages, or longer if its timeout is longer.
 """
 
-_COPIED_TYPES = (type(None), bool, int, float, complex, str, bytes, bytearray, list, tuple, dict, set, frozenset)
 _JOB_MEMBERS = ("cancelled", "now_s", "sleep", "evidence")
 
 
@@ -106,6 +104,7 @@ class ProcessExecutor:
         process = self._working_process
         if process is not None:
             process.terminate()
+            process.wait_for_end_in_background()  # if nothing ends the process, this closes the connection to it
 
     def begin_close(self) -> None:
         """Let the process end, without waiting for it."""
@@ -221,10 +220,13 @@ class _Exchange:
                 case ["job", str(name), list(arguments)] if name in _JOB_MEMBERS:
                     attribute = getattr(self._job, name)
                     return "value", attribute(*arguments) if callable(attribute) else attribute
-                case ["get", list(path)]:
-                    return self._attribute_answer(path)
-                case ["call", list(path), list(arguments), dict(keyword_arguments)]:
-                    return "value", self._resolve_path(path)(*arguments, **keyword_arguments)
+                case ["get", str(handle_name), str(name)]:
+                    handle = self._public_handle(handle_name, name)
+                    is_method = has_method(handle, name)
+                    return ("method", None) if is_method else ("value", value_of(handle_name, handle, name))
+                case ["call", str(handle_name), str() | None as name, list(arguments), dict(keyword_arguments)]:
+                    method = method_of(handle_name, self._public_handle(handle_name, name), name)
+                    return "value", method(*arguments, **keyword_arguments)
                 case _:
                     raise GarbageError("its process sent an unknown request")
         except (Cancelled, GarbageError) as error:
@@ -234,60 +236,13 @@ class _Exchange:
         except Exception as error:  # noqa: BLE001 - the caller of a handle gets its error
             return "raised", _copyable_error(error)
 
-    def _attribute_answer(self, path: list[Any]) -> tuple[str, object]:
-        """Return a copy of an attribute of a handle, or a reference if the attribute cannot be copied."""
-        value = self._resolve_path(path)
-        if callable(value) or not (is_copied(value) or _can_be_copied(value)):
-            return "remote", None
-        return "value", value
-
-    def _resolve_path(self, path: list[Any]) -> Any:
-        if not path or path[0] not in self._handles:
+    def _public_handle(self, handle_name: str, member: str | None) -> object:
+        """Return a handle whose member is requested."""
+        if handle_name not in self._handles:
             raise GarbageError("its process asked for a handle that it does not have")
-        value: Any = self._handles[path[0]]
-        for name in path[1:]:
-            if not isinstance(name, str) or name.startswith("_"):
-                raise GarbageError("its process asked for a private attribute of a handle")
-            value = getattr(value, name)
-        return value
-
-
-def check_handles(algorithm: Algorithm, handles: Mapping[str, object]) -> None:
-    """Raise an error for a handle that can neither be copied to a process nor be called from there.
-
-    Raises:
-        CallError: if there is such a handle.
-    """
-    for name in algorithm.handles:
-        handle = handles[name]
-        if is_copied(handle) and not _can_be_copied(handle):
-            problem = (
-                f"is a {type(handle).__name__} whose content cannot be copied: give an object with a method instead"
-            )
-        elif isinstance(handle, (type, ModuleType, GeneratorType)):
-            problem = (
-                f"is a {type(handle).__name__}: give an object with methods, or let `call` name a class with `setup`"
-            )
-        elif not is_copied(handle) and not callable(handle) and all(member.startswith("_") for member in dir(handle)):
-            problem = f"is a {type(handle).__name__} without methods: give an object with a method"
-        else:
-            continue
-        process_text = f"perception {algorithm.name!r} runs in a separate process"
-        raise CallError(f"{process_text}, which cannot use handle {name!r}: it {problem}")
-
-
-def is_copied(handle: object) -> bool:
-    """Return whether a process gets a copy of a handle, because the handle is a plain value."""
-    is_array = type(handle).__module__.partition(".")[0] == "numpy"
-    return is_array or type(handle) in _COPIED_TYPES or isinstance(handle, (Enum, PurePath))
-
-
-def _can_be_copied(value: object) -> bool:
-    try:
-        pickle.dumps(value, protocol=5)
-    except Exception:  # noqa: BLE001 - for any reason
-        return False
-    return True
+        if member is not None and member.startswith("_"):
+            raise GarbageError("its process asked for a private attribute of a handle")
+        return self._handles[handle_name]
 
 
 def _copyable_error(error: Exception) -> Exception:
@@ -295,5 +250,5 @@ def _copyable_error(error: Exception) -> Exception:
     try:
         copied_error = pickle.loads(pickle.dumps(error))
         return error if type(copied_error) is type(error) else RuntimeError(described(error))
-    except Exception:  # noqa: BLE001 - an error with arguments of its own
+    except BaseException:  # noqa: BLE001 - an error with arguments of its own, or one that raises when it is pickled
         return RuntimeError(described(error))

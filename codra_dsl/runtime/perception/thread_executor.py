@@ -6,8 +6,8 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 
+from codra_dsl.isolation.error_text import described
 from codra_dsl.isolation.function_host import FunctionHost
-from codra_dsl.isolation.messages import described
 from codra_dsl.runtime.clock import Cancelled
 from codra_dsl.runtime.perception.functions import Function, JobError
 from codra_dsl.runtime.perception.job import RunningJob

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from typing import Any, Self, TypeVar
 
+from codra_dsl.isolation.error_text import type_name
+from codra_dsl.runtime.callbacks import log_raised
 from codra_dsl.runtime.remote.json_lines import (
     RESPONSE_TIMEOUT_S,
     Address,
@@ -190,7 +192,7 @@ class RemoteContext:
             value = otherwise()
         except BaseException as error:
             with contextlib.suppress(ConnectionError):
-                self._ask("found", decision=decision, raised=type(error).__name__)
+                self._ask("found", decision=decision, raised=type_name(error))
             raise
         with contextlib.suppress(ConnectionError):
             self._ask("found", decision=decision, **({} if value is None else {"value": value}))
@@ -277,5 +279,5 @@ class RemoteContext:
             if callback is not None:
                 try:
                     callback(reading_of(message["reading"]))
-                except Exception:
-                    _LOGGER.exception("a callback raised: %r", callback)
+                except BaseException as error:  # noqa: BLE001 - errors of a callback are logged
+                    log_raised(callback, error)

@@ -13,6 +13,7 @@ from codra_dsl.runtime import ContextManager, DecisionState, Journal, Kind, NotO
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
 from tests.runtime.door import MODEL, Door, Manager, started
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.journal.journals import read
 
 
@@ -88,6 +89,21 @@ def test_a_decision_that_was_abandoned_while_it_waited_is_no_longer_urgent() -> 
         assert Urgency.WAITED_FOR in {urgency(name) for name in manager.running()}
         pending_decision.abandon("interrupted")
         assert {urgency(name) for name in manager.running()} == {Urgency.DECLARED}
+
+
+@pytest.mark.parametrize("kind", HOSTILE_ERRORS)
+def test_a_look_that_raises_a_hostile_exception_ends_its_decision(kind: str) -> None:
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
+
+    def look() -> bool:
+        raise error
+
+    with started(Door()) as (manager, _):
+        with pytest.raises(type(error)) as error_info:
+            manager.decide("open", look)
+        assert error_info.value is error
+        decision = manager.record.of(Kind.DECISION)[-1]
+        assert decision.details["raised"] == text.partition(":")[0]
 
 
 def test_a_run_with_abandoned_decisions_replays(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from codra_dsl.runtime import Reading, Reason, SimClock, UnknownNameError, WallC
 from codra_dsl.runtime.callbacks import MAX_WAITING_CHANGES
 from codra_dsl.runtime.values.model import integer
 from tests.runtime.forests import Manager, World, forest, given, observer, seen, started, takes, variable
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
 PATIENCE_S = 20.0
 MODEL = forest([given("a", valid_for_s=10.0), given("n", type=integer())])
@@ -131,6 +132,31 @@ def test_a_callback_that_raises_is_logged_and_gets_the_next_change(caplog: pytes
         clock.sleep(1.0)
     assert notifications == [Reason.NEVER_OBSERVED, 1, 2]
     assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["no thanks"] * 3
+
+
+@pytest.mark.parametrize("kind", HOSTILE_ERRORS)
+def test_a_callback_with_a_hostile_exception_is_logged_and_gets_the_next_change(
+    kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
+    clock, notifications = SimClock(), list[object]()
+
+    class Callback:
+        def __call__(self, reading: Reading[object]) -> None:
+            notifications.append(value_or_reason(reading))
+            raise error
+
+        def __repr__(self) -> str:
+            raise error
+
+    with started(MODEL, World(), clock) as manager, caplog.at_level(logging.ERROR):
+        manager.subscribe("n", Callback())
+        clock.sleep(1.0)
+        manager.set("n", 1)
+        clock.sleep(1.0)
+    assert notifications == [Reason.NEVER_OBSERVED, 1]
+    assert caplog.messages == ["a callback raised: an object that cannot be shown"] * 2
+    assert text in caplog.text
 
 
 def test_a_callback_must_not_let_simulated_time_pass(caplog: pytest.LogCaptureFixture) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 import math
+import pickle
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -217,3 +220,13 @@ def test_any_number_of_late_poses_takes_limited_memory() -> None:
     assert len(seen.history("battery", "level")) == 100
     old = seen.transform("world", "robot", 0.0)
     assert old.pose.translation_m == (100.0, 0.0, 0.0)  # ten seconds before the newest, and no further
+
+
+@pytest.mark.parametrize("make_copy", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_the_handle_of_an_agent_and_its_transactions_cannot_be_copied(make_copy: Callable[[object], object]) -> None:
+    knowledge = store()
+    with knowledge.as_agent("navigation") as navigation, navigation.transaction() as transaction:
+        for writer, name in ((navigation, "AgentHandle"), (transaction, "Transaction")):
+            with pytest.raises(TypeError, match=f"a {name} cannot be copied: pass this object itself"):
+                make_copy(writer)
+        assert not knowledge.refusals()

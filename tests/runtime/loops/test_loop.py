@@ -20,6 +20,7 @@ from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import MapeModel, Repeat
 from codra_dsl.runtime.loops.planning import Context, Plan, Planning
 from codra_dsl.runtime.values.conditions import choose, value
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.loops.shop import CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop
 
 CLOSE_M, FAR_M = 1.0, 6.0
@@ -315,6 +316,21 @@ def test_an_action_that_raises_is_reported_and_the_loop_goes_on() -> None:
     assert {event.details["message"] for event in shop.events("failed")} == {"OSError: the fork is stuck"}
     shop.pass_s(4.0, person=CLOSE_M)
     assert (shop.course(), shop.mape.loop("store").trees["mission"].branch) == ("start", "start")
+
+
+@pytest.mark.parametrize("kind", HOSTILE_ERRORS)
+def test_an_action_that_raises_a_hostile_exception_is_reported_and_the_loop_goes_on(kind: str) -> None:
+    error, text = hostile_error(kind), HOSTILE_ERRORS[kind]
+
+    def raising_error(_: Ports) -> bool:
+        raise error
+
+    shop = Shop(robot=robot_that(deliver=raising_error))
+    shop.begin()
+    shop.pass_s(2.0)
+    messages = [event.details["message"] for event in shop.events("failed")]
+    assert set(messages) == {text}
+    assert len(messages) > 1
 
 
 def test_a_wrong_value_of_a_parameter_is_reported_and_affects_only_that_parameter() -> None:

@@ -1,20 +1,12 @@
-"""Perception in a separate process: its failures affect only its variables, and no process remains at the end."""
+"""Perception in a separate process: its failures affect only its variables, and its results are those of a thread."""
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
 import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,103 +14,28 @@ import pytest
 
 from codra_dsl.logic import value
 from codra_dsl.runtime import CallError, ContextManager, Journal, Reason, SimClock, WallClock
-from codra_dsl.runtime.clock import Clock
-from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.replay import replay
-from codra_dsl.runtime.values.model import Algorithm, ResourceModel, boolean, integer, text
-from tests.runtime.forests import Look, Manager, events, forest, given, observer, variable
+from tests.runtime.forests import Look, events, forest, given, observer, variable
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.journal.journals import read
+from tests.runtime.perception.isolated import (
+    PATIENCE_S,
+    Camera,
+    await_end,
+    await_no_process,
+    eye,
+    looking,
+    own_memory_mb,
+    processes_of,
+    started,
+    values,
+    wait,
+)
 
-ROOT = Path(__file__).parents[3]
-PATIENCE_S = 60.0
 WAYS: tuple[Literal["thread", "process"], ...] = ("thread", "process")
 
-
-def eye(function: str, *, name: str = "eye", **settings: Any) -> Algorithm:
-    returns = {"seen": boolean(optional=True), "number": integer(optional=True), "pid": integer(optional=True)}
-    settings = {"isolate": "process", "returns": {**returns, "text": text(optional=True)}, **settings}
-    return Algorithm(name=name, call=f"tests.runtime.eyes:{function}", **settings)
-
-
-def looking(*algorithms: Algorithm, **settings: Any) -> ContextModel:
-    """Return a model in which each algorithm identifies a variable: `a` for `eye`, otherwise one named like it."""
-    looks = [(algorithm, "a" if algorithm.name == "eye" else algorithm.name) for algorithm in algorithms]
-    model = forest(
-        [given("x"), *(variable(name) for _, name in looks)],
-        *(observer(f"o_{name}", Look(algorithm, {name: value("seen")}), **settings) for algorithm, name in looks),
-    )
-    handles = dict.fromkeys(handle for algorithm in algorithms for handle in algorithm.handles)
-    return replace(model, resources=tuple(ResourceModel(name=name) for name in handles))
-
-
-@contextmanager
-def started(
-    model: ContextModel, clock: Clock, handles: Mapping[str, object] | None = None, **settings: Any
-) -> Iterator[Manager]:
-    with ContextManager[str, str](model, clock=clock, resources=handles or {}, **settings) as manager:
-        for name in manager.modelled():
-            manager.declare(name, value=True if name == "x" else None)
-        yield manager
-
-
-@pytest.fixture
-def clock() -> Iterator[WallClock]:
-    with WallClock() as made:
-        yield made
-
-
-def wait(clock: WallClock, ready: Callable[[], bool]) -> None:
-    assert clock.wait_until(ready, PATIENCE_S)
-
-
-def is_alive(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
-def await_end(*pids: int) -> None:
-    """Wait until processes have ended; the machine may be busy."""
-    for _ in range(int(PATIENCE_S / 0.02)):
-        if not any(map(is_alive, pids)):
-            return
-        time.sleep(0.02)
-    pytest.fail(f"alive: {[pid for pid in pids if is_alive(pid)]}")
-
-
-def await_no_process() -> None:
-    """Wait until all ending processes have ended, including those of other tests."""
-    await_end(*(process.pid for process in processes_of(os.getpid())))
-    assert processes_of(os.getpid()) == []
-
-
-def values(manager: Manager, algorithm: str = "eye") -> list[Any]:
-    jobs = manager.record.of(Kind.JOB)
-    return [event.details["values"] for event in jobs if event.name == algorithm and event.what == "returned"]
-
-
 # The same as in a thread
-
-
-class Camera:
-    """A handle that stays in the program, since its lock cannot be sent to another process."""
-
-    def __init__(self) -> None:
-        self.edges = 3
-        self.lock = threading.Lock()
-        self.lens = self
-        self.names = ["left", "right"]
-        self.noted: list[int] = []
-
-    def frame(self, brightness: int, *, gain: int) -> np.ndarray:
-        assert self.lock.acquire(timeout=1.0)
-        self.lock.release()
-        return np.full((480, 640, 3), brightness * gain, np.uint8)
-
-    def __call__(self, index: int) -> int:
-        return index + 100
 
 
 SAME: dict[str, dict[str, Any]] = {
@@ -230,16 +147,30 @@ def test_a_failure_of_a_process_makes_only_its_variables_unknown_for_the_right_r
         )
 
 
-def test_a_process_that_ignores_signals_is_killed_with_its_children(tmp_path: Path, clock: WallClock) -> None:
-    pids = tmp_path / "pids"
-    algorithm = eye("deaf", parameters={"pids": str(pids)}, timeout_s=0.5, min_interval_s=PATIENCE_S)
-    with started(looking(algorithm), clock) as manager:
-        wait(clock, lambda: manager.get("a").reason is Reason.TIMED_OUT)
-        began = [int(line) for line in pids.read_text().split()]
-        assert began
-        await_end(*began)
-        await_end(*(int(line) for line in pids.read_text().split()))
-        assert len(pids.read_text().split()) == 3
+def test_hostile_exceptions_of_a_process_end_only_their_jobs() -> None:
+    clock = SimClock()
+    with started(looking(eye("raises_hostile_errors")), clock) as manager:
+        clock.sleep(len(HOSTILE_ERRORS) - 0.5)
+        failed = [event.details["message"] for event in manager.record.of(Kind.JOB) if event.what == "failed"]
+    assert failed == list(HOSTILE_ERRORS.values())
+
+
+def test_hostile_exceptions_of_a_handle_end_only_the_jobs_that_call_it() -> None:
+    class Camera:
+        def __init__(self) -> None:
+            self._kinds = iter(HOSTILE_ERRORS)
+
+        def __call__(self, _: int) -> int:
+            raise hostile_error(next(self._kinds))
+
+    clock = SimClock()
+    algorithm = eye("calls_the_handle", handles=("camera",))
+    with started(looking(algorithm), clock, {"camera": Camera()}) as manager:
+        clock.sleep(len(HOSTILE_ERRORS) - 0.5)
+        failed = [event.details["message"] for event in manager.record.of(Kind.JOB) if event.what == "failed"]
+    assert len(failed) == len(HOSTILE_ERRORS)
+    for message, text in zip(failed, HOSTILE_ERRORS.values(), strict=True):
+        assert message.removeprefix("RuntimeError: ").startswith(text[:150])
 
 
 def test_the_memory_of_a_process_is_freed_at_its_end_and_never_used_in_the_program(clock: WallClock) -> None:
@@ -264,10 +195,10 @@ def test_a_process_that_ended_between_two_jobs_is_replaced_unnoticed(tmp_path: P
 def test_a_process_that_sends_nothing_in_simulated_time_times_out_at_its_timeout(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("codra_dsl.runtime.perception.process_executor.SETUP_TIMEOUT_S", 0.5)
     clock = SimClock()
     with started(looking(eye("eats_a_core", timeout_s=0.4)), clock) as manager:
-        clock.sleep(1.0)
+        monkeypatch.setattr("codra_dsl.runtime.perception.process_executor.SETUP_TIMEOUT_S", 0.5)
+        clock.sleep(0.5)
         assert (manager.get("a").reason, manager.get("a").detail) == (Reason.TIMED_OUT, "no result within 0.4 s")
         assert [event.instant_s for event in manager.record.of(Kind.JOB) if event.what == "failed"] == [0.4]
 
@@ -278,76 +209,6 @@ def test_the_output_of_a_process_is_logged(clock: WallClock, caplog: pytest.LogC
         wait(clock, lambda: manager.get("a").reason is Reason.TIMED_OUT)
     wait(clock, lambda: any(message.startswith("eye: nonsense nonsense") for message in caplog.messages))
     assert sum(map(len, caplog.messages)) < 2_000_000
-
-
-# Handles
-
-
-def test_a_process_asks_a_handle_that_stays_in_the_program(clock: WallClock) -> None:
-    camera = Camera()
-    algorithm = eye("asks", handles=("camera", "gain"))
-    with started(looking(algorithm), clock, {"camera": camera, "gain": 5}) as manager:
-        wait(clock, lambda: manager.get("a").reason is not Reason.NEVER_OBSERVED)
-        assert manager.get("a").value is True
-        assert values(manager)[0]["number"] == 5
-        camera.edges = 7
-        wait(clock, lambda: values(manager)[-1]["number"] == 9)
-    assert camera.noted == [], "a process gets a copy of a handle's attribute"
-
-
-HANDLES: dict[str, tuple[Any, str]] = {
-    "no attribute": (
-        SimpleNamespace(edges=1),
-        "AttributeError: 'types.SimpleNamespace' object has no attribute 'frame'",
-    ),
-    "raises": (SimpleNamespace(frame=lambda *_, **__: 1 / 0), "ZeroDivisionError: division by zero"),
-    "no copy": (
-        SimpleNamespace(frame=lambda *_, **__: threading.Lock()),
-        "TypeError: the content of the handle: cannot be copied to another process: TypeError: cannot pickle"
-        " '_thread.lock' object",
-    ),
-    "too large": (
-        SimpleNamespace(frame=lambda *_, **__: bytes(70_000_000)),
-        "ValueError: the content of the handle: 70000037 bytes are more than the 67108864 that a process can receive",
-    ),
-}
-
-
-@pytest.mark.parametrize("what", HANDLES)
-def test_an_error_of_a_handle_fails_the_job_and_the_process_stays(what: str) -> None:
-    handle, message = HANDLES[what]
-    clock = SimClock()
-    with started(looking(eye("asks", handles=("camera", "gain"))), clock, {"camera": handle, "gain": 1}) as manager:
-        clock.sleep(2.5)
-        assert manager.get("a").detail == message
-        assert len(processes_of(os.getpid())) == 2, "the process and its supervisor"
-
-
-def test_a_process_cannot_reach_private_attributes_of_a_handle() -> None:
-    clock = SimClock()
-    with started(looking(eye("asks_for_what_is_hidden", handles=("camera",))), clock, {"camera": Camera()}) as manager:
-        clock.sleep(0.0)
-        assert manager.get("a").detail == "its process asked for a private attribute of a handle"
-
-
-REFUSED: dict[str, tuple[object, str]] = {
-    "class": (Camera, "it is a type: give an object with methods, or let `call` name a class with `setup`"),
-    "module": (np, "it is a module: give an object with methods, or let `call` name a class with `setup`"),
-    "generator": ((number for number in ()), "it is a generator: give an object with methods, or"),
-    "list": ([Camera()], "it is a list whose content cannot be copied: give an object with a method instead"),
-    "nothing": (object(), "it is a object without methods: give an object with a method"),
-}
-
-
-@pytest.mark.parametrize("what", REFUSED)
-def test_a_handle_that_a_process_cannot_use_is_refused_before_anything_runs(what: str) -> None:
-    handle, message = REFUSED[what]
-    with pytest.raises(
-        CallError, match="perception 'eye' runs in a separate process, which cannot use handle 'camera'"
-    ) as error_info:
-        started(looking(eye("asks", handles=("camera",))), SimClock(), {"camera": handle}).__enter__()
-    assert message in str(error_info.value)
-    await_no_process()
 
 
 CALLS = {
@@ -418,87 +279,3 @@ def test_a_class_that_is_stuck_in_close_does_not_delay_the_program(way: str, clo
     with started(looking(eye("StuckInClose", isolate=way)), clock) as manager:
         wait(clock, lambda: manager.get("a").known)
     assert not any(process.is_worker for process in processes_of(os.getpid()))
-
-
-# The end
-
-
-PROGRAM = """
-import sys
-from codra_dsl.runtime import Reason, WallClock
-from tests.runtime.perception.test_isolation import eye, looking, started
-
-names = ["eats_a_core", "floods_its_output", "keeps_100_mb"]
-eyes = [eye(name, name=name, timeout_s=60.0) for name in names]
-eyes.append(eye("deaf", name="deaf", timeout_s=60.0, parameters={"pids": sys.argv[1]}))
-clock = WallClock()
-context = started(looking(*eyes, eye("counts")), clock)
-manager = context.__enter__()
-assert clock.wait_until(lambda: manager.get("a").known and manager.get("keeps_100_mb").known, 60.0)
-print("running", flush=True)
-sys.stdin.readline()
-if sys.argv[2] == "closes":
-    manager.close()
-print("end", flush=True)
-"""
-
-
-@pytest.mark.parametrize("end", ["closes", "just ends", "is killed"])
-def test_soon_after_the_program_ended_none_of_its_processes_is_running(end: str, tmp_path: Path) -> None:
-    pids = tmp_path / "pids"
-    pids.touch()
-    command = [sys.executable, "-c", PROGRAM, str(pids), end]
-    process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    assert process.stdin is not None
-    assert process.stdout is not None
-    with process.stdin, process.stdout:
-        try:
-            assert process.stdout.readline() == b"running\n"
-            while len(pids.read_text().split()) < 3:
-                time.sleep(0.02)
-            below = [*(child.pid for child in processes_of(process.pid)), *map(int, pids.read_text().split())]
-            assert len(set(below)) == 12, "five processes with their supervisors, and two that one of them has started"
-            if end != "is killed":
-                process.stdin.write(b"\n")
-                process.stdin.flush()
-                assert process.stdout.readline() == b"end\n"
-                process.wait(PATIENCE_S)
-        finally:
-            process.kill()
-            process.wait(PATIENCE_S)
-    last_s = time.monotonic() + PATIENCE_S
-    while any(map(is_alive, below)) and time.monotonic() < last_s:
-        time.sleep(0.05)
-    assert [pid for pid in below if is_alive(pid)] == []
-
-
-# Running processes
-
-
-class Process:
-    """A descendant of a process, as described by Linux."""
-
-    def __init__(self, pid: int) -> None:
-        self.pid = pid
-        self.memory_mb = memory_mb(pid)
-        self.is_worker = bool(os.getpgid(pid) == pid and os.getsid(pid) != pid)
-
-
-def memory_mb(pid: int) -> float:
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return next((int(line.split()[1]) / 1000 for line in lines if line.startswith("VmRSS:")), 0.0)
-
-
-def own_memory_mb() -> float:
-    return memory_mb(os.getpid())
-
-
-def processes_of(pid: int) -> list[Process]:
-    """Return all running descendants of a process; threads and processes may end meanwhile."""
-    descendants: list[Process] = []
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-            for child in map(int, (task / "children").read_text().split()):
-                with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-                    descendants += [*([Process(child)] if is_alive(child) else []), *processes_of(child)]
-    return descendants

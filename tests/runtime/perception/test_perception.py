@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
-from codra_dsl.runtime import CallError, ContextManager, Reason, SimClock
+from codra_dsl.runtime import CallError, ContextManager, Reason, SimClock, WallClock
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.perception import Failure, Result, checked
+from codra_dsl.runtime.perception.functions import JobError
 from codra_dsl.runtime.values.model import Algorithm, boolean, integer, real, text
 from tests.runtime.forests import World, algorithm, events, forest, observer, seen, started, takes, variable
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
 YES = {"seen": True}
 RETURNS = algorithm("eye", {"markers": integer(0, 12), "angle": real(optional=True), "text": text(optional=True)})
@@ -81,19 +84,6 @@ def interrupts(_: Any) -> object:
     raise GeneratorExit("over")
 
 
-class Unspeakable(Exception):  # noqa: N818
-    def __str__(self) -> str:
-        raise RuntimeError
-
-
-def unspeakable(_: Any) -> object:
-    raise Unspeakable
-
-
-def garrulous(_: Any) -> object:
-    raise ValueError("\ud800" + "x" * 10**7)
-
-
 def waits_on_the_clock(_: Any) -> object:
     CLOCKS[-1].sleep(1)
     return YES
@@ -113,8 +103,6 @@ CLOCKS: list[SimClock] = []
 FAILURES = {
     hangs_up: "SystemExit: 3",
     interrupts: "GeneratorExit: over",
-    unspeakable: "Unspeakable: its message cannot be shown",
-    garrulous: f"ValueError: ?{'x' * 199}...",
     waits_on_the_clock: (
         "RuntimeError: an event (a perception function, a callback) must not wait on the clock: use job.sleep"
     ),
@@ -137,6 +125,47 @@ def test_an_error_of_a_function_makes_only_its_variables_unknown(find: Any) -> N
         assert manager.get("b").value is True
         assert len(world.asked_s("eye")) == 6
         assert manager.record.text().encode()
+
+
+def raising(make_error: Callable[[], BaseException]) -> Callable[[Any], object]:
+    def find(_: Any) -> object:
+        raise make_error()
+
+    return find
+
+
+@pytest.mark.parametrize("kind", HOSTILE_ERRORS)
+def test_a_hostile_exception_of_a_function_ends_only_its_job_in_simulated_time(kind: str) -> None:
+    text = HOSTILE_ERRORS[kind]
+    world, clock = World({"eye": raising(partial(hostile_error, kind))}), SimClock()
+    with started(forest([variable("a")], observer("o", seen("eye", "a"))), world, clock) as manager:
+        manager.declare("a")
+        clock.sleep(1.5)
+        assert (manager.get("a").reason, manager.get("a").detail) == (Reason.FAILED, text)
+        assert len(world.asked_s("eye")) == 2
+
+
+@pytest.mark.parametrize("kind", HOSTILE_ERRORS)
+def test_a_function_may_raise_the_error_of_jobs_with_a_hostile_message(kind: str) -> None:
+    text = HOSTILE_ERRORS[kind]
+    world, clock = World({"eye": raising(lambda: JobError(hostile_error(kind)))}), SimClock()
+    with started(forest([variable("a")], observer("o", seen("eye", "a"))), world, clock) as manager:
+        manager.declare("a")
+        clock.sleep(0.5)
+        reading = manager.get("a")
+    assert reading.reason is Reason.FAILED
+    assert reading.detail[:200] == text.partition(": ")[2][:200]
+
+
+def test_hostile_exceptions_of_functions_end_only_their_jobs_in_real_time() -> None:
+    world = World({kind: raising(partial(hostile_error, kind)) for kind in HOSTILE_ERRORS})
+    looks = (observer(f"o_{kind}", seen(kind, kind), period_s=0.05) for kind in HOSTILE_ERRORS)
+    with WallClock() as clock, started(forest(list(map(variable, HOSTILE_ERRORS)), *looks), world, clock) as manager:
+        for kind in HOSTILE_ERRORS:
+            manager.declare(kind)
+        assert clock.wait_until(lambda: all(len(world.asked_s(kind)) >= 3 for kind in HOSTILE_ERRORS), 60.0)
+        for kind, text in HOSTILE_ERRORS.items():
+            assert (manager.get(kind).reason, manager.get(kind).detail) == (Reason.FAILED, text)
 
 
 def test_the_user_can_interrupt_simulated_perception() -> None:

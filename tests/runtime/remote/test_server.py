@@ -21,6 +21,7 @@ from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.remote import MessageError, RemoteContext, Server
 from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES
 from tests.runtime.door import GIVEN_NEAR, Door, Manager
+from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 60.0
@@ -311,6 +312,22 @@ def test_a_callback_that_raises_is_called_again(server: Server, codra: Manager) 
         eventually(lambda: values == [True])
         codra.set("near", False)
         eventually(lambda: values == [True, False])
+
+
+def test_a_callback_that_raises_hostile_exceptions_is_called_again(server: Server, codra: Manager) -> None:
+    values: list[Any] = []
+    kinds = list(HOSTILE_ERRORS)
+
+    def callback(reading: Any) -> None:
+        values.append(reading.content)
+        raise hostile_error(kinds[len(values) - 1])
+
+    with RemoteContext(server.address) as remote:
+        remote.subscribe("near", callback)
+        for number in range(1, len(kinds)):
+            eventually(lambda number=number: len(values) == number)
+            codra.set("near", number % 2 == 0)
+        eventually(lambda: len(values) == len(kinds))
 
 
 def test_a_lease_that_is_refused_leaves_no_thread(server: Server) -> None:
