@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,15 @@ MAX_LOOKING_DECISIONS = 1_000
 
 If there are more, the oldest decision is abandoned.
 """
+
+MAX_WAITING_DECISIONS = 1_000
+"""The maximum number of decisions of a session that wait for context."""
+
+MAX_RUNNING_SKILLS = 100
+"""The maximum number of skills of a session that run at the same time."""
+
+MAX_SUBSCRIPTIONS = 100
+"""The maximum number of subscriptions of a session; one subscription may have many variables."""
 
 LEASE_S = 5.0
 """How long a session lasts without a message, unless its main execution requests another time."""
@@ -139,7 +148,8 @@ class Session:
         handler: Callable[..., PlainData] = getattr(self, f"_{request.ask}")
         return handler(**request.fields)
 
-    def _hello(self, lease_s: float = LEASE_S) -> PlainData:
+    def _hello(self, lease_s: float = LEASE_S, token: str = "") -> PlainData:
+        del token  # the server has checked it, if it needs one
         self._lease_s = lease_s
         self._check_lease()
         return {
@@ -170,6 +180,7 @@ class Session:
         return {}
 
     def _begin(self, skill: str) -> PlainData:
+        _check_number("skills in progress", self._running_skills, MAX_RUNNING_SKILLS)
         number = self._commands.begin(self._skill(skill), caller=self.party)
         self._running_skills.add(number)
         return {"number": number}
@@ -201,6 +212,7 @@ class Session:
         return {}
 
     def _subscribe(self, variables: list[str]) -> PlainData:
+        _check_number("subscriptions", self._subscriptions, MAX_SUBSCRIPTIONS)
         names = list(dict.fromkeys(self._variable(name).name for name in variables))
         self._subscription_count += 1
         number = self._subscription_count
@@ -226,6 +238,7 @@ class Session:
     # Decisions
 
     def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> PlainData | None:
+        _check_number("decisions that wait", self._waiting_decisions, MAX_WAITING_DECISIONS)
         decision = self._codra.ask(variable, **options)
         if decision.state is not DecisionState.WAITING:
             return self._decision_answer(decision)
@@ -302,6 +315,11 @@ class Session:
     def _check_begun(self, number: int) -> None:
         if number not in self._running_skills:
             raise MessageError(f"no skill in progress has number {number}")
+
+
+def _check_number(what: str, elements: Sized, maximum: int) -> None:
+    if len(elements) >= maximum:
+        raise ValueError(f"a session may have at most {maximum} {what}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

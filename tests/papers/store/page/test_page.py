@@ -19,6 +19,7 @@ from codra_dsl.runtime.knowledge import AgentModel, AttributeModel, Knowledge, K
 from codra_papers.experiments.pacing import Beat
 from codra_papers.store.knowledge import store_knowledge
 from codra_papers.store.page.app import MOST_WAITING_ORDERS
+from codra_papers.store.page.connections import MOST_CONNECTIONS
 from codra_papers.store.page.desk import MOST_WAITING, BusyError, Desk
 from codra_papers.store.page.requests import MOST_BYTES
 from codra_papers.store.page.server import PageServer
@@ -342,6 +343,73 @@ def test_too_many_browsers_get_an_error(shop: OpenShop) -> None:
         refused, answer = shop.ask("GET", "/events")
 
     assert (refused, answer) == (503, {"error": f"{MOST_STREAMS} browsers already follow this page; close one of them"})
+
+
+# Connections
+
+
+def connect(shop: OpenShop, request: bytes = b"") -> socket.socket:
+    connection = socket.create_connection(("127.0.0.1", shop.page.port), timeout=10.0)
+    connection.sendall(request.replace(b"PORT", str(shop.page.port).encode()))
+    return connection
+
+
+SLOW_REQUESTS = {
+    "silent": b"",
+    "slow header": b"GET / HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\nx-",
+    "slow body": b"POST /load HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\nOrigin: http://127.0.0.1:PORT\r\n"
+    b"Content-Type: application/json\r\nContent-Length: 1000\r\n\r\n{",
+    "finished": b"GET /favicon.ico HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n\r\n",
+}
+
+
+@pytest.mark.parametrize("kind", SLOW_REQUESTS)
+def test_connections_that_wait_for_their_clients_keep_nobody_out(shop: OpenShop, kind: str) -> None:
+    with ExitStack() as stack:
+        for _ in range(2 * MOST_CONNECTIONS):
+            stack.enter_context(connect(shop, SLOW_REQUESTS[kind]))
+        for _ in range(3):
+            assert shop.ask("GET", "/view")[0] == 200
+
+
+def is_closed(connection: socket.socket) -> bool:
+    try:
+        while connection.recv(65_536):
+            pass
+    except ConnectionResetError:
+        pass
+    return True
+
+
+@pytest.mark.parametrize("kind", ["silent", "slow header", "finished"])
+def test_a_connection_ends_if_its_client_sends_no_complete_header_in_time(
+    shop: OpenShop, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("codra_papers.store.page.connections.HEADER_S", 0.2)
+    with connect(shop, SLOW_REQUESTS[kind]) as connection, closing(shop.stream()) as stream:
+
+        def trickle() -> bool:
+            try:
+                for _ in range(5):
+                    connection.sendall(b"y")
+            except OSError:
+                pass
+            return is_closed(connection)
+
+        assert shop.during(trickle if kind == "slow header" else lambda: is_closed(connection))
+        shop.during(lambda: read_until(stream, lambda read: b"data: " in read))
+        shop.say("/load", load="full")
+        shop.during(lambda: read_until(stream, lambda read: b'"value":"full"' in read))
+
+
+def test_one_request_in_progress_too_many_gets_an_error(shop: OpenShop, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("codra_papers.store.page.connections.MOST_CONNECTIONS", 2)
+    with ExitStack() as stack:
+        for _ in range(2):
+            stream = stack.enter_context(closing(shop.stream()))
+            shop.during(lambda stream=stream: read_until(stream, lambda read: b"data: " in read))  # type: ignore[misc]
+        assert shop.ask("GET", "/view") == (503, {"error": "too many requests are in progress; try again"})
+    assert any(shop.ask("GET", "/view")[0] == 200 for _ in range(100))  # first the server must notice the ends
 
 
 def test_the_page_ends_with_the_run_though_browsers_look_at_it() -> None:
