@@ -23,8 +23,14 @@ MAX_UNSENT_BYTES = 1 << 18
 If a notice or a late answer has to be sent meanwhile, the connection ends.
 """
 
-_CHUNK_BYTES = 4096
+_CHUNK_BYTES = 8192
 """How much a connection reads in one turn. It is small so that large requests do not delay other connections."""
+
+_MIN_BYTES_TO_SEND = 16384
+"""While further requests wait, fewer bytes are not sent yet.
+
+A call of the operating system may cost a thread its turn, if other threads of the program are busy.
+"""
 
 Admit = Callable[[object, Send], Session]
 """Opens the session of a connection, whose first message is the argument. It raises TokenError to refuse."""
@@ -115,7 +121,8 @@ class Connection:
                 self._handle_input()
             if not self._is_closed and self._clock.now_s() >= self.deadline_s:
                 self.close(f"no message was received for {LEASE_S:g} s", "lease_over")
-            self._flush()
+            if not self.has_request or len(self._unsent) >= _MIN_BYTES_TO_SEND:
+                self._flush()
         except OSError:
             self._lose()
         except Exception:

@@ -63,10 +63,10 @@ class FieldType(StrEnum):
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
         match self:
             case FieldType.TEXT:
-                return isinstance(value, str) and len(value) <= MAX_NAME_CHARACTERS
+                return _is_name(value)
             case FieldType.TEXTS:
                 is_list = isinstance(value, (list, tuple)) and len(value) <= MAX_NAMES
-                return is_list and all(map(FieldType.TEXT.holds, value))  # type: ignore[call-overload]
+                return is_list and all(map(_is_name, value))  # type: ignore[call-overload]
             case FieldType.INTEGER:
                 return isinstance(value, int) and is_number
             case FieldType.NUMBER:
@@ -77,6 +77,10 @@ class FieldType(StrEnum):
                 return isinstance(value, bool)
             case FieldType.VALUE:
                 return is_number or isinstance(value, (bool, str))
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and len(value) <= MAX_NAME_CHARACTERS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -139,7 +139,7 @@ class Server:
 
     def _watch(self, watched: socket.socket, interest: int) -> None:
         """Wait for the events of a socket in `interest`, which may be empty."""
-        key = self._selector.get_map().get(watched)
+        key = self._selector.get_map().get(watched.fileno())
         if key is None and interest:
             self._selector.register(watched, interest)
         elif key is not None and not interest:

@@ -93,7 +93,8 @@ class Session:
         self._running_skills: set[int] = set()
         self._looking_decisions: dict[int, PendingDecision] = {}
         self._waiting_decisions: dict[int, _WaitingDecision] = {}
-        self._subscriptions: dict[int, Subscription] = {}
+        self._subscriptions: dict[int, dict[str, object]] = {}
+        self._readings = Subscription(lambda: None)
         self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
         self._lease = Timer(math.inf, lambda: None)
@@ -126,8 +127,7 @@ class Session:
             self._end_reason = because
             self._commands.leave(self.party)
             self._lease.cancel()
-            for subscription in self._subscriptions.values():
-                subscription.unsubscribe()
+            self._readings.unsubscribe()
             for waiting_decision in self._waiting_decisions.values():
                 waiting_decision.end()
             for decision in (
@@ -176,7 +176,7 @@ class Session:
         return {}
 
     def _expect(self, skills: list[str]) -> PlainData:
-        self._commands.expect([self._skill(name) for name in skills], caller=self.party)
+        self._commands.expect([self._skill(name) for name in dict.fromkeys(skills)], caller=self.party)
         return {}
 
     def _begin(self, skill: str) -> PlainData:
@@ -213,22 +213,37 @@ class Session:
 
     def _subscribe(self, variables: list[str]) -> PlainData:
         _check_number("subscriptions", self._subscriptions, MAX_SUBSCRIPTIONS)
-        names = list(dict.fromkeys(self._variable(name).name for name in variables))
+        last_states: dict[str, object] = {self._variable(name).name: None for name in variables}
         self._subscription_count += 1
-        number = self._subscription_count
+        self._subscriptions[self._subscription_count] = last_states
+        self._subscribe_once(self._subscription_count)
+        return {"subscription": self._subscription_count}
 
-        def send_reading(reading: Reading[Any]) -> None:
-            with self._lock:  # send after the answer with the number, and never after the answer to `unsubscribe`
-                if number in self._subscriptions:
+    def _subscribe_once(self, generation: int) -> None:
+        """Replace the subscription to the variables of all subscriptions of the session.
+
+        There is only one, because each subscription may start a thread when a variable changes.
+        """
+        names = dict.fromkeys(name for last_states in self._subscriptions.values() for name in last_states)
+        self._readings.unsubscribe()
+        self._readings = self._codra.subscribe(names, lambda reading: self._send_reading(generation, reading))
+
+    def _send_reading(self, generation: int, reading: Reading[Any]) -> None:
+        """Send a reading to the subscriptions that do not have it, unless `_readings` was replaced in the meantime."""
+        state = (reading.content, reading.reason)
+        with self._lock:  # send after the answer with the number, and never after the answer to `unsubscribe`
+            if generation != self._subscription_count:
+                return
+            for number, last_states in tuple(self._subscriptions.items()):  # sending may end the session
+                if reading.name in last_states and last_states[reading.name] != state:
+                    last_states[reading.name] = state
                     self._send(notice("reading", subscription=number, reading=plain_reading(reading)))
 
-        self._subscriptions[number] = self._codra.subscribe(names, send_reading)
-        return {"subscription": number}
-
     def _unsubscribe(self, subscription: int) -> PlainData:
-        if subscription not in self._subscriptions:
+        if self._subscriptions.pop(subscription, None) is None:
             raise MessageError(f"there is no subscription {subscription}")
-        self._subscriptions.pop(subscription).unsubscribe()
+        if not self._subscriptions:
+            self._readings.unsubscribe()
         return {}
 
     def _leave(self) -> PlainData:

@@ -20,6 +20,10 @@ MOST_REFUSED_CONNECTIONS = 64
 HEADER_S = 5.0
 """The longest time until the header of a request is complete, from the begin of the connection or the last response."""
 
+MOST_REQUESTS_AT_ONCE = 20
+REQUEST_PERIOD_S = 0.25
+"""After `MOST_REQUESTS_AT_ONCE` requests, a connection may send one request in this time; others wait."""
+
 REFUSING_S = 1.0
 """How long a refused connection stays open, so that its client can read the response."""
 
@@ -35,13 +39,18 @@ class LimitedConnection(H11Protocol):
 
     _header_timer: asyncio.TimerHandle | None = None
     _waiting_since_s = 0.0
+    _allowed_until_s = 0.0
     _is_refused = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Accept the connection, and close another one or refuse this one if there are too many."""
         super().connection_made(transport)
         self._wait_for_header()
-        connections = [connection for connection in self.connections if isinstance(connection, LimitedConnection)]
+        connections = [
+            connection
+            for connection in self.connections
+            if isinstance(connection, LimitedConnection) and not connection.transport.is_closing()
+        ]
         refused_count = sum(connection._is_refused for connection in connections)
         if len(connections) - refused_count <= MOST_CONNECTIONS:
             return
@@ -66,7 +75,16 @@ class LimitedConnection(H11Protocol):
                 self._stop_timer()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request."""
+        """Wait for the next request, and before that for its turn if there were too many requests."""
+        now_s = self.loop.time()
+        self._allowed_until_s = max(self._allowed_until_s, now_s) + REQUEST_PERIOD_S
+        pause_s = self._allowed_until_s - now_s - MOST_REQUESTS_AT_ONCE * REQUEST_PERIOD_S
+        if pause_s > 0:
+            self.loop.call_later(pause_s, self._begin_next_request)
+        else:
+            self._begin_next_request()
+
+    def _begin_next_request(self) -> None:
         super().on_response_complete()
         if self._is_between_requests():
             self._wait_for_header()

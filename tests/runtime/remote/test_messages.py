@@ -238,6 +238,47 @@ def test_a_subscriber_receives_each_new_reading() -> None:
         assert program.ask("unsubscribe", subscription=answer["subscription"])["kind"] == "malformed"
 
 
+def test_each_subscription_of_a_session_receives_its_variables_only_and_no_reading_twice() -> None:
+    with running_program() as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        first = program.ask("subscribe", variables=["near"])["subscription"]
+        clock.sleep(0.1)
+        second = program.ask("subscribe", variables=["near", "localized"])["subscription"]
+        clock.sleep(0.1)
+        codra.set("localized", False)
+        clock.sleep(0.1)
+        program.ask("unsubscribe", subscription=first)
+        codra.set("localized", True)
+        clock.sleep(0.1)
+    received = [
+        (message["subscription"], message["reading"]["variable"], message["reading"]["value"])
+        for message in program.notices("reading")
+    ]
+    assert received == [
+        (first, "near", None),
+        (second, "near", None),
+        (second, "localized", True),
+        (second, "localized", False),
+        (second, "localized", True),
+    ]
+
+
+def test_subscriptions_of_a_session_need_one_callback_for_each_change() -> None:
+    with running_program() as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        for _ in range(MAX_SUBSCRIPTIONS):
+            program.ask("subscribe", variables=["localized"])
+        clock.sleep(0.1)
+        started: list[object] = []
+        start = clock.start
+        clock.start = lambda run, deliver: (started.append(run), start(run, deliver))[1]  # type: ignore[method-assign]
+        codra.set("localized", False)
+        clock.sleep(0.1)
+        assert len(started) == 1
+    values = [message["reading"]["value"] for message in program.notices("reading")]
+    assert values == [True] * MAX_SUBSCRIPTIONS + [False] * MAX_SUBSCRIPTIONS
+
+
 WRONG: dict[str, tuple[dict[str, object], str, str]] = {
     "unknown variable": (
         {"ask": "get", "variable": "oben"},

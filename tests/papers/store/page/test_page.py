@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from http.client import HTTPConnection
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -19,7 +20,7 @@ from codra_dsl.runtime.knowledge import AgentModel, AttributeModel, Knowledge, K
 from codra_papers.experiments.pacing import Beat
 from codra_papers.store.knowledge import store_knowledge
 from codra_papers.store.page.app import MOST_WAITING_ORDERS
-from codra_papers.store.page.connections import MOST_CONNECTIONS
+from codra_papers.store.page.connections import MOST_CONNECTIONS, MOST_REQUESTS_AT_ONCE
 from codra_papers.store.page.desk import MOST_WAITING, BusyError, Desk
 from codra_papers.store.page.requests import MOST_BYTES
 from codra_papers.store.page.server import PageServer
@@ -372,6 +373,15 @@ def test_connections_that_wait_for_their_clients_keep_nobody_out(shop: OpenShop,
             assert shop.ask("GET", "/view")[0] == 200
 
 
+def test_many_connections_at_once_leave_only_as_many_open_as_allowed(shop: OpenShop) -> None:
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    with ExitStack() as stack:
+        clients = [stack.enter_context(connect(shop)) for _ in range(4 * MOST_CONNECTIONS)]
+        assert shop.ask("GET", "/view")[0] == 200
+        shop.during(lambda: is_closed(clients[0]))
+        assert len(list(Path("/proc/self/fd").iterdir())) - before - len(clients) <= MOST_CONNECTIONS + 1
+
+
 def is_closed(connection: socket.socket) -> bool:
     try:
         while connection.recv(65_536):
@@ -400,6 +410,26 @@ def test_a_connection_ends_if_its_client_sends_no_complete_header_in_time(
         shop.during(lambda: read_until(stream, lambda read: b"data: " in read))
         shop.say("/load", load="full")
         shop.during(lambda: read_until(stream, lambda read: b'"value":"full"' in read))
+
+
+def test_many_requests_of_one_connection_are_answered_in_order_and_wait_for_others(
+    shop: OpenShop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("codra_papers.store.page.connections.REQUEST_PERIOD_S", 0.02)
+    line = b"GET /nowhere%d HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n\r\n"
+    requests = b"".join(line % number for number in range(2 * MOST_REQUESTS_AT_ONCE))
+    with connect(shop, requests) as greedy:
+        read = shop.during(
+            lambda: read_until(greedy, lambda read: read.count(b"HTTP/1.1 404") == 2 * MOST_REQUESTS_AT_ONCE)
+        )
+        assert shop.ask("GET", "/view")[0] == 200
+    assert read.count(b"HTTP/1.1") == 2 * MOST_REQUESTS_AT_ONCE
+
+
+def test_a_connection_that_ends_while_its_requests_wait_does_no_harm(shop: OpenShop) -> None:
+    with connect(shop, SLOW_REQUESTS["finished"] * 3 * MOST_REQUESTS_AT_ONCE) as greedy:
+        shop.during(lambda: read_until(greedy, lambda read: read.count(b"HTTP/1.1 204") == MOST_REQUESTS_AT_ONCE))
+    assert shop.ask("GET", "/view")[0] == 200
 
 
 def test_one_request_in_progress_too_many_gets_an_error(shop: OpenShop, monkeypatch: pytest.MonkeyPatch) -> None:
