@@ -22,6 +22,9 @@ OWNER_ONLY = 0o600
 
 LOOPBACK = "127.0.0.1"
 
+_BACKLOG = 1_024
+"""How many connections may wait until they are accepted."""
+
 RESPONSE_TIMEOUT_S = 5.0
 """How long the other side may take to read, and how long the manager may take to answer.
 
@@ -87,7 +90,7 @@ def open_listener(address: Address) -> socket.socket:
         listener.bind(endpoint)
         if not isinstance(address, int):
             Path(address).chmod(OWNER_ONLY)  # whatever the umask is; until `listen`, nobody can connect
-        listener.listen()
+        listener.listen(_BACKLOG)
     except (OSError, OverflowError) as error:
         listener.close()
         number = getattr(error, "errno", None) or errno.EADDRNOTAVAIL

@@ -115,16 +115,19 @@ class Server:
         events = {key.fileobj: event for key, event in self._selector.select(self._wait_s())}
         if self._wake_receiver in events:
             self._wake_receiver.recv(4096)
-        if self._socket in events:
-            self._accept()
         for connection in tuple(self._connections):
-            connection.take_turn(events.get(connection.peer, 0))
-            if connection.is_over:
-                self._drop(connection)
-            else:
-                self._watch(connection.peer, connection.interest)
+            self._take_turn(connection, events.get(connection.peer, 0))
+        if self._socket in events:
+            self._accept()  # after the turns: a first request that has arrived keeps the place of its connection
         may_accept = not self._is_closed and self._codra.clock.now_s() >= self._accept_from_s
         self._watch(self._socket, EVENT_READ if may_accept else 0)
+
+    def _take_turn(self, connection: Connection, events: int) -> None:
+        connection.take_turn(events)
+        if connection.is_over:
+            self._drop(connection)
+        else:
+            self._watch(connection.peer, connection.interest)
 
     def _wait_s(self) -> float | None:
         """Return how long no connection needs a turn, unless its socket is ready; None for any time."""
@@ -168,9 +171,10 @@ class Server:
                 peer.close()
                 return
             self._connections.append(connection)
+        self._watch(peer, EVENT_READ)
         open_connections = [connection for connection in self._connections if not connection.is_closed]
         if len(open_connections) > MAX_CONNECTIONS:
-            _make_room(open_connections)
+            self._take_turn(_closed_for_room(open_connections), 0)
         closed_connections = [connection for connection in self._connections if connection.is_closed]
         if len(closed_connections) > MAX_CLOSED_CONNECTIONS:
             self._drop(closed_connections[0])
@@ -187,10 +191,11 @@ class Server:
             self._connections.remove(connection)
 
 
-def _make_room(connections: Sequence[Connection]) -> None:
-    """Close the oldest connection without a session; if there is none, close the newest connection."""
-    silent_connection = next((connection for connection in connections if not connection.has_session), connections[-1])
+def _closed_for_room(connections: Sequence[Connection]) -> Connection:
+    """Close the oldest connection without a session, or else the newest connection, and return it."""
+    silent_connection = next(connection for connection in connections if not connection.has_session)
     if silent_connection is connections[-1]:
         silent_connection.close(f"{MAX_CONNECTIONS} programs are connected already: connect again when one has left")
     else:
         silent_connection.close("a new connection has taken the place of this one, which sent no request")
+    return silent_connection

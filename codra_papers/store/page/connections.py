@@ -20,7 +20,7 @@ MOST_REFUSED_CONNECTIONS = 64
 HEADER_S = 5.0
 """The longest time until the header of a request is complete, from the begin of the connection or the last response."""
 
-MOST_REQUESTS_AT_ONCE = 20
+MOST_REQUESTS_AT_ONCE = 8
 REQUEST_PERIOD_S = 0.25
 """After `MOST_REQUESTS_AT_ONCE` requests, a connection may send one request in this time; others wait."""
 

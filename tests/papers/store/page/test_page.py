@@ -23,7 +23,7 @@ from codra_papers.store.page.app import MOST_WAITING_ORDERS
 from codra_papers.store.page.connections import MOST_CONNECTIONS, MOST_REQUESTS_AT_ONCE
 from codra_papers.store.page.desk import MOST_WAITING, BusyError, Desk
 from codra_papers.store.page.requests import MOST_BYTES
-from codra_papers.store.page.server import PageServer
+from codra_papers.store.page.server import MOST_ACCEPTED, PageServer
 from codra_papers.store.page.streaming import MOST_STREAMS
 from codra_papers.store.simulator.situations import Situation, StoreSettings
 from codra_papers.store.simulator.store import Store
@@ -379,7 +379,7 @@ def test_many_connections_at_once_leave_only_as_many_open_as_allowed(shop: OpenS
         clients = [stack.enter_context(connect(shop)) for _ in range(4 * MOST_CONNECTIONS)]
         assert shop.ask("GET", "/view")[0] == 200
         shop.during(lambda: is_closed(clients[0]))
-        assert len(list(Path("/proc/self/fd").iterdir())) - before - len(clients) <= MOST_CONNECTIONS + 1
+        assert len(list(Path("/proc/self/fd").iterdir())) - before - len(clients) <= MOST_CONNECTIONS + MOST_ACCEPTED
 
 
 def is_closed(connection: socket.socket) -> bool:
@@ -428,7 +428,7 @@ def test_many_requests_of_one_connection_are_answered_in_order_and_wait_for_othe
 
 def test_a_connection_that_ends_while_its_requests_wait_does_no_harm(shop: OpenShop) -> None:
     with connect(shop, SLOW_REQUESTS["finished"] * 3 * MOST_REQUESTS_AT_ONCE) as greedy:
-        shop.during(lambda: read_until(greedy, lambda read: read.count(b"HTTP/1.1 204") == MOST_REQUESTS_AT_ONCE))
+        shop.during(lambda: read_until(greedy, lambda read: read.count(b"HTTP/1.1 204") >= MOST_REQUESTS_AT_ONCE))
     assert shop.ask("GET", "/view")[0] == 200
 
 
