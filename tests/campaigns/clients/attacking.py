@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from random import Random
 from selectors import EVENT_READ, EVENT_WRITE, DefaultSelector
 
-PAUSE_S = 1.0
+PAUSE_S = 5.0
 """The mean pause between the end of a connection and the next one."""
 
 TRICKLE_S = 0.3
