@@ -49,7 +49,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases mutants fuzz kills whys crowd bench wheel clean check prerequisites browser
+.PHONY: demo rafcon test lint cases mutants fuzz kills whys crowd clients bench wheel clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -97,6 +97,10 @@ whys: $(READY)
 # Eight threads do ten thousand things with one context manager: does it hang, lose a wake-up, run what it should not?
 crowd: $(READY)
 	$(BIN)/python -m tests.campaigns.crowd 10000 1 2 3
+
+# Two thousand silent, slow and greedy clients: is everybody else still answered, and is everything released afterwards?
+clients: $(READY)
+	$(BIN)/python -m tests.campaigns.clients 2000
 
 # Each row of benchmarks/results.json, measured beside its peer in one run; leave the machine alone meanwhile.
 bench: $(READY) $(FUZZYLITE_READY)

@@ -52,6 +52,7 @@ def run(command: list[str], folder: Path, python: Path = Path(sys.executable)) -
     """Run a command of a page in its folder."""
     search_path = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"PYTHONPATH": search_path, "NO_COLOR": "1", "COLUMNS": "120"}
+    environment["XDG_STATE_HOME"] = str(folder / ".state")
     environment["PATH"] = f"{python.parent}{os.pathsep}{environment['PATH']}"
     for name in ("GITHUB_ACTIONS", "PYTEST_ADDOPTS"):  # settings of this run do not apply to those commands
         environment.pop(name, None)

@@ -44,6 +44,9 @@ _LOGGER = logging.getLogger(__name__)
 _LONGEST_WAIT_S = 3600.0
 """The dispatcher waits at most this long before it checks its events again."""
 
+_MIN_EVENTS_TO_CLEAN = 1_000
+"""Cancelled events are removed only if there are more events than this."""
+
 _LAST_EVENTS_OFFSET = 2**62
 """Added to the number of an event that runs after all other events of its instant; usual numbers are smaller."""
 
@@ -75,6 +78,11 @@ class Timer:
     def cancel(self) -> None:
         """Cancel the event. If the event has already happened, this has no effect."""
         self._callback = None
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Return whether the event was cancelled or has happened."""
+        return self._callback is None
 
     def fire(self) -> None:
         """Run the callback, unless the event was cancelled."""
@@ -290,6 +298,7 @@ class WallClock(Clock):
         self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
         self._condition = threading.Condition()
         self._events: list[tuple[float, int, Timer]] = []
+        self._max_events = _MIN_EVENTS_TO_CLEAN
         self._event_count = 0
         self._waiter_count = 0
         self._is_closed = False
@@ -324,6 +333,8 @@ class WallClock(Clock):
             with self._condition:
                 heapq.heappush(self._events, (instant_s, self._event_count, timer))
                 self._event_count += 1
+                if len(self._events) > self._max_events:
+                    self._remove_cancelled_events()
                 self._condition.notify_all()
         return timer
 
@@ -362,6 +373,12 @@ class WallClock(Clock):
 
         threading.Thread(target=run_and_deliver, name="codra-work", daemon=True).start()
         return work
+
+    def _remove_cancelled_events(self) -> None:
+        """Remove cancelled events, which would otherwise stay in memory until their instants."""
+        self._events = [event for event in self._events if not event[2].is_cancelled]
+        heapq.heapify(self._events)
+        self._max_events = max(_MIN_EVENTS_TO_CLEAN, 2 * len(self._events))
 
     def _dispatch(self) -> None:
         while (timer := self._next_due_timer()) is not None:

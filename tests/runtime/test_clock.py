@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.runtime import Clock, SimClock, WallClock
-from codra_dsl.runtime.clock import Cancelled, Work
+from codra_dsl.runtime.clock import Cancelled, Timer, Work
 from codra_dsl.runtime.locked_clock import LockedClock
 from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
@@ -195,6 +196,19 @@ def test_events_with_hostile_exceptions_do_not_stop_the_others(
     assert wall.wait_until(lambda: bool(happened), 60)
     assert caplog.messages == ["an event failed"] * len(HOSTILE_ERRORS)
     assert all(text in caplog.text for text in HOSTILE_ERRORS.values())
+
+
+def test_cancelled_real_events_need_no_memory_until_their_instants(wall: WallClock) -> None:
+    happened = threading.Event()
+    far_s = wall.now_s() + 1e9
+    kept_timers = [wall.call_at(far_s, lambda: None) for _ in range(10)]
+    for _ in range(20_000):
+        wall.call_at(far_s, lambda: None).cancel()
+    wall.call_at(wall.now_s(), happened.set)
+    assert happened.wait(60.0)
+    cancelled_timers = [thing for thing in gc.get_objects() if isinstance(thing, Timer) and thing.is_cancelled]
+    assert len(cancelled_timers) < 2_000
+    assert not any(timer.is_cancelled for timer in kept_timers)
 
 
 def test_an_event_must_not_wait_in_real_time_either(wall: WallClock) -> None:

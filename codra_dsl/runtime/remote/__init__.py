@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 from codra_dsl.runtime.remote.client import RemoteContext
-from codra_dsl.runtime.remote.protocol import VERSION, LeaseError, MessageError
+from codra_dsl.runtime.remote.protocol import VERSION, LeaseError, MessageError, TokenError
 from codra_dsl.runtime.remote.server import Server
 from codra_dsl.runtime.remote.session import Send, Session, open_session
 
-__all__ = ["VERSION", "LeaseError", "MessageError", "RemoteContext", "Send", "Server", "Session", "open_session"]
+__all__ = [
+    "VERSION",
+    "LeaseError",
+    "MessageError",
+    "RemoteContext",
+    "Send",
+    "Server",
+    "Session",
+    "TokenError",
+    "open_session",
+]

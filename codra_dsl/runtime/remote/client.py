@@ -26,6 +26,7 @@ from codra_dsl.runtime.remote.json_lines import (
 )
 from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, reading_of
 from codra_dsl.runtime.remote.session import LEASE_S
+from codra_dsl.runtime.remote.token import read_token
 from codra_dsl.runtime.values.cell import Reading
 
 Answer = TypeVar("Answer")
@@ -67,20 +68,24 @@ class RemoteContext:
         hello: the manager's answer to `hello`: spec, party, lease, instant, variables and skills.
     """
 
-    def __init__(self, address: Address, *, lease_s: float = LEASE_S) -> None:
+    def __init__(self, address: Address, *, lease_s: float = LEASE_S, token: str | None = None) -> None:
         """Connect.
 
         Args:
             address: the path of a Unix socket, or a port of 127.0.0.1.
             lease_s: how long declarations are kept after the last message of this process.
+            token: the token of a manager at a port; by default it is read from the manager's token file.
 
         Raises:
-            ConnectionError: if no manager listens at the address.
+            ConnectionError: if no manager listens at the address, its token cannot be read, or it has no place left.
+            TokenError: if the manager has another token.
         """
         try:
             self._socket = with_send_timeout(connect(address, RESPONSE_TIMEOUT_S))
         except OSError as error:
             raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
+        if token is None:
+            token = self._read_token(address)
         self._lock = threading.Lock()
         self._numbers = itertools.count(1)
         self._futures: dict[int, Future[PlainData]] = {}
@@ -91,7 +96,7 @@ class RemoteContext:
         for target in (self._read, self._call_back):
             threading.Thread(target=target, name="codra-client", daemon=True).start()
         try:
-            self.hello = self._ask("hello", lease_s=lease_s)
+            self.hello = self._ask("hello", lease_s=lease_s, **({} if token is None else {"token": token}))
         except BaseException:
             self._end("the manager refused the connection")
             raise
@@ -187,6 +192,13 @@ class RemoteContext:
         number = self._await_answer(request_number, future, RESPONSE_TIMEOUT_S)["subscription"]
         return lambda: self._unsubscribe(number)
 
+    def _read_token(self, address: Address) -> str | None:
+        try:
+            return read_token(address) if isinstance(address, int) else None
+        except ConnectionError:
+            self._socket.close()
+            raise
+
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer:
         try:
             value = otherwise()
@@ -235,9 +247,8 @@ class RemoteContext:
         self._end(reason)
 
     def _handle_message(self, message: Any) -> None:
-        notice_or_error = message if message.get("notice") == "lease_over" else message.get("error", {})
-        if "lease_over" in (notice_or_error.get("notice"), notice_or_error.get("kind")):
-            raise OSError(notice_or_error["message"])
+        if message.get("notice") in ("lease_over", "closed"):
+            raise OSError(message["message"])
         if message.get("notice") == "reading":
             self._reading_notices.put(message)
         elif (future := self._futures.pop(message["id"], None)) is None:

@@ -5,18 +5,25 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
+import math
 import socket
 import struct
 from pathlib import Path
 from typing import BinaryIO
 
-from codra_dsl.runtime.journal.encoding import bytes_of, json_text
+from codra_dsl.runtime.journal.encoding import bytes_of
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData
 
-MAX_LINE_BYTES = 1 << 20
-"""The maximum size of a message in bytes."""
+MAX_LINE_BYTES = 1 << 18
+"""The maximum size of a request in bytes."""
+
+OWNER_ONLY = 0o600
+"""The permissions of the Unix socket and of the token file: only the user of the manager may use them."""
 
 LOOPBACK = "127.0.0.1"
+
+_BACKLOG = 1_024
+"""How many connections may wait until they are accepted."""
 
 RESPONSE_TIMEOUT_S = 5.0
 """How long the other side may take to read, and how long the manager may take to answer.
@@ -28,25 +35,29 @@ Address = Path | str | int
 """Where a manager listens: the path of a Unix socket, or a port of this machine."""
 
 
+_encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
+
+
 def line_of(message: PlainData) -> bytes:
-    """Return the line that carries a message; an infinite number becomes `1e999`, and NaN becomes null.
+    """Return the line that carries a message.
 
     Raises:
+        MessageError: if the message holds a number that is not finite, which JSON cannot express.
         TypeError: if the message holds anything but plain data.
     """
-    return bytes_of(json_text(message)) + b"\n"
+    try:
+        return bytes_of(_encode(message)) + b"\n"
+    except ValueError:
+        raise MessageError("a message can hold no infinite number and no NaN") from None
 
 
 def read_line(stream: BinaryIO) -> bytes | None:
-    """Return the next line without its line end; None after the last line.
+    """Return the next line of a manager without its line end; None after the last line.
 
     Raises:
-        MessageError: if the line is too long; then the stream cannot be used any further.
         OSError: if the stream cannot be read.
     """
-    line = stream.readline(MAX_LINE_BYTES + 1)
-    if len(line) > MAX_LINE_BYTES:
-        raise MessageError(f"a message may have at most {MAX_LINE_BYTES} bytes")
+    line = stream.readline()
     return line.rstrip(b"\r\n") if line.endswith(b"\n") else None
 
 
@@ -54,10 +65,12 @@ def message_of(line: bytes) -> object:
     """Return the message that a line carries.
 
     Raises:
-        MessageError: if the line is not JSON.
+        MessageError: if the line is not JSON, or holds a number that is not finite.
     """
     try:
-        return json.loads(line, parse_constant=_refuse)
+        return json.loads(line, parse_constant=_refuse, parse_float=_finite_number)
+    except MessageError:
+        raise
     except (ValueError, RecursionError) as error:
         raise MessageError(f"this line is not JSON: {error}") from None
 
@@ -75,7 +88,9 @@ def open_listener(address: Address) -> socket.socket:
         if isinstance(address, int):
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(endpoint)
-        listener.listen()
+        if not isinstance(address, int):
+            Path(address).chmod(OWNER_ONLY)  # whatever the umask is; until `listen`, nobody can connect
+        listener.listen(_BACKLOG)
     except (OSError, OverflowError) as error:
         listener.close()
         number = getattr(error, "errno", None) or errno.EADDRNOTAVAIL
@@ -116,7 +131,14 @@ def _create_socket(address: Address) -> tuple[socket.socket, str | tuple[str, in
 
 
 def _refuse(constant: str) -> object:
-    raise ValueError(f"{constant} is not a JSON number")
+    raise MessageError(f"{constant} is not a JSON number: the numbers in a message are finite")
+
+
+def _finite_number(text: str) -> float:
+    number = float(text)
+    if math.isinf(number):
+        raise MessageError(f"the number {text[:20]} is too large: the numbers in a message are finite")
+    return number
 
 
 def with_send_timeout(connection: socket.socket) -> socket.socket:
@@ -130,8 +152,3 @@ def shut_down(connection: socket.socket) -> None:
     with contextlib.suppress(OSError):
         connection.shutdown(socket.SHUT_RDWR)
     connection.close()
-
-
-def is_http_request(line: bytes) -> bool:
-    """Return whether a line that is not JSON begins an HTTP request."""
-    return b" HTTP/" in line

@@ -31,6 +31,17 @@ PlainData = dict[str, Any]
 MAX_NAMES = 10_000
 """The maximum number of names in one request."""
 
+MAX_ID_CHARACTERS = 128
+"""The maximum length of the `id` of a request."""
+
+MAX_ID = 2**63 - 1
+"""The largest `id` of a request that is a number."""
+
+MAX_NAME_CHARACTERS = 1_000
+"""The maximum length of a name in a request."""
+
+MAX_ERROR_CHARACTERS = 2_000
+"""The maximum length of the message of an error; the rest is cut off, because errors repeat parts of requests."""
 
 LARGEST_NUMBER = sys.float_info.max
 """The largest finite number; integers in JSON can be larger than this."""
@@ -39,8 +50,8 @@ LARGEST_NUMBER = sys.float_info.max
 class FieldType(StrEnum):
     """The type of a field of a request."""
 
-    TEXT = "a text"
-    TEXTS = "a list of texts"
+    TEXT = f"a text of at most {MAX_NAME_CHARACTERS} characters"
+    TEXTS = f"a list of at most {MAX_NAMES} texts"
     INTEGER = "an integer"
     NUMBER = "a finite number"
     DURATION = "a finite number that is not negative"
@@ -52,10 +63,10 @@ class FieldType(StrEnum):
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
         match self:
             case FieldType.TEXT:
-                return isinstance(value, str)
+                return _is_name(value)
             case FieldType.TEXTS:
                 is_list = isinstance(value, (list, tuple)) and len(value) <= MAX_NAMES
-                return is_list and all(isinstance(name, str) for name in value)  # type: ignore[attr-defined]
+                return is_list and all(map(_is_name, value))  # type: ignore[call-overload]
             case FieldType.INTEGER:
                 return isinstance(value, int) and is_number
             case FieldType.NUMBER:
@@ -68,6 +79,10 @@ class FieldType(StrEnum):
                 return is_number or isinstance(value, (bool, str))
 
 
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and len(value) <= MAX_NAME_CHARACTERS
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestShape:
     """The fields of one kind of request."""
@@ -77,7 +92,7 @@ class RequestShape:
 
 
 REQUESTS: Mapping[str, RequestShape] = {
-    "hello": RequestShape(optional={"lease_s": FieldType.DURATION}),
+    "hello": RequestShape(optional={"lease_s": FieldType.DURATION, "token": FieldType.TEXT}),
     "keep": RequestShape(),
     "declare": RequestShape(required={"variable": FieldType.TEXT}, optional={"value": FieldType.VALUE}),
     "withdraw": RequestShape(required={"variable": FieldType.TEXT}),
@@ -117,9 +132,14 @@ class LeaseError(RuntimeError):
     """A request came from a session that is over."""
 
 
+class TokenError(PermissionError):
+    """A connection to a port does not begin with `hello` and the token of the manager."""
+
+
 ERRORS: Mapping[str, type[Exception]] = {
     "malformed": MessageError,
     "lease_over": LeaseError,
+    "wrong_token": TokenError,
     "unknown_name": UnknownNameError,
     "not_declared": NotDeclaredError,
     "not_a_source": NotASourceError,
@@ -154,20 +174,27 @@ def request_of(message: object) -> Request:
     """
     if not isinstance(message, Mapping):
         raise MessageError("a message must be a mapping")
+    if message.get("id") is not None and id_of(message) is None:
+        raise MessageError(f"`id` must be a text of at most {MAX_ID_CHARACTERS} characters or an integer of 64 bits")
     if message.get("codra") != VERSION or isinstance(message["codra"], bool):
         raise MessageError(f"this interface has version {VERSION}: set `codra: {VERSION}`")
     ask = message.get("ask")
     if not isinstance(ask, str) or ask not in REQUESTS:
-        raise MessageError(f"`ask` must be one of {', '.join(REQUESTS)}{suggestion_text(str(ask), REQUESTS)}")
+        name = ask if isinstance(ask, str) and len(ask) <= MAX_NAME_CHARACTERS else ""
+        raise MessageError(f"`ask` must be one of {', '.join(REQUESTS)}{suggestion_text(name, REQUESTS)}")
     fields = {key: content for key, content in message.items() if key not in ("codra", "id", "ask")}
     _check_fields(ask, fields)
     return Request(id=id_of(message), ask=ask, fields=fields)
 
 
 def id_of(message: object) -> int | str | None:
-    """Return the `id` of a message; None if it is missing or neither an integer nor a text."""
+    """Return the `id` of a message; None if it is missing, too long, or neither an integer nor a text."""
     message_id = message.get("id") if isinstance(message, Mapping) else None
-    return message_id if isinstance(message_id, (int, str)) and not isinstance(message_id, bool) else None
+    if isinstance(message_id, str):
+        return message_id if len(message_id) <= MAX_ID_CHARACTERS else None
+    if isinstance(message_id, int) and not isinstance(message_id, bool):
+        return message_id if abs(message_id) <= MAX_ID else None
+    return None
 
 
 def answer_to(request_id: int | str | None, answer: PlainData) -> PlainData:
@@ -178,7 +205,7 @@ def answer_to(request_id: int | str | None, answer: PlainData) -> PlainData:
 def error_to(request_id: int | str | None, error: Exception) -> PlainData:
     """Return the message that reports the error of a request."""
     kind = next(kind for kind, error_type in ERRORS.items() if isinstance(error, error_type))
-    return {"codra": VERSION, "id": request_id, "error": {"kind": kind, "message": str(error)}}
+    return {"codra": VERSION, "id": request_id, "error": {"kind": kind, "message": str(error)[:MAX_ERROR_CHARACTERS]}}
 
 
 def notice(notice_kind: str, **fields: object) -> PlainData:
@@ -196,11 +223,16 @@ REPORTED_ERRORS = tuple(ERRORS.values())
 
 
 def plain_reading(reading: Reading[Any]) -> PlainData:
-    """Return a reading as plain data; infinite instants and an unknown value are None."""
+    """Return a reading as plain data; infinite instants and an unknown value are None.
+
+    An infinite value, which JSON cannot express, is left out; `infinite` is then 1 or -1.
+    """
+    value = reading.content
+    is_infinite = isinstance(value, float) and math.isinf(value)
     return {
         "variable": reading.name,
         "known": reading.known,
-        "value": reading.content,
+        **({"infinite": 1 if value == math.inf else -1} if is_infinite else {"value": value}),
         "reason": None if reading.reason is None else reading.reason.value,
         "detail": reading.detail,
         "source": reading.source,
@@ -213,7 +245,7 @@ def reading_of(plain: Mapping[str, Any]) -> Reading[Any]:
     instants = {name: plain[name] for name in _INSTANTS if plain[name] is not None}
     return Reading(
         name=plain["variable"],
-        content=plain["value"],
+        content=plain["infinite"] * math.inf if "infinite" in plain else plain["value"],
         reason=None if plain["reason"] is None else Reason(plain["reason"]),
         detail=plain["detail"],
         source=plain["source"],
@@ -236,6 +268,7 @@ def _check_fields(ask: str, fields: PlainData) -> None:
             raise MessageError(f"`{ask}` needs `{name}`: {shape.required[name]}")
     for name, value in fields.items():
         if name not in field_types:
-            raise MessageError(f"`{ask}` has no field {name!r}{suggestion_text(str(name), field_types)}")
+            shown_name = str(name)[:MAX_NAME_CHARACTERS]
+            raise MessageError(f"`{ask}` has no field {shown_name!r}{suggestion_text(shown_name, field_types)}")
         if not field_types[name].holds(value):
             raise MessageError(f"`{name}` of `{ask}` must be {field_types[name]}")

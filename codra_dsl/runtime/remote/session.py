@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,15 @@ MAX_LOOKING_DECISIONS = 1_000
 
 If there are more, the oldest decision is abandoned.
 """
+
+MAX_WAITING_DECISIONS = 1_000
+"""The maximum number of decisions of a session that wait for context."""
+
+MAX_RUNNING_SKILLS = 100
+"""The maximum number of skills of a session that run at the same time."""
+
+MAX_SUBSCRIPTIONS = 100
+"""The maximum number of subscriptions of a session; one subscription may have many variables."""
 
 LEASE_S = 5.0
 """How long a session lasts without a message, unless its main execution requests another time."""
@@ -84,7 +93,8 @@ class Session:
         self._running_skills: set[int] = set()
         self._looking_decisions: dict[int, PendingDecision] = {}
         self._waiting_decisions: dict[int, _WaitingDecision] = {}
-        self._subscriptions: dict[int, Subscription] = {}
+        self._subscriptions: dict[int, dict[str, object]] = {}
+        self._readings = Subscription(lambda: None)
         self._subscription_count = 0
         self._agents: dict[str, Agent[Any, Any]] = {}
         self._lease = Timer(math.inf, lambda: None)
@@ -117,8 +127,7 @@ class Session:
             self._end_reason = because
             self._commands.leave(self.party)
             self._lease.cancel()
-            for subscription in self._subscriptions.values():
-                subscription.unsubscribe()
+            self._readings.unsubscribe()
             for waiting_decision in self._waiting_decisions.values():
                 waiting_decision.end()
             for decision in (
@@ -139,7 +148,8 @@ class Session:
         handler: Callable[..., PlainData] = getattr(self, f"_{request.ask}")
         return handler(**request.fields)
 
-    def _hello(self, lease_s: float = LEASE_S) -> PlainData:
+    def _hello(self, lease_s: float = LEASE_S, token: str = "") -> PlainData:
+        del token  # the server has checked it, if it needs one
         self._lease_s = lease_s
         self._check_lease()
         return {
@@ -166,10 +176,11 @@ class Session:
         return {}
 
     def _expect(self, skills: list[str]) -> PlainData:
-        self._commands.expect([self._skill(name) for name in skills], caller=self.party)
+        self._commands.expect([self._skill(name) for name in dict.fromkeys(skills)], caller=self.party)
         return {}
 
     def _begin(self, skill: str) -> PlainData:
+        _check_number("skills in progress", self._running_skills, MAX_RUNNING_SKILLS)
         number = self._commands.begin(self._skill(skill), caller=self.party)
         self._running_skills.add(number)
         return {"number": number}
@@ -201,22 +212,38 @@ class Session:
         return {}
 
     def _subscribe(self, variables: list[str]) -> PlainData:
-        names = list(dict.fromkeys(self._variable(name).name for name in variables))
+        _check_number("subscriptions", self._subscriptions, MAX_SUBSCRIPTIONS)
+        last_states: dict[str, object] = {self._variable(name).name: None for name in variables}
         self._subscription_count += 1
-        number = self._subscription_count
+        self._subscriptions[self._subscription_count] = last_states
+        self._subscribe_once(self._subscription_count)
+        return {"subscription": self._subscription_count}
 
-        def send_reading(reading: Reading[Any]) -> None:
-            with self._lock:  # send after the answer with the number, and never after the answer to `unsubscribe`
-                if number in self._subscriptions:
+    def _subscribe_once(self, generation: int) -> None:
+        """Replace the subscription to the variables of all subscriptions of the session.
+
+        There is only one, because each subscription may start a thread when a variable changes.
+        """
+        names = dict.fromkeys(name for last_states in self._subscriptions.values() for name in last_states)
+        self._readings.unsubscribe()
+        self._readings = self._codra.subscribe(names, lambda reading: self._send_reading(generation, reading))
+
+    def _send_reading(self, generation: int, reading: Reading[Any]) -> None:
+        """Send a reading to the subscriptions that do not have it, unless `_readings` was replaced in the meantime."""
+        state = (reading.content, reading.reason)
+        with self._lock:  # send after the answer with the number, and never after the answer to `unsubscribe`
+            if generation != self._subscription_count:
+                return
+            for number, last_states in tuple(self._subscriptions.items()):  # sending may end the session
+                if reading.name in last_states and last_states[reading.name] != state:
+                    last_states[reading.name] = state
                     self._send(notice("reading", subscription=number, reading=plain_reading(reading)))
 
-        self._subscriptions[number] = self._codra.subscribe(names, send_reading)
-        return {"subscription": number}
-
     def _unsubscribe(self, subscription: int) -> PlainData:
-        if subscription not in self._subscriptions:
+        if self._subscriptions.pop(subscription, None) is None:
             raise MessageError(f"there is no subscription {subscription}")
-        self._subscriptions.pop(subscription).unsubscribe()
+        if not self._subscriptions:
+            self._readings.unsubscribe()
         return {}
 
     def _leave(self) -> PlainData:
@@ -226,6 +253,7 @@ class Session:
     # Decisions
 
     def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> PlainData | None:
+        _check_number("decisions that wait", self._waiting_decisions, MAX_WAITING_DECISIONS)
         decision = self._codra.ask(variable, **options)
         if decision.state is not DecisionState.WAITING:
             return self._decision_answer(decision)
@@ -302,6 +330,11 @@ class Session:
     def _check_begun(self, number: int) -> None:
         if number not in self._running_skills:
             raise MessageError(f"no skill in progress has number {number}")
+
+
+def _check_number(what: str, elements: Sized, maximum: int) -> None:
+    if len(elements) >= maximum:
+        raise ValueError(f"a session may have at most {maximum} {what}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,13 +12,19 @@ import uvicorn
 
 from codra_dsl.runtime import VariableModel
 from codra_papers.store.page.app import PageApp
+from codra_papers.store.page.connections import LimitedConnection
 from codra_papers.store.page.desk import Desk
 from codra_papers.store.page.feed import Feed
 from codra_papers.store.page.view import shown_attributes
 from codra_papers.store.simulator.store import Store
 
 HOST = "127.0.0.1"
-MOST_CONNECTIONS = 128
+BACKLOG = 1_024
+"""How many clients may wait until their connections are accepted."""
+
+MOST_ACCEPTED = 16
+"""The largest number of connections that are accepted before open connections are served again."""
+
 MOST_HEADER_BYTES = 16_384
 SHUTDOWN_TIMEOUT_S = 1
 """How long open requests may take after the run is over."""
@@ -43,7 +49,7 @@ class PageServer:
         Raises:
             OSError: the port is in use.
         """
-        self._socket = socket.create_server((HOST, port), backlog=MOST_CONNECTIONS)
+        self._socket = socket.create_server((HOST, port), backlog=BACKLOG)
         self.port: int = self._socket.getsockname()[1]
         self.url = f"http://{HOST}:{self.port}/"
         self.desk = Desk()
@@ -76,6 +82,9 @@ class PageServer:
         end_task.cancel()
 
     async def _end_streams_at_exit(self) -> None:
+        while not self._server.started and not self._server.should_exit:
+            await asyncio.sleep(0.01)
+        self._socket.listen(BACKLOG)  # asyncio has set it to the number of connections that it accepts at once
         while not self._server.should_exit:
             await asyncio.sleep(0.1)
         self._app.end()
@@ -84,7 +93,7 @@ class PageServer:
 def _server_config(app: PageApp) -> uvicorn.Config:
     return uvicorn.Config(
         app.asgi,
-        http="h11",
+        http=LimitedConnection,
         ws="none",
         lifespan="on",
         log_config=None,
@@ -92,7 +101,7 @@ def _server_config(app: PageApp) -> uvicorn.Config:
         access_log=False,
         proxy_headers=False,
         server_header=False,
-        limit_concurrency=MOST_CONNECTIONS,
+        backlog=MOST_ACCEPTED,
         h11_max_incomplete_event_size=MOST_HEADER_BYTES,
         timeout_graceful_shutdown=SHUTDOWN_TIMEOUT_S,
     )

@@ -18,11 +18,24 @@ from hypothesis import strategies as some
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.observers.urgency import Urgency
-from codra_dsl.runtime.remote import VERSION, Session, open_session
+from codra_dsl.runtime.remote import VERSION, MessageError, Session, open_session
 from codra_dsl.runtime.remote.json_lines import line_of, message_of
-from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, FieldType
-from codra_dsl.runtime.remote.session import MAX_LOOKING_DECISIONS
+from codra_dsl.runtime.remote.protocol import (
+    ERRORS,
+    MAX_ID_CHARACTERS,
+    REQUESTS,
+    FieldType,
+    plain_reading,
+    reading_of,
+)
+from codra_dsl.runtime.remote.session import (
+    MAX_LOOKING_DECISIONS,
+    MAX_RUNNING_SKILLS,
+    MAX_SUBSCRIPTIONS,
+    MAX_WAITING_DECISIONS,
+)
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.values.cell import Reading
 from tests.runtime.door import MODEL, Door, Manager, started
 from tests.runtime.journal.journals import read
 
@@ -225,6 +238,47 @@ def test_a_subscriber_receives_each_new_reading() -> None:
         assert program.ask("unsubscribe", subscription=answer["subscription"])["kind"] == "malformed"
 
 
+def test_each_subscription_of_a_session_receives_its_variables_only_and_no_reading_twice() -> None:
+    with running_program() as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        first = program.ask("subscribe", variables=["near"])["subscription"]
+        clock.sleep(0.1)
+        second = program.ask("subscribe", variables=["near", "localized"])["subscription"]
+        clock.sleep(0.1)
+        codra.set("localized", False)
+        clock.sleep(0.1)
+        program.ask("unsubscribe", subscription=first)
+        codra.set("localized", True)
+        clock.sleep(0.1)
+    received = [
+        (message["subscription"], message["reading"]["variable"], message["reading"]["value"])
+        for message in program.notices("reading")
+    ]
+    assert received == [
+        (first, "near", None),
+        (second, "near", None),
+        (second, "localized", True),
+        (second, "localized", False),
+        (second, "localized", True),
+    ]
+
+
+def test_subscriptions_of_a_session_need_one_callback_for_each_change() -> None:
+    with running_program() as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        for _ in range(MAX_SUBSCRIPTIONS):
+            program.ask("subscribe", variables=["localized"])
+        clock.sleep(0.1)
+        started: list[object] = []
+        start = clock.start
+        clock.start = lambda run, deliver: (started.append(run), start(run, deliver))[1]  # type: ignore[method-assign]
+        codra.set("localized", False)
+        clock.sleep(0.1)
+        assert len(started) == 1
+    values = [message["reading"]["value"] for message in program.notices("reading")]
+    assert values == [True] * MAX_SUBSCRIPTIONS + [False] * MAX_SUBSCRIPTIONS
+
+
 WRONG: dict[str, tuple[dict[str, object], str, str]] = {
     "unknown variable": (
         {"ask": "get", "variable": "oben"},
@@ -256,13 +310,17 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
         "not_allowed",
         "evidence for 'localized' cannot be from 5.0: the present instant is 0.0",
     ),
-    "field missing": ({"ask": "get"}, "malformed", "`get` needs `variable`: a text"),
+    "field missing": ({"ask": "get"}, "malformed", "`get` needs `variable`: a text of at most 1000 characters"),
     "field unknown": (
         {"ask": "get", "variable": "open", "variabel": 1},
         "malformed",
         "`get` has no field 'variabel': did you mean 'variable'?",
     ),
-    "field of another kind": ({"ask": "get", "variable": ["open"]}, "malformed", "`variable` of `get` must be a text"),
+    "field of another kind": (
+        {"ask": "get", "variable": ["open"]},
+        "malformed",
+        "`variable` of `get` must be a text of at most 1000 characters",
+    ),
     "negative time": (
         {"ask": "decide", "variable": "open", "wait_up_to_s": -1},
         "malformed",
@@ -344,8 +402,98 @@ def test_lone_surrogates_break_neither_the_journal_nor_the_line(tmp_path: Path) 
     assert message_of(line_of({"id": "\ud800"})) == {"id": "\ud800"}
 
 
-def test_an_infinite_value_is_decoded_as_infinite() -> None:
-    assert message_of(line_of({"value": math.inf})) == {"value": math.inf}
+@pytest.mark.parametrize("infinite", [1, -1])
+def test_an_infinite_value_is_left_out_and_decoded_as_infinite(infinite: int) -> None:
+    reading = Reading(name="range", content=infinite * math.inf, source="scan", evidence_s=1.0)
+    line = line_of({"reading": plain_reading(reading)})
+    sent = json.loads(line, parse_constant=pytest.fail)["reading"]
+    assert ("value" in sent, sent["infinite"], sent["known"]) == (False, infinite, True)
+    assert reading_of(message_of(line)["reading"]) == reading  # type: ignore[index]
+
+
+def test_a_finite_reading_does_not_state_whether_it_is_infinite() -> None:
+    assert "infinite" not in plain_reading(Reading(name="range", content=1.0, source="scan", evidence_s=1.0))
+
+
+@pytest.mark.parametrize(
+    ("number", "message"),
+    [
+        ("NaN", "NaN is not a JSON number: the numbers in a message are finite"),
+        ("-Infinity", "-Infinity is not a JSON number: the numbers in a message are finite"),
+        ("1e999", "the number 1e999 is too large: the numbers in a message are finite"),
+        ("-1e999", "the number -1e999 is too large: the numbers in a message are finite"),
+        ("9" * 100 + ".0e999", f"the number {'9' * 20} is too large: the numbers in a message are finite"),
+    ],
+)
+def test_a_number_that_is_not_finite_is_refused(number: str, message: str) -> None:
+    with pytest.raises(MessageError) as refusal:
+        message_of(f'{{"codra": 1, "ask": "set", "variable": "x", "value": {number}}}'.encode())
+    assert str(refusal.value) == message
+
+
+@pytest.mark.parametrize("number", [math.inf, -math.inf, math.nan])
+def test_a_number_that_is_not_finite_is_not_sent(number: float) -> None:
+    with pytest.raises(MessageError, match="a message can hold no infinite number and no NaN"):
+        line_of({"codra": VERSION, "ask": "set", "variable": "x", "value": number})
+
+
+@pytest.mark.parametrize("message_id", ["x" * (MAX_ID_CHARACTERS + 1), 2**63, -(2**63), 1.5, True, ["a"], {}])
+def test_a_request_whose_id_is_too_long_or_of_another_type_is_refused(message_id: object) -> None:
+    with running_program() as (program, codra, _clock):
+        program.session.receive({"codra": VERSION, "id": message_id, "ask": "declare", "variable": "near"})
+        assert codra.declared() == frozenset()
+    (answer,) = program.received_messages
+    assert (answer["id"], answer["error"]["kind"]) == (None, "malformed")
+    assert answer["error"]["message"] == "`id` must be a text of at most 128 characters or an integer of 64 bits"
+
+
+@pytest.mark.parametrize("message_id", ["x" * MAX_ID_CHARACTERS, 2**63 - 1, 0, ""])
+def test_the_longest_ids_are_repeated(message_id: object) -> None:
+    with running_program() as (program, _codra, _clock):
+        program.session.receive({"codra": VERSION, "id": message_id, "ask": "keep"})
+    (answer,) = program.received_messages
+    assert (answer["id"], answer["answer"]) == (message_id, {"now_s": 0.0})
+
+
+LONG = "x" * 100_000
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"ask": LONG},
+        {"ask": "get", "variable": LONG},
+        {"ask": "get", LONG: 1},
+        {"ask": "get", "variable": "open", LONG: 1},
+        {"ask": "expect", "skills": [LONG]},
+        {"ask": "declare", "variable": "near", "value": LONG},
+        {"ask": "set", "variable": "near", "value": LONG, "agent": LONG},
+        {"ask": "hello", "token": LONG},
+    ],
+)
+def test_the_answer_to_a_wrong_request_is_short(fields: dict[str, Any]) -> None:
+    with running_program() as (program, _codra, _clock):
+        program.session.receive({"codra": VERSION, "id": 1, **fields})
+    (answer,) = program.received_messages
+    assert "error" in answer
+    assert len(line_of(answer)) < 2_500
+
+
+def test_a_session_has_limited_numbers_of_subscriptions_skills_and_waiting_decisions() -> None:
+    with running_program(Door(distance_m=5.0)) as (program, _codra, _clock):
+        for ask, fields, maximum, what in (
+            ("subscribe", {"variables": ["near"]}, MAX_SUBSCRIPTIONS, "subscriptions"),
+            ("begin", {"skill": "drive"}, MAX_RUNNING_SKILLS, "skills in progress"),
+            ("decide", {"variable": "open", "wait_up_to_s": 60.0}, MAX_WAITING_DECISIONS, "decisions that wait"),
+        ):
+            for _ in range(maximum):
+                program.send(ask, **fields)
+            assert program.ask(ask, **fields) == {
+                "kind": "not_allowed",
+                "message": f"a session may have at most {maximum} {what}",
+            }
+        program.ask("unsubscribe", subscription=1)
+        assert program.ask("subscribe", variables=["near"]) == {"subscription": MAX_SUBSCRIPTIONS + 1}
 
 
 anything = some.recursive(

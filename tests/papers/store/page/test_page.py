@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from http.client import HTTPConnection
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -19,9 +20,10 @@ from codra_dsl.runtime.knowledge import AgentModel, AttributeModel, Knowledge, K
 from codra_papers.experiments.pacing import Beat
 from codra_papers.store.knowledge import store_knowledge
 from codra_papers.store.page.app import MOST_WAITING_ORDERS
+from codra_papers.store.page.connections import MOST_CONNECTIONS, MOST_REQUESTS_AT_ONCE
 from codra_papers.store.page.desk import MOST_WAITING, BusyError, Desk
 from codra_papers.store.page.requests import MOST_BYTES
-from codra_papers.store.page.server import PageServer
+from codra_papers.store.page.server import MOST_ACCEPTED, PageServer
 from codra_papers.store.page.streaming import MOST_STREAMS
 from codra_papers.store.simulator.situations import Situation, StoreSettings
 from codra_papers.store.simulator.store import Store
@@ -347,6 +349,102 @@ def test_too_many_browsers_get_an_error(shop: OpenShop) -> None:
         503,
         {"error": f"{MOST_STREAMS} browsers already follow this page; close one of them"},
     )
+
+
+# Connections
+
+
+def connect(shop: OpenShop, request: bytes = b"") -> socket.socket:
+    connection = socket.create_connection(("127.0.0.1", shop.page.port), timeout=10.0)
+    connection.sendall(request.replace(b"PORT", str(shop.page.port).encode()))
+    return connection
+
+
+SLOW_REQUESTS = {
+    "silent": b"",
+    "slow header": b"GET / HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\nx-",
+    "slow body": b"POST /load HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\nOrigin: http://127.0.0.1:PORT\r\n"
+    b"Content-Type: application/json\r\nContent-Length: 1000\r\n\r\n{",
+    "finished": b"GET /favicon.ico HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n\r\n",
+}
+
+
+@pytest.mark.parametrize("kind", SLOW_REQUESTS)
+def test_connections_that_wait_for_their_clients_keep_nobody_out(shop: OpenShop, kind: str) -> None:
+    with ExitStack() as stack:
+        for _ in range(2 * MOST_CONNECTIONS):
+            stack.enter_context(connect(shop, SLOW_REQUESTS[kind]))
+        for _ in range(3):
+            assert shop.ask("GET", "/view")[0] == 200
+
+
+def test_many_connections_at_once_leave_only_as_many_open_as_allowed(shop: OpenShop) -> None:
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    with ExitStack() as stack:
+        clients = [stack.enter_context(connect(shop)) for _ in range(4 * MOST_CONNECTIONS)]
+        assert shop.ask("GET", "/view")[0] == 200
+        shop.during(lambda: is_closed(clients[0]))
+        assert len(list(Path("/proc/self/fd").iterdir())) - before - len(clients) <= MOST_CONNECTIONS + MOST_ACCEPTED
+
+
+def is_closed(connection: socket.socket) -> bool:
+    try:
+        while connection.recv(65_536):
+            pass
+    except ConnectionResetError:
+        pass
+    return True
+
+
+@pytest.mark.parametrize("kind", ["silent", "slow header", "finished"])
+def test_a_connection_ends_if_its_client_sends_no_complete_header_in_time(
+    shop: OpenShop, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("codra_papers.store.page.connections.HEADER_S", 0.2)
+    with connect(shop, SLOW_REQUESTS[kind]) as connection, closing(shop.stream()) as stream:
+
+        def trickle() -> bool:
+            try:
+                for _ in range(5):
+                    connection.sendall(b"y")
+            except OSError:
+                pass
+            return is_closed(connection)
+
+        assert shop.during(trickle if kind == "slow header" else lambda: is_closed(connection))
+        shop.during(lambda: read_until(stream, lambda read: b"data: " in read))
+        shop.say("/load", load="full")
+        shop.during(lambda: read_until(stream, lambda read: b'"value":"full"' in read))
+
+
+def test_many_requests_of_one_connection_are_answered_in_order_and_wait_for_others(
+    shop: OpenShop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("codra_papers.store.page.connections.REQUEST_PERIOD_S", 0.02)
+    line = b"GET /nowhere%d HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n\r\n"
+    requests = b"".join(line % number for number in range(2 * MOST_REQUESTS_AT_ONCE))
+    with connect(shop, requests) as greedy:
+        read = shop.during(
+            lambda: read_until(greedy, lambda read: read.count(b"HTTP/1.1 404") == 2 * MOST_REQUESTS_AT_ONCE)
+        )
+        assert shop.ask("GET", "/view")[0] == 200
+    assert read.count(b"HTTP/1.1") == 2 * MOST_REQUESTS_AT_ONCE
+
+
+def test_a_connection_that_ends_while_its_requests_wait_does_no_harm(shop: OpenShop) -> None:
+    with connect(shop, SLOW_REQUESTS["finished"] * 3 * MOST_REQUESTS_AT_ONCE) as greedy:
+        shop.during(lambda: read_until(greedy, lambda read: read.count(b"HTTP/1.1 204") >= MOST_REQUESTS_AT_ONCE))
+    assert shop.ask("GET", "/view")[0] == 200
+
+
+def test_one_request_in_progress_too_many_gets_an_error(shop: OpenShop, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("codra_papers.store.page.connections.MOST_CONNECTIONS", 2)
+    with ExitStack() as stack:
+        for _ in range(2):
+            stream = stack.enter_context(closing(shop.stream()))
+            shop.during(lambda stream=stream: read_until(stream, lambda read: b"data: " in read))  # type: ignore[misc]
+        assert shop.ask("GET", "/view") == (503, {"error": "too many requests are in progress; try again"})
+    assert any(shop.ask("GET", "/view")[0] == 200 for _ in range(100))  # first the server must notice the ends
 
 
 def test_the_page_ends_with_the_run_though_browsers_look_at_it() -> None:
