@@ -157,9 +157,11 @@ class View:
     def _text_of_file(self, file: str) -> str | None:
         if file == STANDARD_INPUT:
             return self.text
-        path = self.root / file
+        from codra_dsl.language.load.yaml.source import MAX_BYTES
+        from codra_dsl.regular_files import read_regular_file
+
         try:
-            return path.read_text("utf-8", errors="replace") if path.is_file() else None
+            return read_regular_file(self.root / file, MAX_BYTES, within=self.root).decode("utf-8", errors="replace")
         except OSError:
             return None
 

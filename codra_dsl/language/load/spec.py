@@ -42,7 +42,7 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
         ValueError: if the file is not in the project.
     """
     findings = Findings()
-    return _load(read(path, _relative_path(path, root), findings, texts), path, root, findings, texts)
+    return _load(read(path, _relative_path(path, root), root, findings, texts), path, root, findings, texts)
 
 
 @paused_collector()
@@ -61,7 +61,7 @@ def _relative_path(path: Path, root: Path) -> str:
     try:
         return Path(os.path.normpath(path.absolute())).relative_to(os.path.normpath(root.absolute())).as_posix()
     except ValueError:
-        return path.resolve().relative_to(root.resolve()).as_posix()
+        return Path(os.path.realpath(path)).relative_to(os.path.realpath(root)).as_posix()
 
 
 def _load(
@@ -76,7 +76,7 @@ def _load(
         message = f"{shown(document.origin.source.file)} is a part: it has no 'name'"
         findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=help_text)
     parts = Parts(root, findings, texts)
-    parts.read_all(document, path.resolve())
+    parts.read_all(document, Path(os.path.realpath(path)))
     spec = _read_spec(document, name, parts, root, findings)
     return spec, _sorted_diagnostics(findings)
 
