@@ -101,7 +101,7 @@ def _run_app() -> int:
             raise
         say(f"codra: {_system_error_text(error)}")
         return ExitCode.FAILED
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - reported as a bug of codra
         say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
         say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
         return ExitCode.INTERNAL

@@ -25,6 +25,7 @@ MAX_SETTINGS_BYTES = 256 * 1024
 """The maximum size of a `pyproject.toml`. Parsing a file of this size takes less than a second."""
 
 _MAX_DOTS_IN_LINE = 100
+_MANY_DIGITS = re.compile("[0-9_]{4301,}")
 _TOML_STRING = re.compile(r'"(?:[^"\\\n]|\\(?:.|$))*(?:"|$)|\'[^\'\n]*(?:\'|$)', re.MULTILINE)
 
 _CODRA_TABLE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*\[{1,2}[ \t]*tool[ \t]*\.[ \t]*codra[ \t]*[.\]]", re.MULTILINE)
@@ -146,18 +147,20 @@ def parse_settings(text: str) -> Mapping[str, object]:
 
     Raises:
         TOMLDecodeError: if the text is not valid TOML.
-        ValueError: if a number or a key is too long, or a date does not exist.
+        ValueError: if a number or a key is too long. The message ends with the place, as in TOMLDecodeError.
         RecursionError: if the text is nested too deeply.
     """
     for number, line in enumerate(_TOML_STRING.sub("", text).split("\n"), start=1):
         if line.count(".") > _MAX_DOTS_IN_LINE:  # the time to parse a key grows with the cube of its parts
-            raise ValueError(f"line {number} has more than {_MAX_DOTS_IN_LINE} dots")
+            raise ValueError(f"more than {_MAX_DOTS_IN_LINE} dots in a line (at line {number}, column 1)")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+    except tomllib.TOMLDecodeError:  # this error has a place already
         raise
     except ValueError as error:  # Python converts no decimal number of more than 4,300 digits
-        raise ValueError("a number has too many digits, or a date does not exist") from error
+        match = _MANY_DIGITS.search(text)
+        line = text.count("\n", 0, 0 if match is None else match.start()) + 1
+        raise ValueError(f"a number has too many digits (at line {line}, column 1)") from error
 
 
 def _is_project(folder: Path) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -80,10 +79,8 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
         return Settings(), (_unreadable_finding("it begins with a byte order mark, which is invisible", 1, 1),)
     try:
         document = parse_settings(text)
-    except tomllib.TOMLDecodeError as error:
-        return Settings(), (_toml_finding(str(error), text),)
     except ValueError as error:
-        return Settings(), (_unreadable_finding(str(error), 1, 1),)
+        return Settings(), (_toml_finding(str(error), text),)
     except RecursionError:
         return Settings(), (_unreadable_finding("it is nested too deeply", 1, 1),)
     reader = _SettingsReader(document, text)

@@ -6,7 +6,6 @@ parsed. If the marker is then the wanted key or value of the parsed document, th
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -45,6 +44,8 @@ class TomlPlaces:
         """Return the place of a value, or the place of its key if the value is not found."""
         value = _value_at(parse_settings(self.text), steps)
         text = value if isinstance(value, str) else _literal_text(value)
+        if text is None:
+            return self.key(*steps)
         replacement = _MARKER if isinstance(value, str) else f"'{_MARKER}'"
         offsets = self._find_occurrence(text, replacement, lambda document: _value_at(document, steps) == _MARKER)
         return self.key(*steps) if offsets is None else self._place(*offsets)
@@ -53,11 +54,10 @@ class TomlPlaces:
         self, text: str, replacement: str, is_wanted: Callable[[dict[str, object]], bool]
     ) -> tuple[int, int] | None:
         """Return the range of the first occurrence whose replacement gives a document that `is_wanted` accepts."""
-        for match in re.finditer(re.escape(text), self.text):
-            if self._characters_left < len(self.text):
-                return None
+        start = -1
+        while self._characters_left >= len(self.text) and (start := self.text.find(text, start + 1)) >= 0:
             self._characters_left -= len(self.text)
-            start, end = match.span()
+            end = start + len(text)
             try:
                 if is_wanted(tomllib.loads(self.text[:start] + replacement + self.text[end:])):
                     is_quoted = start > 0 and self.text[start - 1] in _QUOTES
@@ -73,12 +73,12 @@ class TomlPlaces:
         return Place(Span(self.file, line, column, end_line, end_column))
 
 
-def _literal_text(value: object) -> str:
-    """Return the usual text of a value; empty for a hexadecimal number that has too many decimal digits."""
+def _literal_text(value: object) -> str | None:
+    """Return the usual text of a value; None for a hexadecimal number that has too many decimal digits."""
     try:
         return str(value).lower()
     except ValueError:
-        return ""
+        return None
 
 
 def _value_at(document: Any, steps: Sequence[str | int]) -> Any:
