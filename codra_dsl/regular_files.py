@@ -73,12 +73,17 @@ def _read_checked(path: Path | str, byte_count: int, within: Path | None, max_si
         raise OSError(errno.EINVAL, "the path is not valid", str(path)) from error
 
 
+def real_path(path: Path | str) -> Path:
+    """Return an absolute path with all links followed; unlike `Path.resolve`, this accepts links that form a circle."""
+    return Path(os.path.realpath(path))
+
+
 def leads_into(path: Path | str, folder: Path) -> bool:
     """Return whether a path is in a folder after all links of both are followed. Links that form a circle lead nowhere.
 
     A path that does not exist is in the folder if its name is.
     """
-    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+    return real_path(path).is_relative_to(real_path(folder))
 
 
 def _require_regular(status: os.stat_result, path: Path | str) -> None:

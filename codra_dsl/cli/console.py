@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, TextIO
 
 import typer
 
+from codra_dsl.regular_files import real_path
+
 if TYPE_CHECKING:
     from codra_dsl.generation.build_plan import BuildPlan
     from codra_dsl.language.diagnostics import Diagnostic, Severity
@@ -198,7 +200,7 @@ def folder_in_repository(root: Path) -> str:
     if not workspace:
         return ""
     try:
-        folder = root.resolve().relative_to(Path(workspace).resolve()).as_posix()
+        folder = real_path(root).relative_to(real_path(workspace)).as_posix()
     except (OSError, ValueError):
         return ""
     return "" if folder == "." else folder

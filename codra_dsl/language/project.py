@@ -159,8 +159,8 @@ def parse_settings(text: str) -> Mapping[str, object]:
         raise
     except ValueError as error:  # Python converts no decimal number of more than 4,300 digits
         match = _MANY_DIGITS.search(text)
-        line = text.count("\n", 0, 0 if match is None else match.start()) + 1
-        raise ValueError(f"a number has too many digits (at line {line}, column 1)") from error
+        line_number = text.count("\n", 0, 0 if match is None else match.start()) + 1
+        raise ValueError(f"a number has too many digits (at line {line_number}, column 1)") from error
 
 
 def _is_project(folder: Path) -> bool:

@@ -237,10 +237,10 @@ class Repository:
         for entry, data in zip(
             small_entries, self._read_blobs([entry.object_name for entry in small_entries]), strict=True
         ):
-            _write_file(entry, target_folder, lambda stream, data=data: stream.write(data))
+            _write_file(entry, target_folder, data)
         # Files that are too large are written without their data, but with a size that is reported as too large.
         for entry in set(file_entries) - set(small_entries):
-            _write_file(entry, target_folder, lambda stream: stream.truncate(MAX_FILE_BYTES + 1))
+            _write_file(entry, target_folder, None)
         return file_entries
 
     def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
@@ -303,14 +303,15 @@ def _may_matter(mode: bytes, name: bytes) -> bool:
     return mode == _SUBMODULE_MODE.encode() or name.endswith((b".yaml", b".yml")) or name == SETTINGS.encode()
 
 
-def _write_file(entry: _Entry, target_folder: Path, write: Callable[[IO[bytes]], object]) -> None:
+def _write_file(entry: _Entry, target_folder: Path, data: bytes | None) -> None:
+    """Write a file of a revision; None stands for a file that is too large."""
     target = target_folder / entry.path
     try:
         if len(entry.path.parts) > MAX_DEPTH:
             raise OSError(errno.ENAMETOOLONG, f"it is in more than {MAX_DEPTH} folders")
         target.parent.mkdir(parents=True, exist_ok=True)
         with target.open("xb") as stream:
-            write(stream)
+            stream.truncate(MAX_FILE_BYTES + 1) if data is None else stream.write(data)
     except OSError as error:
         name = ascii(str(entry.path))[1:-1]
         shown_name = name if len(name) <= _MAX_SHOWN_NAME else f"...{name[-_MAX_SHOWN_NAME:]}"

@@ -147,6 +147,37 @@ def test_a_link_to_itself_is_a_finding(project: Path, command: str, capfd: pytes
     assert "internal error" not in text
 
 
+@pytest.mark.parametrize("name", ["a" * 5000, "circle", "circle/inner", os.fsdecode(b"b\xff.yaml"), "pyproject.toml/x"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["lint", "@"],
+        ["lint", "specs", "--output", "@"],
+        ["compile", "@"],
+        ["compile", "specs", "--out", "@"],
+        ["graph", "@"],
+        ["diff", "specs", "@"],
+        ["diff", "specs", "specs", "@"],
+        ["init", "@"],
+        ["why", "@", "door_open"],
+        ["replay", "@"],
+        ["journal", "recover", "@", "out"],
+    ],
+    ids=" ".join,
+)
+def test_every_error_of_the_system_is_a_finding_or_one_line(
+    project: Path, command: list[str], name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (project / "circle").symlink_to("circle")
+    (project / os.fsdecode(b"b\xff.yaml")).write_text("codra: 1\nname: [\n")
+
+    code, text = codra(capfd, *(name if argument == "@" else argument for argument in command))
+
+    assert text
+    assert code in (1, 2), text
+    assert "internal error" not in text
+
+
 def test_a_tree_file_with_a_name_of_5000_letters_is_a_finding(project: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (project / "specs/door.yaml").write_text(DOOR + f"trees:\n  main: {{file: {'a' * 5000}.xml}}\n")
 

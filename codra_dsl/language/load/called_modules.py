@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from codra_dsl.regular_files import leads_into, read_regular_file
+from codra_dsl.regular_files import leads_into, read_regular_file, real_path
 
 MAX_MODULE_BYTES = 512 * 1024
 MAX_TOTAL_BYTES = 2 * 1024 * 1024
@@ -85,7 +85,7 @@ class ProjectModules:
 
     def __init__(self, root: Path) -> None:
         self.consulted_files: dict[str, None] = {}
-        self._root = Path(os.path.realpath(root))
+        self._root = real_path(root)
         self._modules: dict[str, Module | MissingModule | None] = {}
         self._folder_entries: dict[Path, frozenset[str] | None] = {}
         self._bytes_left = MAX_TOTAL_BYTES

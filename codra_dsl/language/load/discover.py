@@ -19,7 +19,7 @@ from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.rules import RULES
 from codra_dsl.language.load.yaml.source import MAX_BYTES, file_place
 from codra_dsl.language.project import yaml_files
-from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_beginning
+from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_beginning, real_path
 
 _NAME_KEY_PATTERN = re.compile(rb"\bname[\"']?[ \t]*:")
 _VERSION_KEY_PATTERN = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
@@ -46,7 +46,7 @@ class Files:
 
         `included_files` has the files of all specs, relative to the root.
         """
-        files = {_real_path(root / file) for file in included_files}
+        files = {real_path(root / file) for file in included_files}
         for part, place in self.parts.items():
             if part not in files:
                 yield Diagnostic(
@@ -69,7 +69,7 @@ def find_files(paths: Sequence[Path], root: Path) -> Files:
     for path in paths:
         spec_files = list(_specs_below(path, root, parts, findings)) if path.is_dir() else [path]
         for file in spec_files:
-            specs.setdefault(_real_path(file), file)
+            specs.setdefault(real_path(file), file)
     for file in specs.keys() & parts.keys():
         del parts[file]
     return Files(tuple(sorted(specs.values(), key=lambda file: file.as_posix())), parts, findings.all())
@@ -89,7 +89,7 @@ def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: F
             yield file
         elif data and (version_match := _VERSION_KEY_PATTERN.search(data)):
             line = data.count(b"\n", 0, version_match.start()) + 1
-            parts[_real_path(file)] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
+            parts[real_path(file)] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
     if not has_spec_or_error:
         help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...'"
         findings.add("no-spec", f"there is no spec in {shown(name)} or below", file_place(name), help=help_text)
@@ -101,11 +101,6 @@ def _relative_name(path: Path, root: Path) -> str:
         return path.absolute().relative_to(root.absolute()).as_posix()
     except ValueError:
         return path.as_posix()
-
-
-def _real_path(file: Path) -> Path:
-    """Return a path with all links followed; unlike `Path.resolve`, this accepts links that form a circle."""
-    return Path(os.path.realpath(file))
 
 
 def _read_beginning(file: Path, root: Path) -> bytes | None:

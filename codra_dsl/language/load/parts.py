@@ -13,6 +13,7 @@ from codra_dsl.language.load.schema.document import Document, read_document
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, MAX_BYTES, read
+from codra_dsl.regular_files import real_path
 
 MAX_PARTS = 1000
 MAX_INCLUDE_DEPTH = 16
@@ -45,7 +46,7 @@ class Parts:
         """
         self.documents: list[Document] = []
         self.is_complete = True
-        self._root = Path(os.path.realpath(root))
+        self._root = real_path(root)
         self._findings = findings
         self._texts = texts
         self._first_places: dict[Path, Place] = {}
@@ -104,7 +105,7 @@ class Parts:
             self._refuse("part-outside-project", f"{shown(text)} is not a relative path", place, help_text)
             return None
         try:
-            path = Path(os.path.realpath(open_file.path.parent / text))
+            path = real_path(open_file.path.parent / text)
             is_inside, is_file = path.is_relative_to(self._root), path.is_file()
         except (OSError, RuntimeError, ValueError):
             is_inside, is_file, path = True, False, open_file.path

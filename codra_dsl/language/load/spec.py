@@ -24,6 +24,7 @@ from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.reader import entries
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, accept, decode, read
 from codra_dsl.language.model import AnyName, Spec
+from codra_dsl.regular_files import real_path
 
 STANDARD_INPUT = "-"
 
@@ -61,7 +62,7 @@ def _relative_path(path: Path, root: Path) -> str:
     try:
         return Path(os.path.normpath(path.absolute())).relative_to(os.path.normpath(root.absolute())).as_posix()
     except ValueError:
-        return Path(os.path.realpath(path)).relative_to(os.path.realpath(root)).as_posix()
+        return real_path(path).relative_to(real_path(root)).as_posix()
 
 
 def _load(
@@ -76,7 +77,7 @@ def _load(
         message = f"{shown(document.origin.source.file)} is a part: it has no 'name'"
         findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=help_text)
     parts = Parts(root, findings, texts)
-    parts.read_all(document, Path(os.path.realpath(path)))
+    parts.read_all(document, real_path(path))
     spec = _read_spec(document, name, parts, root, findings)
     return spec, _sorted_diagnostics(findings)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from codra_dsl.generation.output import output_finding
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load.yaml.source import MAX_BYTES
-from codra_dsl.regular_files import read_regular_file
+from codra_dsl.regular_files import read_regular_file, real_path
 
 _LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
@@ -75,7 +75,7 @@ def _project_path(file: str, root: Path) -> Path:
         ValueError: if the path is outside of the project.
     """
     path = (root / file).resolve(strict=True)
-    path.relative_to(root.resolve())
+    path.relative_to(real_path(root))
     return path
 
 
