@@ -30,6 +30,8 @@ from codra_dsl.cli.shadow import shadow_command
 from codra_dsl.cli.sweep import sweep_command
 from codra_dsl.cli.why import why_command
 
+_MAX_SHOWN_NAME = 200
+
 app = typer.Typer(
     name="codra",
     cls=PluginGroup,
@@ -91,16 +93,29 @@ def _run_app() -> int:
         return error.code if isinstance(error.code, int) else ExitCode.FAILED if error.code else ExitCode.CLEAN
     except BrokenPipeError:
         raise
-    except Exception as error:
+    except OSError as error:
         if isinstance(error, FileNotFoundError) and not _current_folder_exists():
             say("codra: the current folder does not exist any more: change to another folder")
             return ExitCode.USAGE
-        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        if error.errno == errno.ENOSPC:
             raise
+        say(f"codra: {_system_error_text(error)}")
+        return ExitCode.FAILED
+    except Exception as error:  # noqa: BLE001 - reported as a bug of codra
         say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
         say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
         return ExitCode.INTERNAL
     return ExitCode.CLEAN
+
+
+def _system_error_text(error: OSError) -> str:
+    """Return one line about an error of the operating system: the file, if there is one, and the reason."""
+    reason = error.strerror or str(error) or type(error).__name__
+    if error.filename is None:
+        return f"the system refuses an operation: {reason}"
+    name = ascii(os.fsdecode(error.filename))[1:-1] if isinstance(error.filename, str | bytes) else str(error.filename)
+    shown_name = name if len(name) <= _MAX_SHOWN_NAME else f"...{name[-_MAX_SHOWN_NAME:]}"
+    return f"cannot access '{shown_name}': {reason}"
 
 
 def _current_folder_exists() -> bool:

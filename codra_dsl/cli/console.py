@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, TextIO
 
 import typer
 
+from codra_dsl.regular_files import real_path
+
 if TYPE_CHECKING:
     from codra_dsl.generation.build_plan import BuildPlan
     from codra_dsl.language.diagnostics import Diagnostic, Severity
@@ -157,9 +159,11 @@ class View:
     def _text_of_file(self, file: str) -> str | None:
         if file == STANDARD_INPUT:
             return self.text
-        path = self.root / file
+        from codra_dsl.language.load.yaml.source import MAX_BYTES
+        from codra_dsl.regular_files import read_regular_file
+
         try:
-            return path.read_text("utf-8", errors="replace") if path.is_file() else None
+            return read_regular_file(self.root / file, MAX_BYTES, within=self.root).decode("utf-8", errors="replace")
         except OSError:
             return None
 
@@ -196,7 +200,7 @@ def folder_in_repository(root: Path) -> str:
     if not workspace:
         return ""
     try:
-        folder = root.resolve().relative_to(Path(workspace).resolve()).as_posix()
+        folder = real_path(root).relative_to(real_path(workspace)).as_posix()
     except (OSError, ValueError):
         return ""
     return "" if folder == "." else folder

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from codra_dsl.cli.console import ExitCode, say, write_result
+from codra_dsl.regular_files import real_path
 
 Folder = Annotated[
     Path,
@@ -45,7 +46,7 @@ def _choose_project_name(folder: Path, name: str | None) -> str:
     from codra_dsl.tooling.scaffold import ImproperNameError, name_from_folder, require_name
 
     try:
-        return name_from_folder(folder.resolve().name) if name is None else require_name(name)
+        return name_from_folder(real_path(folder).name) if name is None else require_name(name)
     except ImproperNameError as error:
         raise typer.BadParameter(str(error), param_hint="DIR" if name is None else "--name") from error
 
@@ -59,7 +60,7 @@ def _refuse(existing_paths: tuple[str, ...], folder: Path, name: str) -> None:
 
 
 def _next_commands(folder: Path, name: str) -> str:
-    cd_commands = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
+    cd_commands = [f"cd {shlex.quote(str(folder))}"] if real_path(folder) != Path.cwd() else []
     commands = [
         *cd_commands,
         "pip install -r requirements.txt",
@@ -73,7 +74,7 @@ def _next_commands(folder: Path, name: str) -> str:
 
 def _warn_of_repository(folder: Path) -> None:
     """Warn if the project is not at the root of its repository. Other tools find some of its files only at the root."""
-    start = folder.resolve()
+    start = real_path(folder)
     if (start / ".git").exists() or not any((above / ".git").exists() for above in start.parents):
         return
     say("The root of the repository is further up: .github/ and .pre-commit-config.yaml have an effect only there.")

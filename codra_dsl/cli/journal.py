@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from codra_dsl.cli.console import ExitCode, existing, say, write_result
+from codra_dsl.regular_files import real_path
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal import Event
@@ -73,7 +74,7 @@ def recover_command(file: JournalFile, *, output: OutputOption = None) -> None:
 
     existing([file])
     target = file.with_name(f"{file.stem}.recovered{file.suffix}") if output is None else output
-    if target.resolve() == file.resolve():
+    if real_path(target) == real_path(file):
         raise typer.BadParameter(f"'{target}' is the journal itself", param_hint="--output")
     try:
         recovery = recover(file, target)

@@ -13,6 +13,7 @@ import typer
 
 from codra_dsl.cli.console import ExitCode, common_root, existing, say, write_result
 from codra_dsl.cli.journal import JournalFile
+from codra_dsl.regular_files import real_path
 
 if TYPE_CHECKING:
     from codra_dsl.runtime import Journal
@@ -70,7 +71,7 @@ def replay_command(
     existing([path for path in (file, package, spec, dsr) if path is not None])
     if package is not None and spec is not None:
         raise typer.BadParameter("give either --package or --spec, not both", param_hint="--spec")
-    if journal is not None and journal.resolve() == file.resolve():
+    if journal is not None and real_path(journal) == real_path(file):
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
     with open_journal(file) as reader:
         header, events = reader.header(), tuple(reader.events())
@@ -172,9 +173,9 @@ def _default_package(header: RunHeader) -> Path:
     if not (header.spec.isascii() and header.spec.isidentifier()):
         message = f"the journal names its spec {header.spec[:60]!r}, which is not a name: use --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
-    root = root_of(Path.cwd()).resolve()
+    root = real_path(root_of(Path.cwd()))
     folder = root / "generated" / header.spec
-    if not folder.resolve().is_relative_to(root):
+    if not real_path(folder).is_relative_to(root):
         message = f"the package '{folder}' is a link that leads out of the project: use --package to run this package"
         raise typer.BadParameter(message, param_hint="FILE")
     if not (folder / "manifest.json").is_file():

@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -21,11 +22,17 @@ from pathlib import Path
 from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, Place, Severity, Span, rules
 from codra_dsl.language.project import MANIFEST, MANIFEST_FORMAT, covers
+from codra_dsl.regular_files import read_regular_file
 
 _CACHE = "__pycache__"
 _ENTRY = "__init__.py"
 _STAGING_PREFIX = ".codra-"
 
+_MAX_BYTES = 64 * 1024 * 1024
+"""The maximum size of a file that is read to show it or to compare its digest."""
+
+_MAX_COMPARED_LINES = 20_000
+"""The maximum number of lines of a difference. The time to compare texts can grow with the square of their lines."""
 
 RULES = rules(
     ("CDR6001", "same-spec-name", Severity.ERROR),
@@ -94,12 +101,15 @@ def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) 
         out: the output folder, as an absolute path.
         covered: the files and folders of specs that this run covers, relative to the project root.
     """
-    if not _is_ours_or_new(out):
-        return Freshness(diagnostics=(_foreign_folder_finding(out, out),))
-    file_drifts = (_drift_of_file(path, text, out) for path, text in files.items())
-    orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans(files, out, covered))
-    drifts = [*(drift for drift in file_drifts if drift is not None), *orphans]
-    return Freshness(drifts=tuple(sorted(drifts, key=lambda drift: drift.path)))
+    try:
+        if not _is_ours_or_new(out):
+            return Freshness(diagnostics=(_foreign_folder_finding(out, out),))
+        file_drifts = (_drift_of_file(path, text, out) for path, text in files.items())
+        orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans(files, out, covered))
+        drifts = [*(drift for drift in file_drifts if drift is not None), *orphans]
+        return Freshness(drifts=tuple(sorted(drifts, key=lambda drift: drift.path)))
+    except OSError as error:
+        return Freshness(diagnostics=(_inaccessible_finding(error, out, "read"),))
 
 
 def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> bool:
@@ -110,9 +120,12 @@ def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = (
         out: the output folder, as an absolute path.
         covered: the files and folders of specs that the run covers, relative to the project root.
     """
-    if any(_foreign_folder_findings(outputs, out)) or _orphans(outputs, out, covered):
+    try:
+        if any(_foreign_folder_findings(outputs, out)) or _orphans(outputs, out, covered):
+            return False
+        return all(_digest(_read_bytes(out / path)) == digest for path, digest in outputs.items())
+    except OSError:
         return False
-    return all(_digest(_read_bytes(out / path)) == digest for path, digest in outputs.items())
 
 
 def digests(files: Mapping[str, str]) -> Mapping[str, str]:
@@ -141,17 +154,17 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
     """
     from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  only a run that writes needs the emitter
 
-    refusals = tuple(_foreign_folder_findings(files, out))
-    if refusals:
-        return WriteResult(diagnostics=refusals)
-    orphans = _orphans(files, out, covered)
-    changed_files = {path: text for path, text in sorted(files.items()) if _read_bytes(out / path) != text.encode()}
-    prove(changed_files)
     try:
+        refusals = tuple(_foreign_folder_findings(files, out))
+        if refusals:
+            return WriteResult(diagnostics=refusals)
+        orphans = _orphans(files, out, covered)
+        changed_files = {path: text for path, text in sorted(files.items()) if not _holds(out / path, text)}
+        prove(changed_files)
         _replace(changed_files, out)
         _remove(orphans, out)
     except OSError as error:
-        return WriteResult(diagnostics=(_unwritable_finding(error, out),))
+        return WriteResult(diagnostics=(_inaccessible_finding(error, out, "write"),))
     return WriteResult(changed=tuple(changed_files), removed=tuple(orphans))
 
 
@@ -209,23 +222,26 @@ def _folder_entries(folder: Path) -> list[Path]:
 
 
 def _drift_of_file(path: str, text: str, out: Path) -> Drift | None:
-    current_data = _read_bytes(out / path)
-    if current_data == text.encode():
+    if _holds(out / path, text):
         return None
-    return _drift(path, Change.MISSING if current_data is None else Change.MODIFIED, out, text)
+    return _drift(path, Change.MODIFIED if os.path.lexists(out / path) else Change.MISSING, out, text)
 
 
 def _drift(path: str, change: Change, out: Path, expected_text: str) -> Drift:
     shown_path = f"{out.name}/{path}"
-    current_lines, expected_lines = (
-        _read_text(out / path).splitlines(keepends=True),
-        expected_text.splitlines(keepends=True),
-    )
-    lines = difflib.unified_diff(
-        current_lines, expected_lines, f"{shown_path} (as it is)", f"{shown_path} (as specified)"
-    )
-    diff = "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
+    diff = _difference(_read_text(out / path), expected_text, shown_path)
     return Drift(path=shown_path, change=change, diff=diff)
+
+
+def _difference(current_text: str, expected_text: str, shown_path: str) -> str:
+    """Return the difference between two texts in unified form, or one line if the texts are too long to compare."""
+    names = f"{shown_path} (as it is)", f"{shown_path} (as specified)"
+    if max(current_text.count("\n"), expected_text.count("\n")) > _MAX_COMPARED_LINES:
+        return f"--- {names[0]}\n+++ {names[1]}\n(more than {_MAX_COMPARED_LINES} lines: not shown)\n"
+    lines = difflib.unified_diff(
+        current_text.splitlines(keepends=True), expected_text.splitlines(keepends=True), *names
+    )
+    return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
 
 
 def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> list[str]:
@@ -242,11 +258,13 @@ def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> lis
 
 
 def _files_below(folder: Path, out: Path) -> Iterator[str]:
-    for entry in _folder_entries(folder):
-        if entry.is_dir() and not entry.is_symlink():
-            yield from _files_below(entry, out)
-        else:
-            yield entry.relative_to(out).as_posix()
+    pending_folders = [folder]  # not a recursion: there may be more folders in folders than Python can call
+    while pending_folders:
+        for entry in _folder_entries(pending_folders.pop()):
+            if entry.is_dir() and not entry.is_symlink():
+                pending_folders.append(entry)
+            else:
+                yield entry.relative_to(out).as_posix()
 
 
 def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
@@ -258,9 +276,18 @@ def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
     return covers(covered, spec)
 
 
-def _read_bytes(path: Path) -> bytes | None:
+def _holds(path: Path, text: str) -> bool:
+    data = text.encode()
     try:
-        return path.read_bytes()
+        return read_regular_file(path, len(data)) == data
+    except OSError:
+        return False
+
+
+def _read_bytes(path: Path) -> bytes | None:
+    """Return the content of a file; None if it is missing, is not a regular file, or is too large."""
+    try:
+        return read_regular_file(path, _MAX_BYTES)
     except OSError:
         return None
 
@@ -302,14 +329,14 @@ def _remove(paths: Iterable[str], out: Path) -> None:
             folder = folder.parent
 
 
-def _unwritable_finding(error: OSError, out: Path) -> Diagnostic:
+def _inaccessible_finding(error: OSError, out: Path, verb: str) -> Diagnostic:
     shown_path = Path(error.filename2 or error.filename or out)
     path = (
         shown_path.relative_to(out.parent).as_posix()
         if shown_path.is_relative_to(out.parent)
         else shown_path.as_posix()
     )
-    message = f"cannot write '{path}': {error.strerror}"
+    message = f"cannot {verb} '{path}': {error.strerror}"
     return output_finding(
         "cannot-write", path, message, help="check the permissions, or choose another folder with --out"
     )

@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
+
+from codra_dsl.regular_files import read_beginning
 
 __all__ = [
     "SCHEMA_COPY",
@@ -17,6 +20,13 @@ __all__ = [
 
 SETTINGS = "pyproject.toml"
 """The file that marks the root of a project and contains its settings."""
+
+MAX_SETTINGS_BYTES = 256 * 1024
+"""The maximum size of a `pyproject.toml`. Parsing a file of this size takes less than a second."""
+
+_MAX_DOTS_IN_LINE = 100
+_MANY_DIGITS = re.compile("[0-9_]{4301,}")
+_TOML_STRING = re.compile(r'"(?:[^"\\\n]|\\(?:.|$))*(?:"|$)|\'[^\'\n]*(?:\'|$)', re.MULTILINE)
 
 _CODRA_TABLE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*\[{1,2}[ \t]*tool[ \t]*\.[ \t]*codra[ \t]*[.\]]", re.MULTILINE)
 
@@ -79,12 +89,31 @@ def yaml_files(folder: Path) -> Iterator[Path]:
 
     Timelines are left out. Hidden folders and links to folders are not entered.
     """
-    folder_errors: list[OSError] = []
-    for parent, folders, files in os.walk(folder, onerror=folder_errors.append):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        spec_names = (name for name in files if name.endswith(_SPEC_ENDINGS) and not name.endswith(_TIMELINE_ENDINGS))
-        yield from (Path(parent, name) for name in sorted(spec_names))
-    yield from (Path(error.filename) for error in folder_errors)
+    unreadable_folders: list[str] = []
+    pending_folders = [os.fspath(folder)]  # not a recursion: there may be more folders in folders than Python can call
+    while pending_folders:
+        parent = pending_folders.pop()
+        try:
+            with os.scandir(parent) as entries:
+                folders, files = _folders_and_specs(entries)
+        except OSError:
+            unreadable_folders.append(parent)
+            continue
+        yield from (Path(parent, name) for name in sorted(files))
+        pending_folders += (os.path.join(parent, name) for name in sorted(folders, reverse=True))  # noqa: PTH118
+    yield from map(Path, unreadable_folders)
+
+
+def _folders_and_specs(entries: Iterable[os.DirEntry[str]]) -> tuple[list[str], list[str]]:
+    """Return the names of the folders to enter, and the names of the YAML files other than timelines."""
+    folders: list[str] = []
+    files: list[str] = []
+    for entry in entries:
+        if entry.is_dir(follow_symlinks=False):
+            folders += [] if entry.name.startswith(".") else [entry.name]
+        elif entry.name.endswith(_SPEC_ENDINGS) and not entry.name.endswith(_TIMELINE_ENDINGS):
+            files += [] if entry.is_symlink() and os.path.isdir(entry.path) else [entry.name]  # noqa: PTH112
+    return folders, files
 
 
 def has_stale_schema(root: Path) -> bool:
@@ -93,18 +122,45 @@ def has_stale_schema(root: Path) -> bool:
     if copy.is_symlink() or copy.parent.is_symlink():  # the link leads to a file that is not codra's
         return False
     try:
-        return copy.read_bytes() != SCHEMA_FILE.read_bytes()
-    except OSError:  # the copy is missing
+        expected_data = SCHEMA_FILE.read_bytes()
+        return read_beginning(copy, len(expected_data) + 1) != expected_data
+    except FileNotFoundError:
         return False
+    except OSError:  # the copy is not a regular file, or it is unreadable
+        return True
 
 
 def settings_in(folder: Path) -> bytes | None:
-    """Return the content of a folder's `pyproject.toml`, or None if the file is missing or unreadable."""
-    file = folder / SETTINGS
+    """Return the content of a folder's `pyproject.toml`, or None if the file is missing or unreadable.
+
+    If the file is too large, return its first MAX_SETTINGS_BYTES + 1 bytes.
+    """
     try:
-        return file.read_bytes() if file.is_file() else None  # reading a pipe would block forever
+        return read_beginning(folder / SETTINGS, MAX_SETTINGS_BYTES + 1)
     except OSError:
         return None
+
+
+@lru_cache(maxsize=4)
+def parse_settings(text: str) -> Mapping[str, object]:
+    """Return the content of a `pyproject.toml`.
+
+    Raises:
+        TOMLDecodeError: if the text is not valid TOML.
+        ValueError: if a number or a key is too long. The message ends with the place, as in TOMLDecodeError.
+        RecursionError: if the text is nested too deeply.
+    """
+    for number, line in enumerate(_TOML_STRING.sub("", text).split("\n"), start=1):
+        if line.count(".") > _MAX_DOTS_IN_LINE:  # the time to parse a key grows with the cube of its parts
+            raise ValueError(f"more than {_MAX_DOTS_IN_LINE} dots in a line (at line {number}, column 1)")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:  # this error has a place already
+        raise
+    except ValueError as error:  # Python converts no decimal number of more than 4,300 digits
+        match = _MANY_DIGITS.search(text)
+        line_number = text.count("\n", 0, 0 if match is None else match.start()) + 1
+        raise ValueError(f"a number has too many digits (at line {line_number}, column 1)") from error
 
 
 def _is_project(folder: Path) -> bool:
@@ -112,7 +168,7 @@ def _is_project(folder: Path) -> bool:
     if data is None:
         return False
     try:
-        settings = tomllib.loads(data.decode("utf-8"))
+        settings = parse_settings(data.decode("utf-8"))
     except (ValueError, RecursionError):
         return _CODRA_TABLE.search(data) is not None  # the file still marks a project; its mistakes become findings
     tool = settings.get("tool")

@@ -6,17 +6,21 @@ Symbolic links and submodules are not followed.
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shlex
 import subprocess
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path, PurePath, PurePosixPath
 from typing import IO
 
 from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.project import SETTINGS
+from codra_dsl.regular_files import read_beginning
 
 __all__ = [
     "Repository",
@@ -25,7 +29,14 @@ __all__ = [
 
 MAX_FILES = 20_000
 MAX_FILE_BYTES = 32 * 1024 * 1024
-MAX_TOTAL_BYTES = 512 * 1024 * 1024
+MAX_TOTAL_BYTES = 128 * 1024 * 1024
+MAX_ENTRIES = 500_000
+"""The maximum number of files and folders that git lists. A few small objects can describe any number of them."""
+
+MAX_LISTED_BYTES = 64 * 1024 * 1024
+MAX_DEPTH = 100
+_MAX_WORDS = 1_000_000
+_MAX_LINE_BYTES = 1 << 16
 
 _GIT = (
     *("git", "--no-pager", "--no-replace-objects", "--literal-pathspecs"),
@@ -39,12 +50,14 @@ _SAFE_ENVIRONMENT = {
     "GIT_TERMINAL_PROMPT": "0",
     "LC_ALL": "C",
 }
-_SUFFIXES = (".yaml", ".yml")
 _FILE_MODES = ("100644", "100755")
 _SUBMODULE_MODE = "160000"
 _KIND_OF_UNREAD_MODE = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
 _INCOMPLETE_MESSAGE = "some files of the revision are missing here: fetch them (git fetch --refetch --no-filter)"
+_SMALLER_MESSAGE = "compare a project in a smaller folder"
+_TOO_MUCH_MESSAGE = "too much YAML to compare: give the specs that matter as PATH"
 _ANCESTOR_STEPS = re.compile(r"[~^].*")
+_MAX_SHOWN_NAME = 200
 _WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
 
 
@@ -153,30 +166,20 @@ class Repository:
         Raises:
             RevisionError: if the revision has too many or too large files, or if some of its files are missing here.
         """
-        entries = tuple(self._entries(commit))
-        inner_entries = [entry for entry in entries if entry.path.is_relative_to(subfolder)]
-        spec_entries = [
-            entry for entry in inner_entries if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)
-        ]
-        spec_entries += [
-            entry for entry in entries if entry.path.name == SETTINGS and subfolder.is_relative_to(entry.path.parent)
-        ]
-        spec_entries += [
-            entry for entry in inner_entries if entry.path.name == SETTINGS and entry.path.parent != subfolder
-        ]
-        written_entries = self._write(dict.fromkeys(spec_entries), target_folder)
-        mentioned_words = set(_words_in_including_files(target_folder / entry.path for entry in written_entries))
-        mentioned_entries = [
-            entry
-            for entry in inner_entries
-            if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in mentioned_words
-        ]
-        self._write(dict.fromkeys(entry for entry in mentioned_entries if entry not in written_entries), target_folder)
+        settings_paths = [folder / SETTINGS for folder in (subfolder, *subfolder.parents)]
+        settings_entries = self._entries(commit, settings_paths, _may_matter)
+        inner_paths = [subfolder] if subfolder.parts else []
+        inner_entries = self._entries(commit, inner_paths, _may_matter)
+        spec_entries = dict.fromkeys((*settings_entries, *inner_entries))
+        written_entries = self._write(spec_entries, target_folder)
+        words = _words_in_including_files(target_folder / entry.path for entry in written_entries)
+        if words:
+            mentioned_entries = self._entries(commit, inner_paths, lambda _, name: name in words)
+            self._write([entry for entry in mentioned_entries if entry not in spec_entries], target_folder)
         return {
             entry.path: _KIND_OF_UNREAD_MODE[entry.mode]
             for entry in inner_entries
             if entry.mode in _KIND_OF_UNREAD_MODE
-            and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
         }
 
     def _revision_hint(self, name: str) -> str:
@@ -200,35 +203,44 @@ class Repository:
     def _is_shallow(self) -> bool:
         return _run_git(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
 
-    def _entries(self, commit: str) -> Iterator[_Entry]:
-        git_result = _run_git(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
-        if git_result.returncode != 0:
-            raise RevisionError(_INCOMPLETE_MESSAGE)
-        for line in git_result.stdout.split(b"\0"):
-            head, _, name = line.partition(b"\t")
-            fields = head.decode().split()
-            path = PurePosixPath(os.fsdecode(name))
-            if len(fields) == 3 and not path.is_absolute() and not {"..", ".git"} & set(path.parts):
-                yield _Entry(fields[0], fields[2], path)
+    def _entries(
+        self, commit: str, paths: Sequence[PurePosixPath], is_wanted: Callable[[bytes, bytes], bool]
+    ) -> tuple[_Entry, ...]:
+        """Return the wanted files, links and submodules at and below some paths of a revision.
+
+        Git's list is read while git writes it, and git is stopped if the list is too long.
+
+        Args:
+            commit: the object name of the commit.
+            paths: files and folders in the revision; without them, everything is listed.
+            is_wanted: decides from the mode and the name of an entry, without its folders, whether it is wanted.
+        """
+        # With -t the list has folders as well: otherwise git could walk through any number of empty folders in silence.
+        arguments = ("ls-tree", "-r", "-t", "-z", "--full-tree", commit, "--", *map(str, paths))
+        with _git_process(arguments, self.top) as process:
+            assert process.stdout is not None
+            lines = _limited_lines(process.stdout)
+            entries = (entry for line in lines for entry in _wanted_entries(line, is_wanted))
+            wanted_entries = tuple(islice(entries, MAX_FILES + 1))
+            if len(wanted_entries) > MAX_FILES:
+                raise RevisionError(_TOO_MUCH_MESSAGE)
+        if process.returncode != 0:
+            raise RevisionError(f"git cannot list the files: folders are nested too deeply, or {_INCOMPLETE_MESSAGE}")
+        return wanted_entries
 
     def _write(self, entries: Iterable[_Entry], target_folder: Path) -> tuple[_Entry, ...]:
         file_entries = tuple(entry for entry in entries if entry.mode in _FILE_MODES)
-        sizes = self._sizes(file_entries) if len(file_entries) <= MAX_FILES else None
-        if sizes is None or sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
-            raise RevisionError("too much YAML to compare: give the specs that matter as PATH")
+        sizes = self._sizes(file_entries)
+        if sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
+            raise RevisionError(_TOO_MUCH_MESSAGE)
         small_entries = [entry for entry in file_entries if sizes[entry] <= MAX_FILE_BYTES]
         for entry, data in zip(
             small_entries, self._read_blobs([entry.object_name for entry in small_entries]), strict=True
         ):
-            target = target_folder / entry.path
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(data)
+            _write_file(entry, target_folder, data)
         # Files that are too large are written without their data, but with a size that is reported as too large.
         for entry in set(file_entries) - set(small_entries):
-            target = target_folder / entry.path
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with target.open("wb") as stream:
-                stream.truncate(MAX_FILE_BYTES + 1)
+            _write_file(entry, target_folder, None)
         return file_entries
 
     def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
@@ -242,46 +254,111 @@ class Repository:
     def _read_blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
         if not object_names:
             return
-        command = (*_GIT, "cat-file", "--batch")
-        process = subprocess.Popen(
-            command,
-            cwd=self.top,
-            env=_environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-        with process:
+        with _git_process(("cat-file", "--batch"), self.top) as process:
             assert process.stdin is not None
             assert process.stdout is not None
-            try:
-                for name in object_names:
-                    process.stdin.write(f"{name}\n".encode())
-                    process.stdin.flush()
-                    yield _read_blob(process.stdout)
-            finally:
-                process.stdin.close()
-                process.stdout.close()
+            for name in object_names:
+                process.stdin.write(f"{name}\n".encode())
+                process.stdin.flush()
+                yield _read_blob(process.stdout)
 
 
 def _read_blob(stream: IO[bytes]) -> bytes:
     fields = stream.readline().split()
-    if len(fields) != 3 or fields[1] != b"blob":
+    if len(fields) != 3 or fields[1] != b"blob" or int(fields[2]) > MAX_FILE_BYTES:
         raise RevisionError(_INCOMPLETE_MESSAGE)
     size = int(fields[2])
     data = stream.read(size + 1)
     return data[:size]
 
 
-def _words_in_including_files(files: Iterable[Path]) -> Iterator[bytes]:
-    """Yield all words in the files that include parts or name files of trees.
+def _limited_lines(stream: IO[bytes]) -> Iterator[bytes]:
+    """Yield the lines of a list, which end with a null character.
+
+    Raises:
+        RevisionError: if the list is too long.
+    """
+    rest, line_count, byte_count = b"", 0, 0
+    while chunk := stream.read(_MAX_LINE_BYTES):
+        *lines, rest = (rest + chunk).split(b"\0")
+        yield from lines
+        line_count, byte_count = line_count + len(lines), byte_count + len(chunk)
+        if line_count > MAX_ENTRIES or byte_count > MAX_LISTED_BYTES or len(rest) > _MAX_LINE_BYTES:
+            raise RevisionError(f"the revision has too many files, or too long paths: {_SMALLER_MESSAGE}")
+
+
+def _wanted_entries(line: bytes, is_wanted: Callable[[bytes, bytes], bool]) -> Iterator[_Entry]:
+    """Yield the entry of a line of git's list, unless it is a folder, unwanted, or has a path that leads elsewhere."""
+    head, _, name = line.partition(b"\t")
+    fields = head.split()
+    if len(fields) != 3 or fields[1] == b"tree" or not is_wanted(fields[0], name.rpartition(b"/")[2]):
+        return
+    path = PurePosixPath(os.fsdecode(name))
+    if not path.is_absolute() and not {"..", ".git"} & set(path.parts):
+        yield _Entry(fields[0].decode(), fields[2].decode(), path)
+
+
+def _may_matter(mode: bytes, name: bytes) -> bool:
+    """Return whether an entry may be a spec, a part, settings, or a link or submodule that may contain them."""
+    return mode == _SUBMODULE_MODE.encode() or name.endswith((b".yaml", b".yml")) or name == SETTINGS.encode()
+
+
+def _write_file(entry: _Entry, target_folder: Path, data: bytes | None) -> None:
+    """Write a file of a revision; None stands for a file that is too large."""
+    target = target_folder / entry.path
+    try:
+        if len(entry.path.parts) > MAX_DEPTH:
+            raise OSError(errno.ENAMETOOLONG, f"it is in more than {MAX_DEPTH} folders")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with target.open("xb") as stream:
+            stream.truncate(MAX_FILE_BYTES + 1) if data is None else stream.write(data)
+    except OSError as error:
+        name = ascii(str(entry.path))[1:-1]
+        shown_name = name if len(name) <= _MAX_SHOWN_NAME else f"...{name[-_MAX_SHOWN_NAME:]}"
+        raise RevisionError(f"the file '{shown_name}' of the revision cannot be read: {error.strerror}") from error
+
+
+def _words_in_including_files(files: Iterable[Path]) -> set[bytes]:
+    """Return all words in the files that include parts or name files of trees.
 
     Some of these words are names of files without a YAML suffix, which are read as well.
     """
+    words: set[bytes] = set()
     for file in files:
-        data = file.read_bytes()
+        data = read_beginning(file, MAX_FILE_BYTES)
         if b"codra" in data and (b"include" in data or b"trees" in data):
-            yield from _WORDS.findall(data)
+            words.update(match[0] for match in _WORDS.finditer(data))
+        if len(words) > _MAX_WORDS:
+            raise RevisionError(_TOO_MUCH_MESSAGE)
+    return words
+
+
+@contextmanager
+def _git_process(arguments: Sequence[str], folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Run git while its output is read. If an exception ends the reading, or the output is not read, git is stopped."""
+    try:
+        process = subprocess.Popen(
+            (*_GIT, *arguments),
+            cwd=folder,
+            env=_environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+    except (OSError, ValueError) as error:
+        raise _unrunnable(error) from error
+    with process:
+        try:
+            yield process
+        except BrokenPipeError as error:
+            raise RevisionError("git has ended too early") from error
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            assert process.stdin is not None
+            with suppress(BrokenPipeError):
+                process.stdin.close()
 
 
 def _run_git(arguments: Sequence[str], folder: Path, input_data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
@@ -294,10 +371,14 @@ def _run_git(arguments: Sequence[str], folder: Path, input_data: bytes = b"") ->
             capture_output=True,
             check=False,
         )
-    except FileNotFoundError as error:
-        raise RevisionError("git is not installed: compare two folders instead") from error
     except (OSError, ValueError) as error:
-        raise RevisionError(f"git cannot be run: {error}") from error
+        raise _unrunnable(error) from error
+
+
+def _unrunnable(error: OSError | ValueError) -> RevisionError:
+    if isinstance(error, FileNotFoundError):
+        return RevisionError("git is not installed: compare two folders instead")
+    return RevisionError(f"git cannot be run: {error}")
 
 
 def _environment() -> dict[str, str]:

@@ -76,7 +76,13 @@ def run_audited(project: Path, *arguments: str) -> list[tuple[str, str]]:
     process = subprocess.run(
         [sys.executable, "-c", WATCH, *arguments],
         cwd=project,
-        env={**os.environ, "PYTHONPATH": path, "EVENTS": str(events), "PYTHONDONTWRITEBYTECODE": "1"},
+        env={
+            **os.environ,
+            "PYTHONPATH": path,
+            "EVENTS": str(events),
+            "PYTHONDONTWRITEBYTECODE": "1",
+            "XDG_CACHE_HOME": str(project.parent / "user-cache"),
+        },
         text=True,
         capture_output=True,
         check=False,
@@ -130,7 +136,8 @@ def test_with_the_cache_a_command_also_writes_only_there(project: Path, command:
 
     written = {path for event, path in first if event in WRITES}
     assert written
-    assert {path for path in written if not f"{path}/".startswith(f"{project}/.codra_cache/")} == set()
+    allowed_folders = (f"{project}/.codra_cache/", f"{project.parent}/user-cache/")  # the second has the user's secret
+    assert {path for path in written if not f"{path}/".startswith(allowed_folders)} == set()
     assert {path for event, path in second if event in WRITES} == set()
     assert ("import", "codra_dsl.compiler") not in second
 

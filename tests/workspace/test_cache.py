@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -19,6 +21,7 @@ from typer.testing import CliRunner
 
 from codra_dsl.cli.app import app
 from codra_dsl.workspace.cache import FOLDER
+from codra_dsl.workspace.cache.signatures import SECRET_FILE, signature
 
 DOOR = """\
 codra: 1
@@ -176,11 +179,28 @@ TestWarmAndCold.settings = settings(max_examples=30, stateful_step_count=20, dea
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Path:
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", f"{tmp_path}-user-cache")
     for path, text in (("door.yaml", DOOR), ("parts/lamp.yaml", LAMP), ("pyproject.toml", "[tool.codra]\n")):
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text, "utf-8")
     return tmp_path
+
+
+def secret_file(project: Path) -> Path:
+    return Path(f"{project}-user-cache", SECRET_FILE)
+
+
+def read_stored(file: Path) -> Any:
+    """Return the data of a stored run, without its signature."""
+    return json.loads(file.read_bytes().partition(b"\n")[2])
+
+
+def store_signed(project: Path, file: Path, stored_record: object, *arguments: str) -> None:
+    """Store a run as the user's own run of a command would."""
+    data = json.dumps(stored_record).encode()
+    key = "\0".join([str(project), "codra-cache-2", *arguments])
+    file.write_bytes(signature(secret_file(project).read_bytes(), key, data) + b"\n" + data)
 
 
 WHICH = """
@@ -216,7 +236,7 @@ def test_a_run_is_stored_as_data_in_a_folder_that_git_ignores(project: Path) -> 
 
     assert (project / FOLDER / ".gitignore").read_text() == "*\n"
     (kept,) = (project / FOLDER).glob("*.json")
-    assert json.loads(kept.read_text())["run"]["specs"] == ["door.yaml"]
+    assert read_stored(kept)["run"]["specs"] == ["door.yaml"]
 
 
 def test_a_run_with_errors_is_not_stored(project: Path) -> None:
@@ -268,14 +288,78 @@ def test_in_ci_stored_runs_are_not_used(project: Path, monkeypatch: pytest.Monke
     (project / "door.yaml").write_text(DOOR.replace("context:\n", unused))
     expected = run(project, "lint", "door.yaml")
     (kept,) = (project / FOLDER).glob("*.json")
-    forged = json.loads(kept.read_text())
+    forged = read_stored(kept)
     forged["run"]["diagnostics"] = []
-    kept.write_text(json.dumps(forged))
+    store_signed(project, kept, forged, "lint", "door.yaml")
     assert run(project, "lint", "door.yaml") != expected, "outside of CI the stored run is used"
 
     monkeypatch.setenv("CI", "true")
 
     assert run(project, "lint", "door.yaml") == expected
+
+
+def plant(project: Path) -> None:
+    """Put `os.system` into the package of a project, and adapt the stored run as the author of the project can."""
+    assert run(project, "compile", "door.yaml")[0] == 0
+    code = project / "generated/door/door.py"
+    code.write_text(code.read_text() + "import os\nos.system('true')\n")
+    (kept,) = (project / FOLDER).glob("*.json")
+    forged = read_stored(kept)
+    forged["run"]["outputs"]["door/door.py"] = hashlib.sha256(code.read_bytes()).hexdigest()
+    store_signed(project, kept, forged, "compile", "door.yaml")
+    assert run(project, "compile", "door.yaml", "--check")[0] == 0, "the author's own cache accepts the run"
+
+
+@pytest.mark.parametrize(("place", "user"), [("", "other-user"), ("-clone", "other-user"), ("-clone", "user-cache")])
+def test_a_stored_run_of_somebody_else_does_not_hide_changed_code(
+    project: Path, place: str, user: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A project may come with a cache: from another user, or from another folder in which the user ran its code."""
+    plant(project)
+    clone = Path(f"{project}{place}")
+    if place:
+        shutil.copytree(project, clone)
+    monkeypatch.setenv("XDG_CACHE_HOME", f"{project}-{user}")
+
+    code, text, _ = run(clone, "compile", "door.yaml", "--check")
+
+    assert code == 1
+    assert "os.system" in text
+
+
+def test_a_stored_run_without_a_signature_is_ignored(project: Path) -> None:
+    run(project, "lint", "door.yaml")
+    (kept,) = (project / FOLDER).glob("*.json")
+    kept.write_bytes(kept.read_bytes().partition(b"\n")[2])
+
+    assert "yaml" in imported(project, "lint", "door.yaml")
+
+
+def test_the_secret_is_private_and_one_that_others_can_read_is_replaced(project: Path) -> None:
+    run(project, "lint", "door.yaml")
+    file = secret_file(project)
+    first = file.read_bytes()
+    assert (len(first), file.stat().st_mode & 0o777) == (32, 0o600)
+    assert sorted(file.parent.iterdir()) == [file]
+
+    file.chmod(0o644)
+    run(project, "lint", "door.yaml")
+
+    assert file.read_bytes() != first
+    assert file.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize("place", ["a file", "the project"])
+def test_without_a_secret_outside_of_the_project_nothing_is_stored(
+    project: Path, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = run(project, "lint", "door.yaml", "--no-cache")
+    folder = project / "cache" if place == "the project" else project / "door.yaml"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
+
+    assert run(project, "lint", "door.yaml") == expected
+    assert not (project / FOLDER).exists()
+    assert not (project / "cache").exists()
 
 
 def test_a_pipe_instead_of_a_stored_run_does_not_block(project: Path) -> None:
@@ -290,11 +374,11 @@ def test_a_pipe_instead_of_a_stored_run_does_not_block(project: Path) -> None:
 def test_runs_of_an_older_version_of_codra_are_not_used(project: Path) -> None:
     run(project, "lint", "door.yaml")
     (kept,) = (project / FOLDER).glob("*.json")
-    older = json.loads(kept.read_text()) | {"made_with": "an older version"}
-    kept.write_text(json.dumps(older))
+    older = read_stored(kept) | {"made_with": "an older version"}
+    store_signed(project, kept, older, "lint", "door.yaml")
 
     assert "yaml" in imported(project, "lint", "door.yaml")
-    assert json.loads(kept.read_text()) != older
+    assert read_stored(kept) != older
 
 
 @pytest.mark.parametrize("damage", [0, -1, 7.5, None, True, "text", [], {}, [None], [["", 1, 1, 1, 1]]])
@@ -306,7 +390,7 @@ def test_a_damaged_stored_run_causes_no_traceback(project: Path, damage: object)
     expected = run(project, "lint", "door.yaml", "--no-cache")
     run(project, "lint", "door.yaml")
     (file,) = (project / FOLDER).glob("*.json")
-    stored_record = json.loads(file.read_text())
+    stored_record = read_stored(file)
 
     for steps in paths_in(stored_record["run"]):
         damaged = json.loads(json.dumps(stored_record))
@@ -316,7 +400,7 @@ def test_a_damaged_stored_run_causes_no_traceback(project: Path, damage: object)
         if holder[steps[-1]] == damage or (isinstance(damage, str) and isinstance(holder[steps[-1]], str)):
             continue  # if a text replaces a text, the result is another valid run
         holder[steps[-1]] = damage
-        file.write_text(json.dumps(damaged))
+        store_signed(project, file, damaged, "lint", "door.yaml")
         code, _, output = run(project, "lint", "door.yaml")
         assert code in (0, 1), output
         assert "Traceback" not in output

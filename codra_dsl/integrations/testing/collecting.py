@@ -13,7 +13,9 @@ from codra_dsl.integrations.testing.reading import read_timeline
 from codra_dsl.integrations.testing.run import Run, StoryFailed
 from codra_dsl.integrations.testing.timeline import Story, Timeline
 from codra_dsl.language.diagnostics import Diagnostic, suggest
+from codra_dsl.language.load.yaml.source import MAX_BYTES
 from codra_dsl.language.project import root_of
+from codra_dsl.regular_files import read_regular_file
 from codra_dsl.runtime import CallError, SimClock
 from codra_dsl.tooling.report.findings import render_full
 
@@ -87,7 +89,7 @@ def _findings_text(findings: Iterable[Diagnostic], path: Path) -> str:
 
     def text_of(file: str) -> str | None:
         try:
-            return (root / file).read_text(encoding="utf-8")
+            return read_regular_file(root / file, MAX_BYTES, within=root).decode("utf-8")
         except (OSError, ValueError):
             return None
 

@@ -40,7 +40,7 @@ def read_timeline(
     """
     findings = Findings()
     root = root_of(path)
-    source = read(path, relative_path(path, root), findings, texts)
+    source = read(path, relative_path(path, root), root, findings, texts)
     node = None if source is None else compose(source, findings)
     if source is None or not isinstance(node, MappingNode) or not node.entries:
         if not len(findings):

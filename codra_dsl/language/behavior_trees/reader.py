@@ -69,7 +69,7 @@ def read_text(data: bytes, file: str) -> tuple[TreeFile | None, tuple[Diagnostic
 
 def _read_file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
     source_findings = Findings()
-    source = read_source(path, relative_path(path, root), source_findings)
+    source = read_source(path, relative_path(path, root), root, source_findings)
     findings.extend(source_findings.all())
     return None if source is None else _read_source(source, findings)
 

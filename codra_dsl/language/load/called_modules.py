@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import ast
 import os
-import stat
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+
+from codra_dsl.regular_files import leads_into, read_regular_file, real_path
 
 MAX_MODULE_BYTES = 512 * 1024
 MAX_TOTAL_BYTES = 2 * 1024 * 1024
@@ -84,7 +85,7 @@ class ProjectModules:
 
     def __init__(self, root: Path) -> None:
         self.consulted_files: dict[str, None] = {}
-        self._root = root.resolve()
+        self._root = real_path(root)
         self._modules: dict[str, Module | MissingModule | None] = {}
         self._folder_entries: dict[Path, frozenset[str] | None] = {}
         self._bytes_left = MAX_TOTAL_BYTES
@@ -153,7 +154,7 @@ class ProjectModules:
 
     def _scan_folder(self, folder: Path) -> frozenset[str] | None:
         try:
-            if not folder.resolve().is_relative_to(self._root):
+            if not leads_into(folder, self._root):
                 return None
             with os.scandir(folder) as entries:
                 names = frozenset(entry.name for _, entry in zip(range(_MAX_FOLDER_ENTRIES + 1), entries, strict=False))
@@ -179,17 +180,11 @@ class ProjectModules:
         Return None for any other file, and for a file that is unreadable or too large.
         """
         try:
-            status = path.stat()
-            is_inside = path.resolve().is_relative_to(self._root)
-            max_bytes = min(self._bytes_left, MAX_MODULE_BYTES)
-            if not is_inside or not stat.S_ISREG(status.st_mode) or status.st_size > max_bytes:
-                return None
-            with path.open("rb") as stream:
-                data = stream.read(max_bytes + 1)
-        except (OSError, RuntimeError, ValueError):
+            data = read_regular_file(path, min(self._bytes_left, MAX_MODULE_BYTES), within=self._root)
+        except OSError:
             return None
         self._bytes_left -= len(data)
-        return data if len(data) <= max_bytes else None
+        return data
 
 
 def _has_python(names: Iterable[str]) -> bool:

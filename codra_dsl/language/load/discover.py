@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import os
 import re
-import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,7 @@ from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.rules import RULES
 from codra_dsl.language.load.yaml.source import MAX_BYTES, file_place
 from codra_dsl.language.project import yaml_files
+from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_beginning, real_path
 
 _NAME_KEY_PATTERN = re.compile(rb"\bname[\"']?[ \t]*:")
 _VERSION_KEY_PATTERN = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
@@ -45,7 +46,7 @@ class Files:
 
         `included_files` has the files of all specs, relative to the root.
         """
-        files = {(root / file).resolve() for file in included_files}
+        files = {real_path(root / file) for file in included_files}
         for part, place in self.parts.items():
             if part not in files:
                 yield Diagnostic(
@@ -68,7 +69,7 @@ def find_files(paths: Sequence[Path], root: Path) -> Files:
     for path in paths:
         spec_files = list(_specs_below(path, root, parts, findings)) if path.is_dir() else [path]
         for file in spec_files:
-            specs.setdefault(file.resolve(), file)
+            specs.setdefault(real_path(file), file)
     for file in specs.keys() & parts.keys():
         del parts[file]
     return Files(tuple(sorted(specs.values(), key=lambda file: file.as_posix())), parts, findings.all())
@@ -78,17 +79,17 @@ def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: F
     """Yield the specs below a folder, and add its parts to `parts`."""
     name, has_spec_or_error = _relative_name(folder, root), False
     for file in yaml_files(folder):
-        if file.is_dir():
+        if os.path.isdir(file):  # noqa: PTH112 - it never raises
             place = file_place(_relative_name(file, root))
             message = f"cannot read the folder {shown(place.span.file)}"
             findings.add("cannot-read", message, place, help="check its permissions")
             has_spec_or_error = True
-        elif _is_spec(data := _read_beginning(file)):
+        elif _is_spec(data := _read_beginning(file, root)):
             has_spec_or_error = True
             yield file
         elif data and (version_match := _VERSION_KEY_PATTERN.search(data)):
             line = data.count(b"\n", 0, version_match.start()) + 1
-            parts[file.resolve()] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
+            parts[real_path(file)] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
     if not has_spec_or_error:
         help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...'"
         findings.add("no-spec", f"there is no spec in {shown(name)} or below", file_place(name), help=help_text)
@@ -102,16 +103,17 @@ def _relative_name(path: Path, root: Path) -> str:
         return path.as_posix()
 
 
-def _read_beginning(file: Path) -> bytes | None:
+def _read_beginning(file: Path, root: Path) -> bytes | None:
     """Return the first MAX_BYTES of a file in UTF-8, or no bytes for a pipe or device.
 
-    Return None if the file cannot be read.
+    Return None if the file cannot be read or is a link that leads out of the project.
     """
     try:
-        if not stat.S_ISREG(file.stat().st_mode):
-            return b""
-        with file.open("rb") as stream:
-            data = stream.read(MAX_BYTES)
+        data = read_beginning(file, MAX_BYTES, within=root)
+    except OutsideError:
+        return None
+    except UnsuitableFileError:
+        return b""
     except OSError:
         return None
     return data.decode("utf-16", "replace").encode() if data.startswith(_UTF16_BYTE_ORDER_MARKS) else data

@@ -13,6 +13,7 @@ from codra_dsl.language.load.schema.document import Document, read_document
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, MAX_BYTES, read
+from codra_dsl.regular_files import real_path
 
 MAX_PARTS = 1000
 MAX_INCLUDE_DEPTH = 16
@@ -45,7 +46,7 @@ class Parts:
         """
         self.documents: list[Document] = []
         self.is_complete = True
-        self._root = root.resolve()
+        self._root = real_path(root)
         self._findings = findings
         self._texts = texts
         self._first_places: dict[Path, Place] = {}
@@ -82,7 +83,7 @@ class Parts:
             return False
         self._first_places[path] = place
         file = path.relative_to(self._root).as_posix()
-        source = read(path, file, self._findings, self._texts)
+        source = read(path, file, self._root, self._findings, self._texts)
         part = None if source is None else read_document(source, self._findings)
         if part is None:
             return False
@@ -104,7 +105,7 @@ class Parts:
             self._refuse("part-outside-project", f"{shown(text)} is not a relative path", place, help_text)
             return None
         try:
-            path = (open_file.path.parent / text).resolve()
+            path = real_path(open_file.path.parent / text)
             is_inside, is_file = path.is_relative_to(self._root), path.is_file()
         except (OSError, RuntimeError, ValueError):
             is_inside, is_file, path = True, False, open_file.path

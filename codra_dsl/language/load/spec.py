@@ -24,6 +24,7 @@ from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.reader import entries
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, accept, decode, read
 from codra_dsl.language.model import AnyName, Spec
+from codra_dsl.regular_files import real_path
 
 STANDARD_INPUT = "-"
 
@@ -42,7 +43,7 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
         ValueError: if the file is not in the project.
     """
     findings = Findings()
-    return _load(read(path, _relative_path(path, root), findings, texts), path, root, findings, texts)
+    return _load(read(path, _relative_path(path, root), root, findings, texts), path, root, findings, texts)
 
 
 @paused_collector()
@@ -61,7 +62,7 @@ def _relative_path(path: Path, root: Path) -> str:
     try:
         return Path(os.path.normpath(path.absolute())).relative_to(os.path.normpath(root.absolute())).as_posix()
     except ValueError:
-        return path.resolve().relative_to(root.resolve()).as_posix()
+        return real_path(path).relative_to(real_path(root)).as_posix()
 
 
 def _load(
@@ -76,7 +77,7 @@ def _load(
         message = f"{shown(document.origin.source.file)} is a part: it has no 'name'"
         findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=help_text)
     parts = Parts(root, findings, texts)
-    parts.read_all(document, path.resolve())
+    parts.read_all(document, real_path(path))
     spec = _read_spec(document, name, parts, root, findings)
     return spec, _sorted_diagnostics(findings)
 

@@ -8,11 +8,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from codra_dsl.regular_files import read_regular_file
 from codra_dsl.runtime.journal.spec_summary import Place, place_from_data
 
 MANIFEST_FILE = "manifest.json"
 SOURCES_FILE = "sources.json"
 _MANIFEST_FORMAT = "codra-manifest"
+_MAX_BYTES = 64 * 1024 * 1024
 
 
 def package_folder(manager: object) -> Path | None:
@@ -34,7 +36,7 @@ def manifest_of(folder: Path | None) -> Mapping[str, Any]:
 
 def _read_json(path: Path) -> Mapping[str, Any]:
     try:
-        content = json.loads(path.read_text("utf-8"))
+        content = json.loads(read_regular_file(path, _MAX_BYTES).decode("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}

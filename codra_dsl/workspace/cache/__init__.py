@@ -2,8 +2,8 @@
 
 A run is stored under its command and paths. It contains digests of everything on which the result depends: the bytes of
 the specs, of their parts and of the project's settings, codra itself, its libraries and Python. Only runs without
-errors are stored, because an error may depend on files that do not exist. The cache holds only data. Entries that
-cannot be read or that another version wrote are ignored.
+errors are stored, because an error may depend on files that do not exist. The cache holds only data, which is signed
+with a secret of the user. Entries that cannot be read, that somebody else or another version wrote are ignored.
 """
 
 from codra_dsl.workspace.cache.runs import FOLDER, Cache, Run, cache_of

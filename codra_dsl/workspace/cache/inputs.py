@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import stat
 import sys
 from collections.abc import Sequence
 from functools import cache
@@ -12,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from codra_dsl.language.project import SETTINGS, yaml_files
+from codra_dsl.regular_files import read_regular_file
 
 MAX_BYTES = 64 * 1024 * 1024
 """The maximum size of a file in bytes; a run that reads a larger file is not stored."""
@@ -43,10 +43,7 @@ def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
 def _digest(file: Path, root: Path) -> str | None:
     """Return a digest of a file's bytes and real path, `absent` for a missing file, or None for an unsuitable one."""
     try:
-        file_status = file.stat()
-        if not stat.S_ISREG(file_status.st_mode) or file_status.st_size > MAX_BYTES:
-            return None
-        data = file.read_bytes()
+        data = read_regular_file(file, MAX_BYTES)
     except FileNotFoundError:
         return _ABSENT_DIGEST
     except OSError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import hmac
 import json
 import os
 import tempfile
@@ -12,13 +13,18 @@ from pathlib import Path
 
 from codra_dsl.language.diagnostics import Diagnostic, Severity, has_errors
 from codra_dsl.language.project import project_of
+from codra_dsl.regular_files import read_regular_file
 from codra_dsl.workspace.cache.inputs import compiler_digest, digests_of
 from codra_dsl.workspace.cache.records import finding_from, record_of, text_from, texts_from
+from codra_dsl.workspace.cache.signatures import signature, user_secret
 
 FOLDER = ".codra_cache"
 """The name of the cache folder in a project's root."""
 
-_FORMAT = "codra-cache-1"
+_FORMAT = "codra-cache-2"
+
+_MAX_BYTES = 64 * 1024 * 1024
+"""The maximum size of a stored run. A larger file is ignored."""
 
 _CALL_NOT_FOUND_RULE = "call-not-found"
 """The rule whose findings suggest names of modules. Suggestions depend on which files exist, not only on contents."""
@@ -48,21 +54,27 @@ class Run:
 def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
     """Return the cache for a command and its paths. Outside of a project, nothing is stored: return None.
 
-    The result is also None in CI (if the environment variable `CI` is set), and if the cache folder is a link. In both
-    cases the cache could be part of the change that is checked.
+    The result is also None in CI (if the environment variable `CI` is set), if the cache folder is a link, and if no
+    secret of the user can be kept outside of the project. In these cases the cache could be part of the change that is
+    checked.
     """
     is_trusted = not os.environ.get("CI") and not (root / FOLDER).is_symlink()
-    return Cache(root, command, paths) if is_trusted and project_of(root) == root else None
+    if not is_trusted or project_of(root) != root:
+        return None
+    secret = user_secret(root)
+    return None if secret is None else Cache(root, command, paths, secret)
 
 
 class Cache:
     """The cache for one command and the paths with which it was called."""
 
-    def __init__(self, root: Path, command: str, paths: Sequence[Path]) -> None:
+    def __init__(self, root: Path, command: str, paths: Sequence[Path], secret: bytes) -> None:
         """Compute digests of the present contents of the paths; `store` stores a run with these digests."""
         self._root = root
         self._paths = tuple(paths)
+        self._secret = secret
         key_parts = [_FORMAT, command, *(os.path.relpath(path, root) for path in paths)]
+        self._key = "\0".join([os.path.realpath(root), *key_parts])
         name = hashlib.sha256("\0".join(key_parts).encode(errors="surrogateescape")).hexdigest()[:32]
         self._file = root / FOLDER / f"{name}.json"
         self._initial_digests = digests_of(root, paths)
@@ -70,9 +82,10 @@ class Cache:
     def load(self) -> Run | None:
         """Return the stored run, or None if anything that it depends on has changed since."""
         try:
-            if not self._file.is_file():
+            written_signature, _, data = read_regular_file(self._file, _MAX_BYTES).partition(b"\n")
+            if not hmac.compare_digest(written_signature, signature(self._secret, self._key, data)):
                 return None
-            stored_record = json.loads(self._file.read_bytes())
+            stored_record = json.loads(data)
             run = _run_from(stored_record["run"])
             is_up_to_date = stored_record["made_with"] == compiler_digest() and stored_record[
                 "inputs"
@@ -92,7 +105,8 @@ class Cache:
             return
         record = {"made_with": compiler_digest(), "inputs": input_digests, "run": _record_of_run(run)}
         try:
-            _write(self._file, json.dumps(record))
+            data = json.dumps(record).encode("ascii")
+            _write(self._file, signature(self._secret, self._key, data) + b"\n" + data)
         except OSError:
             return
 
@@ -108,16 +122,16 @@ class Cache:
         return None if initial_digests is None or other_digests is None else {**other_digests, **initial_digests}
 
 
-def _write(file: Path, text: str) -> None:
+def _write(file: Path, data: bytes) -> None:
     """Write a file atomically, in a folder that git ignores."""
     folder = file.parent
     folder.mkdir(exist_ok=True)
     gitignore = folder / ".gitignore"
     if not os.path.lexists(gitignore):
         gitignore.write_text("*\n", "ascii")
-    with tempfile.NamedTemporaryFile("w", encoding="ascii", dir=folder, delete=False) as temporary_file:
+    with tempfile.NamedTemporaryFile("wb", dir=folder, delete=False) as temporary_file:
         try:
-            temporary_file.write(text)
+            temporary_file.write(data)
             temporary_file.close()
             Path(temporary_file.name).replace(file)
         except OSError:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span, suggest
-from codra_dsl.language.project import SETTINGS, settings_in
+from codra_dsl.language.project import MAX_SETTINGS_BYTES, SETTINGS, parse_settings, settings_in
 from codra_dsl.workspace.suppression.rules import RULES, known_rules, nearest_code
 from codra_dsl.workspace.suppression.toml_places import Steps, TomlPlaces
 
@@ -20,6 +19,9 @@ _LINT_KEYS = ("select", "ignore", "severity", "fail-on")
 _CODRA_KEYS = ("lint",)
 _CODE_PREFIX = re.compile(r"CDR[0-9]{0,4}")
 _POSITION_IN_ERROR = re.compile(r" \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)$")
+_MAX_SUGGESTIONS = 100
+"""The maximum number of searches for a similar name; further findings have no suggestion."""
+
 _SEVERITIES = {severity.value: severity for severity in Severity}
 
 
@@ -65,6 +67,8 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
     data = settings_in(root)
     if data is None:
         return Settings(), ()
+    if len(data) > MAX_SETTINGS_BYTES:
+        return Settings(), (_unreadable_finding(f"it has more than {MAX_SETTINGS_BYTES >> 10} KiB", 1, 1),)
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -74,8 +78,8 @@ def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
     if text.startswith(_BYTE_ORDER_MARK):
         return Settings(), (_unreadable_finding("it begins with a byte order mark, which is invisible", 1, 1),)
     try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        document = parse_settings(text)
+    except ValueError as error:
         return Settings(), (_toml_finding(str(error), text),)
     except RecursionError:
         return Settings(), (_unreadable_finding("it is nested too deeply", 1, 1),)
@@ -94,7 +98,7 @@ def _toml_finding(toml_error: str, text: str) -> Diagnostic:
 def _unreadable_finding(problem: str, line: int, column: int) -> Diagnostic:
     return Diagnostic(
         rule=RULES["unreadable-settings"],
-        message=f"'{SETTINGS}' is not valid TOML: {problem}",
+        message=f"'{SETTINGS}' cannot be read: {problem}",
         place=Place(Span(SETTINGS, line, column, line, column)),
         path="tool.codra",
         help="correct the file at this place; a key may occur only once in a table",
@@ -111,6 +115,7 @@ class _SettingsReader:
     def __init__(self, document: Mapping[str, object], text: str) -> None:
         self.diagnostics: list[Diagnostic] = []
         self._places = TomlPlaces(SETTINGS, text)
+        self._suggestions_left = _MAX_SUGGESTIONS
         tool = document.get("tool")
         self._codra = tool.get("codra", {}) if isinstance(tool, dict) else {}
 
@@ -144,12 +149,19 @@ class _SettingsReader:
             return {}
         for key in table:
             if key not in known_keys:
-                suggestion = suggest(key.replace("_", "-"), known_keys)
-                suggestion = key.replace("_", "-") if key.replace("_", "-") in known_keys else suggestion
+                suggestion = self._suggest_key(key.replace("_", "-"), known_keys)
                 help = f"did you mean '{suggestion}'?" if suggestion else f"the known keys are {', '.join(known_keys)}"
                 message = f"unknown key '{key}' in {header}"
                 self._add_finding("unknown-setting", message, help, self._places.key(*steps, key), *steps, key)
         return table
+
+    def _suggest_key(self, key: str, known_keys: Iterable[str]) -> str | None:
+        return key if key in known_keys else self._limited(lambda: suggest(key, known_keys))
+
+    def _limited(self, search: Callable[[], str | None]) -> str | None:
+        """Return the result of a search for a similar name; None after _MAX_SUGGESTIONS searches."""
+        self._suggestions_left -= 1
+        return search() if self._suggestions_left >= 0 else None
 
     def _codes(self, key: str, value: object) -> tuple[str, ...]:
         """Return the valid codes and prefixes in a list."""
@@ -161,7 +173,7 @@ class _SettingsReader:
         valid_codes: list[str] = []
         for index, code in enumerate(value):
             steps = (*_TABLE_PATH, key, index)
-            if code in valid_codes:
+            if isinstance(code, str) and code in valid_codes:
                 place = self._places.value(*steps)
                 self._add_finding(
                     "repeated-code", f"'{code}' occurs twice in '{key}'", "remove one of them", place, *steps
@@ -184,7 +196,7 @@ class _SettingsReader:
         matching_rules = [rule for known_code, rule in known_rules().items() if known_code.startswith(code)]
         place = self._places.value(*steps) if isinstance(steps[-1], int) else self._places.key(*steps)
         if not matching_rules or not _CODE_PREFIX.fullmatch(code):
-            suggestion = nearest_code(code)
+            suggestion = self._limited(lambda: nearest_code(code))
             help = (
                 f"did you mean '{suggestion}'?"
                 if suggestion

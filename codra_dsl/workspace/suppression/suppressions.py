@@ -28,6 +28,7 @@ from codra_dsl.language.diagnostics import (
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.source import MAX_BYTES, Source, accept
 from codra_dsl.language.project import covers
+from codra_dsl.regular_files import read_regular_file
 from codra_dsl.workspace.suppression.comments import XML_END, XML_START, comments, xml_comments
 from codra_dsl.workspace.suppression.rules import OWN_PREFIX, RULES, known_rules, nearest_code
 from codra_dsl.workspace.suppression.settings import Settings
@@ -75,18 +76,16 @@ def read_sources(
     texts_in_memory = {} if texts is None else texts
     texts_with_comments: dict[str, str] = {}
     for file in sorted(set(files)):
-        path = root / file
-        data = texts_in_memory[file] if file in texts_in_memory else _read_bytes(path) if path.is_file() else b""
+        data = texts_in_memory[file] if file in texts_in_memory else _read_bytes(root / file, root)
         if _POSSIBLE_SUPPRESSION.search(data):
             texts_with_comments[file] = data.decode("utf-8", "replace")
     return Sources(texts=texts_with_comments, paths=tuple(paths))
 
 
-def _read_bytes(path: Path) -> bytes:
+def _read_bytes(path: Path, root: Path) -> bytes:
     try:
-        with path.open("rb") as stream:
-            return stream.read(MAX_BYTES)
-    except (OSError, ValueError):
+        return read_regular_file(path, MAX_BYTES, within=root)
+    except OSError:  # a file that cannot be read has a finding of its own
         return b""
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from codra_dsl.generation.output import output_finding
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load.yaml.source import MAX_BYTES
+from codra_dsl.regular_files import read_regular_file, real_path
 
 _LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
@@ -26,9 +27,8 @@ def read_rewritable_files(files: Iterable[str], root: Path) -> dict[str, bytes]:
 
 def _rewritable_bytes(file: str, root: Path) -> bytes | None:
     try:
-        path = _project_path(file, root)
-        return path.read_bytes() if path.is_file() and path.stat().st_size <= MAX_BYTES else None
-    except (OSError, ValueError, RuntimeError):
+        return read_regular_file(root / file, MAX_BYTES, within=root)
+    except OSError:
         return None
 
 
@@ -36,7 +36,7 @@ def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | 
     """Replace a file's bytes if they are still `before`. If this fails, return a finding, otherwise None."""
     try:
         path = _project_path(file, root)
-        if path.read_bytes() != before:
+        if read_regular_file(path, MAX_BYTES) != before:
             return _write_failure(file, "it has changed in the meantime")
         _replace(path, after)
     except OSError as error:
@@ -75,7 +75,7 @@ def _project_path(file: str, root: Path) -> Path:
         ValueError: if the path is outside of the project.
     """
     path = (root / file).resolve(strict=True)
-    path.relative_to(root.resolve())
+    path.relative_to(real_path(root))
     return path
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from codra_dsl.language.diagnostics import Diagnostic, Place, Severity
 from codra_dsl.language.project import project_of
 from codra_dsl.workspace.suppression import Settings, known_rules, settings_of
-from codra_dsl.workspace.suppression.toml_places import TomlPlaces
+from codra_dsl.workspace.suppression.toml_places import MAX_PARSED_CHARACTERS, TomlPlaces
 
 RULES = known_rules()
 
@@ -216,3 +216,53 @@ def test_an_unknown_place_is_the_beginning_of_the_file(entries: dict[str, int]) 
 
     assert TomlPlaces("pyproject.toml", text).key("no", "such").span.line == 1
     assert TomlPlaces("pyproject.toml", text).value("no", 1).span.line == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "line"),
+    [
+        ("[tool.codra]\n[tool.other]\nx = " + "1" * 5000, "a number has too many digits", 3),
+        (lint("fail-on = 0x" + "f" * 5000), "'fail-on' cannot be a int", 2),
+        ("[tool.codra]\n" + ".".join("a" * 20_000) + " = 1", "more than 100 dots in a line", 2),
+        ("[tool.codra]\n" + ".".join(["'='"] * 20_000) + " = 1", "more than 100 dots in a line", 2),
+        ('[tool.codra]\nx = "' + '\\"' * 100_000 + '\\\n"', "Unescaped", 3),
+        ("[tool.codra]\n#" + "a" * 300_000, "it has more than 256 KiB", 1),
+        ("[tool.codra]\nx = " + "[" * 100_000, "it is nested too deeply", 1),
+    ],
+    ids=["decimal", "hexadecimal", "dots", "quoted dots", "quotes", "size", "brackets"],
+)
+def test_settings_that_take_too_much_work_are_one_finding(tmp_path: Path, text: str, message: str, line: int) -> None:
+    settings, (finding,) = read(tmp_path, text)
+
+    assert settings == Settings()
+    assert message in finding.message
+    assert finding.place.span.line == line
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        lint("".join(f"key_{number} = 1\n" for number in range(2000))),
+        lint("ignore = [" + ", ".join(f'"CDX{number}"' for number in range(2000)) + "]"),
+        "[tool.codra.lint.severity]\n" + "".join(f"CDX{number} = 'error'\n" for number in range(2000)),
+    ],
+    ids=["keys", "codes", "severities"],
+)
+def test_2000_mistakes_in_settings_are_found_with_a_limited_number_of_searches(
+    tmp_path: Path, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Places and suggestions cost most. The first findings have a place; the place of the others is the file."""
+    parsed: list[int] = []
+    loads = tomllib.loads
+
+    def counting_loads(document: str) -> dict[str, object]:
+        parsed.append(len(document))
+        return loads(document)
+
+    monkeypatch.setattr(tomllib, "loads", counting_loads)
+
+    _, findings = read(tmp_path, text)
+
+    assert len(findings) == 2000
+    assert findings[0].place.span.line == 2
+    assert sum(parsed) < MAX_PARSED_CHARACTERS + 3 * (len(text) + 100)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import stat
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from types import MappingProxyType
 
 from codra_dsl.language.diagnostics import Place, Span
 from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.regular_files import OutsideError, TooLargeError, UnsuitableFileError, read_regular_file
 
 MAX_BYTES = 32 * 1024 * 1024
 """The maximum size of a file."""
@@ -67,35 +67,48 @@ AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
 """An empty mapping, the default of `texts`: every file is read from disk."""
 
 
-def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
-    """Return the text of a file, or None if it cannot be read as text. If `texts` has the file, use this content."""
+def read(
+    path: Path, file: str, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK
+) -> Source | None:
+    """Return the text of a file, or None after a finding if it cannot be read as text.
+
+    Args:
+        path: the file.
+        file: the path relative to the root, as findings show it.
+        root: the folder of the project. A link that leads out of it is not followed.
+        findings: where findings are added.
+        texts: the contents of files that are not read from disk.
+    """
     if file in texts:
         return decode(texts[file], file, findings)
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            findings.add(
-                "cannot-read", f"'{file}' is not a file", file_place(file), help="write the path of a file or a folder"
-            )
-            return None
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "the path is not valid"
-        findings.add(
-            "cannot-read",
-            f"cannot read '{file}': {reason}",
-            file_place(file),
-            help="check path and permissions",
-        )
-        return None
-    return decode(data, file, findings)
+        data = read_regular_file(path, MAX_BYTES, within=root)
+    except TooLargeError:
+        _report_too_large(file, findings)
+    except OutsideError:
+        message = f"'{file}' is a link that leads out of the project"
+        help_text = "copy the file into the project, or remove the link; only files of the project are read"
+        findings.add("cannot-read", message, file_place(file), help=help_text)
+    except UnsuitableFileError:
+        help_text = "write the path of a file or a folder"
+        findings.add("cannot-read", f"'{file}' is not a file", file_place(file), help=help_text)
+    except OSError as error:
+        message = f"cannot read '{file}': {error.strerror}"
+        findings.add("cannot-read", message, file_place(file), help="check path and permissions")
+    else:
+        return decode(data, file, findings)
+    return None
+
+
+def _report_too_large(file: str, findings: Findings) -> None:
+    message = f"'{file}' has more than {MAX_BYTES // 1024 // 1024} MiB"
+    findings.add("file-too-large", message, file_place(file), help="split it into parts, or use templates")
 
 
 def decode(data: bytes, file: str, findings: Findings) -> Source | None:
     """Return bytes as text, or None if there are too many bytes or they are not a text."""
     if len(data) > MAX_BYTES:
-        message = f"'{file}' has more than {MAX_BYTES // 1024 // 1024} MiB"
-        findings.add("file-too-large", message, file_place(file), help="split it into parts, or use templates")
+        _report_too_large(file, findings)
         return None
     try:
         text = data.decode("utf-8")

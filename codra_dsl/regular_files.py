@@ -1,0 +1,111 @@
+"""Read files that a repository or a stranger may have made: only regular files, and at most a stated number of bytes.
+
+A project can contain a link to `/dev/zero`, a pipe that nobody writes to, or a file of any size. Reading such a file
+must neither block nor fill the memory, and opening a device can have effects. All code of codra that reads files of a
+project reads them with `read_regular_file`.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+
+class UnsuitableFileError(OSError):
+    """Raised for a file that is not regular, or that is outside of the folder in which it must be.
+
+    `strerror` states the reason, and `filename` names the file.
+    """
+
+
+class OutsideError(UnsuitableFileError):
+    """Raised for a link that leads out of the folder in which a file must be."""
+
+
+class TooLargeError(OSError):
+    """Raised for a file that has more bytes than are allowed."""
+
+
+def read_regular_file(path: Path | str, max_bytes: int, *, within: Path | None = None) -> bytes:
+    """Return the content of a regular file.
+
+    Args:
+        path: the file; links are followed.
+        max_bytes: the largest allowed size of the file.
+        within: the folder in which the file must be after all links are followed; None for any place.
+
+    Raises:
+        UnsuitableFileError: if the file is a folder, a device, a pipe or a socket.
+        OutsideError: if the file is not in the folder `within`. Such a file is not opened.
+        TooLargeError: if the file has more bytes.
+        OSError: if the file cannot be read. `filename` names the file for this and the other errors.
+    """
+    data = _read_checked(path, max_bytes + 1, within, max_size=max_bytes)
+    _require_size(len(data), max_bytes, path)  # some files of the system have more bytes than their size says
+    return data
+
+
+def read_beginning(path: Path | str, byte_count: int, *, within: Path | None = None) -> bytes:
+    """Return the first bytes of a regular file of any size. Arguments and errors are those of `read_regular_file`."""
+    return _read_checked(path, byte_count, within, max_size=None)
+
+
+def _read_checked(path: Path | str, byte_count: int, within: Path | None, max_size: int | None) -> bytes:
+    try:
+        if within is not None and not leads_into(path, within):
+            raise OutsideError(errno.EXDEV, "it is a link that leads out of the project", str(path))
+        _require_regular(Path(path).stat(), path)  # to open a device can have effects, such as starting a watchdog
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        try:
+            status = os.fstat(descriptor)
+            _require_regular(status, path)
+            if max_size is not None:
+                _require_size(status.st_size, max_size, path)
+            return _read(descriptor, byte_count)
+        except OSError as error:
+            error.filename = error.filename or str(path)
+            raise
+        finally:
+            os.close(descriptor)
+    except ValueError as error:  # the path has a null character, or characters that no file name can have
+        raise OSError(errno.EINVAL, "the path is not valid", str(path)) from error
+
+
+def real_path(path: Path | str) -> Path:
+    """Return an absolute path with all links followed; unlike `Path.resolve`, this accepts links that form a circle."""
+    return Path(os.path.realpath(path))
+
+
+def leads_into(path: Path | str, folder: Path) -> bool:
+    """Return whether a path is in a folder after all links of both are followed. Links that form a circle lead nowhere.
+
+    A path that does not exist is in the folder if its name is.
+    """
+    return real_path(path).is_relative_to(real_path(folder))
+
+
+def _require_regular(status: os.stat_result, path: Path | str) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise UnsuitableFileError(errno.EISDIR, "it is a folder", str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise UnsuitableFileError(errno.EINVAL, "it is not a regular file", str(path))
+
+
+def _require_size(size: int, max_size: int, path: Path | str) -> None:
+    if size > max_size:
+        raise TooLargeError(errno.EFBIG, f"it has more than {_size_text(max_size)}", str(path))
+
+
+def _read(descriptor: int, byte_count: int) -> bytes:
+    """Return at most some bytes. A read that would block raises an OSError, because the descriptor does not block."""
+    chunks: list[bytes] = []
+    while byte_count > 0 and (chunk := os.read(descriptor, min(byte_count, 1 << 24))):
+        chunks.append(chunk)
+        byte_count -= len(chunk)
+    return b"".join(chunks)
+
+
+def _size_text(byte_count: int) -> str:
+    return f"{byte_count >> 20} MiB" if byte_count >= 1 << 20 else f"{byte_count >> 10} KiB"

@@ -1,0 +1,220 @@
+"""Projects that were made to stop codra: each command answers with findings or one line, in little memory."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import resource
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from multiprocessing.queues import Queue
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from codra_dsl.cli.app import app, command_line
+
+Manager = multiprocessing.get_context("fork")
+DOOR = """\
+codra: 1
+name: door
+context:
+  door_open: {type: bool, source: main_execution, valid_for: 5 s}
+skills:
+  pass_door: {preview: [door_open]}
+"""
+MAX_SECONDS = 60
+"""A command that reads one of these files without a limit never ends."""
+
+MAX_MEMORY_BYTES = 400 << 20
+
+
+def limited_codra(*arguments: str) -> tuple[int, str]:
+    """Run a command in a process that may take little more memory than this one; return its exit code and output."""
+    results = Manager.Queue()
+    process = Manager.Process(target=_run_limited, args=(arguments, results))
+    process.start()
+    try:
+        return results.get(timeout=MAX_SECONDS)
+    finally:
+        process.kill()
+        process.join()
+
+
+def _run_limited(arguments: tuple[str, ...], results: Queue[tuple[int, str]]) -> None:
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + MAX_MEMORY_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    result = CliRunner().invoke(app, arguments)
+    error = "" if result.exception is None or isinstance(result.exception, SystemExit) else repr(result.exception)
+    results.put((result.exit_code, result.output + error))
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    folder = tmp_path / "project"
+    (folder / "specs").mkdir(parents=True)
+    (folder / "pyproject.toml").write_text("[tool.codra]\n")
+    (folder / "specs/door.yaml").write_text(DOOR)
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return folder
+
+
+def codra(capfd: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    """Run a command in this process, as the command line does; return its exit code and what it wrote."""
+    before, sys.argv = sys.argv, ["codra", *arguments]
+    try:
+        code = command_line()
+    finally:
+        sys.argv = before
+    written = capfd.readouterr()
+    return code, written.out + written.err
+
+
+def make_link_to_zeros(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def make_pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def make_socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as listener:
+        before = Path.cwd()
+        os.chdir(path.parent)
+        listener.bind(path.name)
+        os.chdir(before)
+
+
+def make_huge_file(path: Path) -> None:
+    with path.open("wb") as stream:
+        stream.truncate(8 << 30)
+
+
+@pytest.mark.parametrize("make", [make_link_to_zeros, make_pipe, make_socket, make_huge_file])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "generated/door/manifest.json",
+        "generated/other/manifest.json",
+        "generated/__init__.py",
+        "generated/door/door.py",
+        "pyproject.toml",
+        ".codra/schema.json",
+        "specs/other.yaml",
+    ],
+)
+def test_a_file_that_never_ends_is_answered(project: Path, name: str, make: Callable[[Path], None]) -> None:
+    """Each of these names can be in a repository, as a link or in an archive."""
+    assert CliRunner().invoke(app, ["compile", "specs", "--no-cache"]).exit_code == 0
+    (project / name).unlink(missing_ok=True)
+    (project / name).parent.mkdir(exist_ok=True)
+    make(project / name)
+
+    for command in (["compile", "specs", "--check"], ["compile", "specs"], ["lint", "specs"]):
+        code, text = limited_codra(*command)
+
+        assert code in (0, 1), text
+        assert "Error(" not in text, text
+
+
+def test_a_spec_that_is_a_link_out_of_the_project_is_refused_and_not_shown(
+    project: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (project.parent / "secret.txt").write_text("password: [hunter2\n")
+    (project / "specs/z.yaml").symlink_to("../../secret.txt")
+
+    code, text = codra(capfd, "lint", "specs")
+
+    assert code == 1
+    assert "hunter2" not in text
+    assert "specs/z.yaml:1:1: error[CDR0001]" in text
+    assert "is a link that leads out of the project" in text
+    assert "help: copy the file into the project" in text
+
+
+@pytest.mark.parametrize("command", ["lint", "compile", "graph", "run", "sweep"])
+def test_a_link_to_itself_is_a_finding(project: Path, command: str, capfd: pytest.CaptureFixture[str]) -> None:
+    (project / "specs/y.yaml").symlink_to("y.yaml")
+
+    code, text = codra(capfd, command, "specs")
+
+    assert code in (1, 2)
+    assert "internal error" not in text
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "circle", "circle/inner", os.fsdecode(b"b\xff.yaml"), "pyproject.toml/x"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["lint", "@"],
+        ["lint", "specs", "--output", "@"],
+        ["compile", "@"],
+        ["compile", "specs", "--out", "@"],
+        ["graph", "@"],
+        ["diff", "specs", "@"],
+        ["diff", "specs", "specs", "@"],
+        ["init", "@"],
+        ["why", "@", "door_open"],
+        ["replay", "@"],
+        ["journal", "recover", "@", "out"],
+    ],
+    ids=" ".join,
+)
+def test_every_error_of_the_system_is_a_finding_or_one_line(
+    project: Path, command: list[str], name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (project / "circle").symlink_to("circle")
+    (project / os.fsdecode(b"b\xff.yaml")).write_text("codra: 1\nname: [\n")
+
+    code, text = codra(capfd, *(name if argument == "@" else argument for argument in command))
+
+    assert text
+    assert code in (1, 2), text
+    assert "internal error" not in text
+
+
+def test_a_tree_file_with_a_name_of_5000_letters_is_a_finding(project: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (project / "specs/door.yaml").write_text(DOOR + f"trees:\n  main: {{file: {'a' * 5000}.xml}}\n")
+
+    code, text = codra(capfd, "lint", "specs")
+
+    assert code == 1
+    assert "CDR3308" in text
+
+
+@pytest.mark.parametrize(
+    ("where", "name", "problem"),
+    [
+        ("specs", "d", ""),
+        ("specs", "deep", "error[CDR0001]: cannot read"),
+        ("generated/door", "d", "orphan"),
+        ("generated/door", "deep", "error[CDR6004]: cannot read"),
+    ],
+)
+def test_1500_nested_folders_are_searched_or_reported(
+    project: Path, where: str, name: str, problem: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """With four letters each, their path is longer than the system allows."""
+    CliRunner().invoke(app, ["compile", "specs", "--no-cache"])
+    make_nested_folders(project / where, name, 1500)
+
+    code, text = codra(capfd, "compile", "specs", "--check", "--format", "concise")
+
+    assert (code, problem in text) == (1 if problem else 0, True), text
+
+
+def make_nested_folders(folder: Path, name: str, count: int) -> None:
+    """Make folders in folders, with a file in the innermost one."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    for _ in range(count):
+        os.mkdir(name, dir_fd=descriptor)
+        inner = os.open(name, os.O_RDONLY, dir_fd=descriptor)
+        os.close(descriptor)
+        descriptor = inner
+    os.close(os.open("note.txt", os.O_CREAT | os.O_WRONLY, dir_fd=descriptor))
+    os.close(descriptor)
