@@ -87,7 +87,7 @@ def finding_texts(body: str) -> list[str]:
         ("<SubTree ID='Typed' in='1' _autoremap='yes'/>", "port-value: '_autoremap' is 'yes', not true or false"),
         ("<SubTree ID='Main'/>", "subtree-recursion: subtrees form a cycle: Main -> Main | a tree cannot contain"),
         ("<AlwaysSuccess _skipif='true'/>", "unknown-port: unknown condition '_skipif' | did you mean '_skipIf'?"),
-        ("<AlwaysSuccess _mark='1'/>", "attribute-without-effect: '_mark' has no effect | remove it; codra keeps it"),
+        ("<AlwaysSuccess _mark='1'/>", "attribute-without-effect: '_mark' has no effect | remove it; codra does not remove it when it writes the file"),
         ("<AlwaysSuccess/>text", "xml-not-kept: the text 'text' has no meaning in a tree | remove it, or make it"),
         ("<?php x?><AlwaysSuccess/>", "xml-not-kept: <?php ...?> has no meaning in a tree | remove it"),
         (
