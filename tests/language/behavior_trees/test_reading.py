@@ -237,6 +237,8 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root BTCPP_for
         (b"<a>" * (MAX_DEPTH + 1), "tree-too-deep"),
         (b"<a>" * 200_000, "tree-too-deep"),
         (b"<a>" + b"<b/>" * MAX_ELEMENTS + b"</a>", "too-many-tree-nodes"),
+        (b"<a>" + b"<?b?>" * 2 * MAX_ELEMENTS + b"</a>", "too-many-tree-nodes"),
+        (b"<a>" + b"text<!---->" * 2 * MAX_ELEMENTS + b"</a>", "too-many-tree-nodes"),
         (b"<a " + b" ".join(b'x%d="1"' % number for number in range(100)) + b"/>", "too-many-tree-nodes"),
         (b"<a x='" + b"y" * 5000 + b"'/>", "tree-file-too-large"),
         (b"<a>" + b" " * MAX_BYTES + b"</a>", "tree-file-too-large"),

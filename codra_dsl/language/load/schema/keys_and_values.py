@@ -57,7 +57,8 @@ def explain(definition: str, node: YamlNode, subject: Subject, findings: Finding
     unknown_keys = explanation.unknown_keys(errors)
     for mapping, corrections in unknown_keys:
         _rename(mapping, corrections)
-    explanation.report(tuple(errors_of(definition, node.data, ())) if unknown_keys else errors)
+    has_new_errors = any(not mapping.data or any(keys.values()) for mapping, keys in unknown_keys)
+    explanation.report(tuple(errors_of(definition, node.data, ())) if has_new_errors else errors)
     return frozenset(explanation.damaged)
 
 
