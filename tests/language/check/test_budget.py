@@ -15,6 +15,7 @@ from codra_dsl.language.check.solver.satisfiable import always_holds, can_hold, 
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.expression import Node, parse
 from codra_dsl.language.model import Kind
+from codra_dsl.workspace.suppression.rules import OWN_PREFIX
 
 SPEC = """\
 codra: 1
@@ -195,3 +196,15 @@ def test_long_fractions_cost_more_work_than_short_ones() -> None:
 
 def test_work_outside_of_a_question_is_not_limited() -> None:
     spend(10**12)
+
+
+def test_a_comment_is_not_called_unused_while_a_question_is_undecided() -> None:
+    returns, conditions = ATTACKS["choices that double the results at each level"]
+    texts = ", ".join(f"'{condition}'" for condition in conditions)
+    spec = SPEC.format(returns=returns, accept_when=texts, identifies="true")
+    comment = "  # codra: ignore[CDR7105] both limits are kept for the next version\n"
+
+    codes = {finding.code for finding in codra_lint(spec.replace("  look:\n", f"  look:{comment}"))}
+
+    assert "CDR7119" in codes
+    assert not any(code.startswith(OWN_PREFIX) for code in codes)
