@@ -13,6 +13,7 @@ import pytest
 from codra_dsl.cli.fixes import fix, input_from_files
 from codra_dsl.compiler import Planned
 from codra_dsl.language.load.yaml.source import MAX_BYTES
+from codra_dsl.tooling.report.findings import MAX_SHOWN
 from codra_dsl.workspace.timings import UNTIMED
 from tests.command_server import run_codra
 
@@ -306,3 +307,22 @@ def test_errors_in_settings_are_findings_with_their_place(project: Path, setting
 
     assert process.returncode == 1
     assert process.stdout.startswith(place)
+
+
+def test_findings_that_a_report_does_not_show_are_counted_fixed_and_silenced(project: Path) -> None:
+    count = MAX_SHOWN + 50
+    variables = "".join(f"  v{number}: {{type: bool, source: main_execution}}\n" for number in range(count))
+    last = "  last: {type: bool, source: main_execution}  # codra: ignore[CDR7102] for the next demo\n"
+    skills = "".join(f"  s{number}: {{perview: [door_open]}}\n" for number in range(count))
+    head = "codra: 1\nname: door\ncontext:\n  door_open: {type: bool, source: main_execution}\n"
+    (project / "specs/door.yaml").write_text(f"{head}{variables}{last}skills:\n{skills}")
+
+    broken = codra("lint", "specs", "--format", "concise", cwd=project)
+    fixed = codra("lint", "specs", "--fix", "--format", "concise", cwd=project)
+
+    assert (broken.returncode, fixed.returncode) == (1, 0)
+    assert broken.stdout.count(b"error[CDR2003]") == MAX_SHOWN + 1
+    assert f"{count} errors".encode() in broken.stderr
+    assert f"fixed {count}; {count} warnings left".encode() in fixed.stderr
+    assert fixed.stdout.count(b"warning[CDR7102]") == MAX_SHOWN + 1
+    assert fixed.stdout.endswith(b"and 50 more findings of this rule in this file\n")

@@ -144,13 +144,10 @@ class _Reader:
 
     def _start_element(self, tag: str, names_and_values: list[str]) -> None:
         start = self._offset()
-        self._element_count += 1
         place = self._source.place(start, start + 1 + len(tag))
+        self._count_element(place)
         self._limit(
             len(self._open_elements) < MAX_DEPTH, "tree-too-deep", f"more than {MAX_DEPTH} elements deep", place
-        )
-        self._limit(
-            self._element_count <= MAX_ELEMENTS, "too-many-tree-nodes", f"more than {MAX_ELEMENTS:,} elements", place
         )
         self._limit(
             len(names_and_values) <= 2 * MAX_ATTRIBUTES,
@@ -165,6 +162,13 @@ class _Reader:
         else:
             self.root = element
         self._open_elements.append(element)
+
+    def _count_element(self, place: Place) -> None:
+        """Count an element. Instructions and texts count like elements, because each of them causes a finding."""
+        self._element_count += 1
+        self._limit(
+            self._element_count <= MAX_ELEMENTS, "too-many-tree-nodes", f"more than {MAX_ELEMENTS:,} elements", place
+        )
 
     def _attributes(self, start: int, tag: str, names_and_values: list[str]) -> tuple[Attribute, ...]:
         """Return attributes with their places.
@@ -216,16 +220,19 @@ class _Reader:
             )
         elif text.strip():
             start = self._offset()
+            place = self._source.place(start, start + 1)
+            self._count_element(place)
             self._findings.add(
                 "xml-not-kept",
                 f"the text {text.strip()[:40]!r} has no meaning in a tree",
-                self._source.place(start, start + 1),
+                place,
                 help="remove it, or make it a comment: <!-- ... -->",
             )
 
     def _report_instruction(self, target: str, _: str) -> None:
         start = self._offset()
         place = self._source.place(start, start + 2 + len(target))
+        self._count_element(place)
         self._findings.add("xml-not-kept", f"<?{target} ...?> has no meaning in a tree", place, help="remove it")
 
     def _refuse_doctype(self, *_: object) -> None:

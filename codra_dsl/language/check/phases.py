@@ -38,6 +38,8 @@ from codra_dsl.language.check.loops.parts import LOOP_PART_CHECKS, UNREAD_OUTPUT
 from codra_dsl.language.check.loops.range_exit import RANGE_EXIT_CHECKS
 from codra_dsl.language.check.names.names import NAME_CHECKS
 from codra_dsl.language.check.quality import QUALITY_CHECKS
+from codra_dsl.language.check.quality.undecided import budget_of, undecided_conditions
+from codra_dsl.language.check.solver.budget import shared_budget
 from codra_dsl.language.check.types.condition_types import TYPE_CHECKS
 from codra_dsl.language.check.types.members import wrong_member_findings
 from codra_dsl.language.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
@@ -88,6 +90,21 @@ def check(
     following phases read the intended name.
     """
     spec_index = SpecIndex(spec, forests)
+    with shared_budget(budget_of(spec_index)) as budget:
+        spec_index, findings = _run_phases(spec_index)
+    findings += undecided_conditions(spec_index, budget)
+    findings_in_order = in_file_order(once_per_template(findings))
+    is_damaged = any(spec.damaged.values()) or any(
+        forests.get(tree.name, UNREAD_RESULT)[0] is None for tree in spec.trees
+    )
+    if is_damaged or has_binding_errors(findings):
+        return None, findings_in_order
+    with shared_budget(budget_of(spec_index)):  # a separate budget: the result does not depend on the work of the rules
+        return _checked(spec_index), findings_in_order
+
+
+def _run_phases(spec_index: SpecIndex) -> tuple[SpecIndex, list[Diagnostic]]:
+    """Return the index with the intended names for misspelt names, and the findings of all phases."""
     faults = FaultyElements()
     findings: list[Diagnostic] = []
     for phase in PHASES:
@@ -97,12 +114,8 @@ def check(
         findings += diagnostics
         faults = FaultyElements(faults.elements | _elements(diagnostics), spec_index.suggested_variables)
         if spec_index.corrections:
-            spec_index = SpecIndex(apply_corrections(spec_index.spec, spec_index.corrections), forests)
-    findings_in_order = in_file_order(once_per_template(findings))
-    is_damaged = any(spec.damaged.values()) or any(
-        forests.get(tree.name, UNREAD_RESULT)[0] is None for tree in spec.trees
-    )
-    return (None if is_damaged or has_binding_errors(findings) else _checked(spec_index)), findings_in_order
+            spec_index = SpecIndex(apply_corrections(spec_index.spec, spec_index.corrections), spec_index.forests)
+    return spec_index, findings
 
 
 def _correct_members(

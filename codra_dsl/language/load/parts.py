@@ -51,6 +51,7 @@ class Parts:
         self._texts = texts
         self._first_places: dict[Path, Place] = {}
         self._character_count = 0
+        self._include_count = 0
 
     def read_all(self, document: Document, path: Path) -> None:
         """Read a document's parts, recursively."""
@@ -63,10 +64,16 @@ class Parts:
         for node in document.includes:
             if node.reported or not self._include(document, node, open_file):
                 self.is_complete = False
+            if self._include_count > MAX_PARTS:  # already reported; every further include would cause a finding
+                break
 
     def _include(self, document: Document, node: ScalarNode, open_file: _IncludingFile) -> bool:
         """Read one part; return whether its elements are known."""
         place = document.origin.of(node)
+        self._include_count += 1
+        if self._include_count > MAX_PARTS:
+            self._report_too_many_parts(place)
+            return False
         path = self._locate(node, open_file, place)
         if path is None or not self._is_first(path, node, open_file, place):
             return path is not None and path in self._first_places and path not in open_file.include_chain
@@ -75,11 +82,7 @@ class Parts:
             or len(open_file.include_chain) > MAX_INCLUDE_DEPTH
             or self._character_count > MAX_BYTES
         ):
-            help_text = (
-                f"at most {MAX_PARTS} parts are read, with {MAX_BYTES >> 20} MiB in all;"
-                f" includes are nested at most {MAX_INCLUDE_DEPTH} deep"
-            )
-            self._findings.add("too-many-parts", "the spec has too many parts", place, help=help_text, path="include")
+            self._report_too_many_parts(place)
             return False
         self._first_places[path] = place
         file = path.relative_to(self._root).as_posix()
@@ -93,6 +96,13 @@ class Parts:
             return False
         self._add(part, _IncludingFile(path, (*open_file.include_chain, path)))
         return True
+
+    def _report_too_many_parts(self, place: Place) -> None:
+        help_text = (
+            f"at most {MAX_PARTS} parts are read, with {MAX_BYTES >> 20} MiB in all;"
+            f" includes are nested at most {MAX_INCLUDE_DEPTH} deep"
+        )
+        self._findings.add("too-many-parts", "the spec has too many parts", place, help=help_text, path="include")
 
     def _locate(self, node: ScalarNode, open_file: _IncludingFile, place: Place) -> Path | None:
         """Return the file that an include names, with links resolved.

@@ -10,12 +10,15 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, Severity, Span
 
 Sources = Callable[[str], str | None]
 """Returns the text of a file, or None if the file is not available. The argument is the file's path in findings."""
+
+MAX_SHOWN = 100
+"""The maximum number of findings of one rule in one file that a report shows."""
 
 _TAB = "    "
 _REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
@@ -53,23 +56,60 @@ COLOURED = Palette(
 def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Palette = PLAIN) -> str:
     """Return each finding with the line that it is about, carets below the error, and the help."""
     lines = _Lines(sources)
-    return "\n".join("\n".join(_finding_lines(diagnostic, lines, palette)) + "\n" for diagnostic in diagnostics)
+    return "\n".join(
+        "\n".join(_finding_lines(diagnostic, lines, palette)) + "\n" for diagnostic in shown_findings(diagnostics)
+    )
 
 
 def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
     """Return one line per finding: place, severity, code, message, help, and places where templates are used."""
     return "".join(
-        f"{_headline(diagnostic, palette)}{_parenthesised_text(help_text(diagnostic))}\n" for diagnostic in diagnostics
+        f"{_headline(diagnostic, palette)}{_parenthesised_text(help_text(diagnostic))}\n"
+        for diagnostic in shown_findings(diagnostics)
     )
 
 
 def render_json(diagnostics: Iterable[Diagnostic]) -> str:
     """Return findings as JSON, with one object per line. Lines and columns begin at 1; columns count code points."""
     lines = []
-    for diagnostic, number in number_findings(diagnostics):
+    for diagnostic, number in number_findings(shown_findings(diagnostics)):
         fingerprint = diagnostic.fingerprint if number == 1 else f"{diagnostic.fingerprint}:{number}"
         lines.append(as_json({**_finding_object(diagnostic), "fingerprint": fingerprint}) + "\n")
     return "".join(lines)
+
+
+def shown_findings(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return the findings that a report shows: of each rule in each file the first MAX_SHOWN, then their number.
+
+    The number of the others is itself a finding of the rule, at the place of the first finding that is not shown. So
+    every format shows it, and errors that are not shown still appear as an error.
+
+    Only reports omit findings: comments that silence findings, fixes, counts and exit codes need every finding.
+    """
+    findings = tuple(diagnostics)
+    totals = Counter(map(_rule_and_file, findings))
+    if all(total <= MAX_SHOWN for total in totals.values()):
+        return findings
+    counts: Counter[tuple[str, str]] = Counter()
+    shown: list[Diagnostic] = []
+    for diagnostic in findings:
+        key = _rule_and_file(diagnostic)
+        counts[key] += 1
+        if counts[key] <= MAX_SHOWN:
+            shown.append(diagnostic)
+        elif counts[key] == MAX_SHOWN + 1:
+            shown.append(_rest_of_findings(diagnostic, totals[key] - MAX_SHOWN))
+    return tuple(shown)
+
+
+def _rule_and_file(diagnostic: Diagnostic) -> tuple[str, str]:
+    return diagnostic.code, diagnostic.place.span.file
+
+
+def _rest_of_findings(first: Diagnostic, count: int) -> Diagnostic:
+    message = f"and {count:,} more finding{'' if count == 1 else 's'} of this rule in this file"
+    place = Place(first.place.span)
+    return replace(first, message=message, place=place, path="", help="", related=(), fix=None, use_findings=())
 
 
 def number_findings(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:

@@ -1,8 +1,8 @@
 """Findings for GitHub Actions: annotations, the log, and the summary of the step.
 
 GitHub shows ten errors and ten warnings of a step and silently drops the rest. Therefore only the most severe findings
-become annotations, and one more annotation states the number of the others. The log contains all findings. The summary
-contains all findings that fit into its maximum size.
+become annotations, and one more annotation states the number of the others. The log shows the findings as every
+report does. The summary shows those that fit into its maximum size.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from codra_dsl.tooling.report.findings import (
     help_text,
     related_places,
     render_concise,
+    shown_findings,
     span_text,
     visible_text,
 )
@@ -65,15 +66,16 @@ def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
         return ""
     lines = [f"\n### {as_markdown(title)}\n\n", "| place | finding | message |\n", "| --- | --- | --- |\n"]
     size, row_count = 0, 0
-    for diagnostic in diagnostics:
+    shown = shown_findings(diagnostics)
+    for diagnostic in shown:
         row = _row(diagnostic)
         size += len(row.encode())
         if size > MAX_SUMMARY_BYTES:
             break
         lines.append(row)
         row_count += 1
-    if row_count < len(diagnostics):
-        lines.append(f"\nand {len(diagnostics) - row_count} more: see the log\n")
+    if row_count < len(shown):
+        lines.append(f"\nand {len(shown) - row_count} more: see the log\n")
     return "".join(lines)
 
 

@@ -13,7 +13,7 @@ from urllib.parse import quote
 from codra_dsl import __version__
 from codra_dsl.language.diagnostics import Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
 from codra_dsl.tooling.report.explain import Page, as_text, family_of, page_of
-from codra_dsl.tooling.report.findings import as_json, number_findings, related_places, visible_text
+from codra_dsl.tooling.report.findings import as_json, number_findings, related_places, shown_findings, visible_text
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _ROOT_BASE_ID = "%SRCROOT%"
@@ -43,7 +43,7 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
         diagnostics: the findings, in file order. The order distinguishes findings with equal fingerprints.
         folder: the path of the files' root within the repository, with `/`.
     """
-    findings = tuple(diagnostics)
+    findings = shown_findings(diagnostics)
     kept_findings = _most_severe_findings(findings)
     rules = {
         diagnostic.code: diagnostic.rule for diagnostic in sorted(kept_findings, key=lambda diagnostic: diagnostic.code)

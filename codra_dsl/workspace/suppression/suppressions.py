@@ -40,6 +40,7 @@ _SUPPRESSION_COMMENT = re.compile(
 )
 _CODE = re.compile(r"[^,\s](?:[^,]*[^,\s])?")
 _WORD = re.compile(r"\w")
+_UNDECIDED_RULE = "undecided-conditions"
 _IGNORE_VERB = "ignore"
 _MISTAKEN_VERBS = frozenset(
     {"ignored", "ignores", "ignroe", "noqa", "disable", "disabled", "suppress", "allow", "skip"}
@@ -216,13 +217,18 @@ def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sourc
     """Return findings in file order, with the findings about suppression comments.
 
     Comments are applied before settings, so that no setting affects whether a comment is used. While an error is
-    left, later checks may not have run, so no comment is reported as unused.
+    left, later checks may not have run, so no comment is reported as unused. The same is true if the analysis of
+    conditions stopped, even if a comment silences the finding about this.
     """
     suppressions = _Suppressions(sources)
+    diagnostics = tuple(diagnostics)
     remaining_findings = [
         finding for diagnostic in diagnostics for finding in suppressions.remaining_findings(diagnostic)
     ]
-    is_complete = not any(diagnostic.rule.severity is Severity.ERROR for diagnostic in remaining_findings)
+    is_complete = not (
+        any(diagnostic.rule.severity is Severity.ERROR for diagnostic in remaining_findings)
+        or any(diagnostic.rule.name == _UNDECIDED_RULE for diagnostic in diagnostics)
+    )
     findings = (*remaining_findings, *suppressions.findings(is_complete=is_complete))
     return in_file_order(
         _with_level(diagnostic, settings) for diagnostic in findings if settings.selects(diagnostic.rule)

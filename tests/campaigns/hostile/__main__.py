@@ -2,8 +2,8 @@
 
 It exits with 1 if there is a failure.
 
-Failures are: an exception, an input that takes more than 4 s, more than 500 MB in total, execution of code from a spec,
-opening or writing a file outside of the project, and starting a process or opening a socket.
+Failures are: an exception, an input that takes more than 2 s of CPU time, more than 500 MB in total, execution of code
+from a spec, opening or writing a file outside of the project, and starting a process or opening a socket.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import sys
 
 from tests.campaigns.hostile.watch import run
 
-MOST_SECONDS = 4.0
+MOST_SECONDS = 2.0
 MOST_BYTES = 500e6
 
 

@@ -87,7 +87,10 @@ def finding_texts(body: str) -> list[str]:
         ("<SubTree ID='Typed' in='1' _autoremap='yes'/>", "port-value: '_autoremap' is 'yes', not true or false"),
         ("<SubTree ID='Main'/>", "subtree-recursion: subtrees form a cycle: Main -> Main | a tree cannot contain"),
         ("<AlwaysSuccess _skipif='true'/>", "unknown-port: unknown condition '_skipif' | did you mean '_skipIf'?"),
-        ("<AlwaysSuccess _mark='1'/>", "attribute-without-effect: '_mark' has no effect | remove it; codra does not remove it when it writes the file"),
+        (
+            "<AlwaysSuccess _mark='1'/>",
+            "attribute-without-effect: '_mark' has no effect | remove it; codra does not remove it when it writes the file",
+        ),
         ("<AlwaysSuccess/>text", "xml-not-kept: the text 'text' has no meaning in a tree | remove it, or make it"),
         ("<?php x?><AlwaysSuccess/>", "xml-not-kept: <?php ...?> has no meaning in a tree | remove it"),
         (
@@ -237,6 +240,8 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root BTCPP_for
         (b"<a>" * (MAX_DEPTH + 1), "tree-too-deep"),
         (b"<a>" * 200_000, "tree-too-deep"),
         (b"<a>" + b"<b/>" * MAX_ELEMENTS + b"</a>", "too-many-tree-nodes"),
+        (b"<a>" + b"<?b?>" * 2 * MAX_ELEMENTS + b"</a>", "too-many-tree-nodes"),
+        (b"<a>" + b"text<!---->" * 2 * MAX_ELEMENTS + b"</a>", "too-many-tree-nodes"),
         (b"<a " + b" ".join(b'x%d="1"' % number for number in range(100)) + b"/>", "too-many-tree-nodes"),
         (b"<a x='" + b"y" * 5000 + b"'/>", "tree-file-too-large"),
         (b"<a>" + b" " * MAX_BYTES + b"</a>", "tree-file-too-large"),

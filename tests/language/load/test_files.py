@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.language.load import find_files, load_spec, load_text
-from codra_dsl.language.load.parts import MAX_INCLUDE_DEPTH
+from codra_dsl.language.load.parts import MAX_INCLUDE_DEPTH, MAX_PARTS
 
 SPEC = "codra: 1\nname: kitchen\n"
 PART = "codra: 1\nresources: {camera: {}}\n"
@@ -84,6 +84,12 @@ def test_a_spec_that_includes_itself_is_reported_with_the_cycle(tmp_path: Path) 
 
     assert finding.rule.name == "part-includes-itself"
     assert "kitchen.yaml -> jar.yaml -> kitchen.yaml" in finding.message
+
+
+def test_a_long_list_of_includes_is_not_read_beyond_the_limit(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [{', '.join(['nowhere.yaml'] * 20 * MAX_PARTS)}]\n")
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["part-not-found"] * MAX_PARTS + ["too-many-parts"]
 
 
 def test_a_chain_of_includes_ends_at_the_limit(tmp_path: Path) -> None:

@@ -310,7 +310,8 @@ def _never_runs_finding(spec_index: SpecIndex, search: _Search, name: str) -> Di
         StatedCondition(known_call(reference.name), f"given: {reference.name}", reference.place)
         for reference in algorithm.given
     ]
-    core = contradiction((*given_conditions, *conditions), spec_index.context_types)
+    all_conditions = (*given_conditions, *conditions)
+    core = contradiction(all_conditions, spec_index.context_types) or all_conditions  # () if the budget is used up
     variables = [
         spec_index.variables[name.name]
         for condition in core

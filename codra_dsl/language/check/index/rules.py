@@ -88,6 +88,7 @@ RULES = rules(
     ("CDR7116", "ineffective-on-event", _WARNING),
     ("CDR7117", "unused-type", _WARNING),
     ("CDR7118", "unnoticed-pose", _ERROR),
+    ("CDR7119", "undecided-conditions", _WARNING),
     ("CDR7121", "uncovered-range", _WARNING),
     ("CDR7122", "silent-combination", _WARNING),
     ("CDR7123", "idle-fuzzy-rule", _WARNING),

@@ -9,6 +9,7 @@ from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
+from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.intervals import Interval, Number, in_base
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, possible_values
@@ -73,7 +74,8 @@ def _exit_sides(
     names = set(occurrences)
     is_exact = len(names) == len(occurrences)
     values = {name: known_values(types.get(name)) | UNKNOWN for name in names}
-    branch_values = possible_values(branch, Context(values | {age_key(name): AGES for name in names}))
+    context = Context(values | {age_key(name): AGES for name in names})
+    branch_values = current_budget().answer(lambda: possible_values(branch, context), [branch], undecided=UNKNOWN)
     intervals = [value for value in branch_values if isinstance(value, Interval)]
     assert variable_type.range is not None
     for operator, end in zip(_SIDE_TEXTS, variable_type.range, strict=True):
@@ -86,7 +88,8 @@ def _exit_sides(
             exit_condition = Compare(
                 start=0, end=0, first=branch, rest=((operator, Name(start=0, end=0, name=_END_NAME)),)
             )
-            if can_hold([*assumptions, exit_condition], (), {**types, _END_NAME: end_type}):
+            can_leave = can_hold([*assumptions, exit_condition], (), {**types, _END_NAME: end_type})
+            if can_leave and not current_budget().has_undecided:  # an undecided question is no reason for a finding
                 yield operator
 
 

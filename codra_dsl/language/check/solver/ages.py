@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.intervals import Interval
-from codra_dsl.language.check.solver.values import Context, own_comparisons, possible_values
+from codra_dsl.language.check.solver.values import UNKNOWN, Context, own_comparisons, possible_values
 from codra_dsl.language.expression import And, Call, Compare, Name, Node, Not, Or, names_in
 from codra_dsl.language.model import Condition
 
@@ -21,7 +22,7 @@ class Bound:
     Attributes:
         name: the variable whose age is bounded.
         node: the comparison that bounds the age, including a `not` before the comparison.
-        limit_s: the maximum age; None if the maximum depends on context-variables.
+        limit_s: the maximum age; None if the maximum depends on context-variables, or was not decided.
     """
 
     name: str
@@ -61,5 +62,6 @@ def _bound(operator: str, left: Node, right: Node, outermost_node: Node) -> Iter
 def _limit_s(limit: Node) -> float | None:
     if names_in(limit):
         return None
-    (value, *others) = possible_values(limit, Context({}))
+    values = current_budget().answer(lambda: possible_values(limit, Context({})), [limit], undecided=UNKNOWN)
+    (value, *others) = values
     return float(value.low) if not others and isinstance(value, Interval) and value.is_point else None

@@ -3,7 +3,7 @@
 In a case, each name that occurs several times has one value: true or false, a member, or unknown. A number is
 restricted to an interval between the constants with which the conditions compare it, so each comparison with a constant
 has only one result. If two numbers are compared with each other several times, a case also restricts their difference.
-After MAX_CASES cases, the answer is that there may be such a case.
+If a question needs too many cases or too much work, it is not decided: there may be such a case.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from itertools import product
 
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.solver.breakpoints import context_keys_of, cuts, is_curved
+from codra_dsl.language.check.solver.budget import OutOfBudgetError, current_budget, shared_budget, spend
 from codra_dsl.language.check.solver.intervals import Interval, hull, in_base, negative, pieces, point, quotient, total
 from codra_dsl.language.check.solver.linear import Pair, pair
 from codra_dsl.language.check.solver.values import (
@@ -34,10 +35,10 @@ from codra_dsl.language.expression import And, Call, Compare, In, Name, Node, Te
 from codra_dsl.language.model import Kind
 
 MAX_CASES = 4096
-"""The maximum number of cases for each group of conditions that share names, unless MAX_WORK allows only fewer."""
+"""The maximum number of cases for each group of conditions that share names.
 
-MAX_WORK = 100_000
-"""The maximum number of evaluated parts of conditions, in all cases of a group."""
+Without this limit, one question could use up the budget for all other questions about the spec.
+"""
 
 _TRUE: Values = frozenset({True})
 _FALSE: Values = frozenset({False})
@@ -49,12 +50,24 @@ def may_have_case(
 ) -> bool:
     """Return whether there may be a case in which all required conditions hold and the claim, if any, does not.
 
+    If this is not decided within the budget, the answer is that there may be such a case.
+
     Args:
         required_conditions: the required conditions. Groups that share no name are searched separately.
         claim: a further condition.
         values: a mapping from each name to its possible values. The values contain None if the name can be unknown.
         types: the type of each name.
     """
+    conditions = required_conditions if claim is None else (*required_conditions, claim)
+    with shared_budget(current_budget()) as budget:
+        return budget.answer(
+            lambda: _may_have_case(required_conditions, claim, values, types), conditions, undecided=True
+        )
+
+
+def _may_have_case(
+    required_conditions: Sequence[Node], claim: Node | None, values: Mapping[str, Values], types: Types
+) -> bool:
     required_conjuncts = conjuncts(required_conditions)
     context = Context(values)
     if any(True not in possible_values(condition, context) for condition in required_conjuncts):
@@ -63,7 +76,10 @@ def may_have_case(
         return False
     if _need_no_cases(required_conjuncts if claim is None else (*required_conjuncts, claim), types):
         return True
-    return all(_Search(group, values, types).finds_case() for group in _groups(required_conjuncts, claim))
+    answers = [_Search(group, values, types).finds_case() for group in _groups(required_conjuncts, claim)]
+    if None in answers and False not in answers:
+        raise OutOfBudgetError
+    return False not in answers
 
 
 def _need_no_cases(conditions: Iterable[Node], types: Types) -> bool:
@@ -153,14 +169,12 @@ class _Mentions:
         names: the keys in `counts` that are names.
         texts: all quoted texts.
         comparisons: the two sides of each comparison.
-        size: the number of parts of the conditions.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
     names: set[str] = field(default_factory=set)
     texts: dict[str, None] = field(default_factory=dict)
     comparisons: list[tuple[Node, Node]] = field(default_factory=list)
-    size: int = 0
 
     def add(self, condition: Node) -> None:
         """Add a condition.
@@ -170,7 +184,7 @@ class _Mentions:
         pending_nodes = [(condition, 1)]
         while pending_nodes:
             node, times = pending_nodes.pop()
-            self.size += 1
+            spend(1)
             self.comparisons += ((left, right) for _, left, right in own_comparisons(node))
             if isinstance(node, Name):
                 self.counts[node.name] += times
@@ -198,17 +212,24 @@ class _Search:
             (left, right, context_keys_of(left) | context_keys_of(right)) for left, right in self._mentions.comparisons
         ]
         self._pairs, self._sides = self._tracked_pairs()
+        self._cuts_by_key: dict[str, frozenset[Fraction]] = {}
 
-    def finds_case(self) -> bool:
-        """Return whether there may be such a case. Cases are split until one is certain or complete or none is left."""
+    def finds_case(self) -> bool | None:
+        """Return whether there may be such a case; None if this needs too many cases.
+
+        Cases are split until one is certain or complete, or none is left.
+        """
         keys = [key for key in self._mentions.counts if self._needs_split(key)]
         keys += self._sides
-        remaining_case_count = max(1, min(MAX_CASES, MAX_WORK // self._mentions.size))
+        remaining_case_count = MAX_CASES
         pending_cases: list[tuple[Mapping[str, Values], int]] = [(self._values, 0)]
-        while pending_cases and remaining_case_count > 0:
+        while pending_cases:
+            if remaining_case_count == 0:
+                return None
             remaining_case_count -= 1
             values, index = pending_cases.pop()
             context = Context(values, self._pairs)
+            spend(len(values))
             required_truths = [possible_values(condition, context) for condition in self._group.required]
             claim_truths = _FALSE if self._group.claim is None else possible_values(self._group.claim, context)
             if any(True not in truths for truths in required_truths) or claim_truths == _TRUE:
@@ -217,7 +238,7 @@ class _Search:
                 return True
             value_sets = self._value_sets(keys[index], context)
             pending_cases += (({**values, keys[index]: value_set}, index + 1) for value_set in reversed(value_sets))
-        return bool(pending_cases)
+        return False
 
     def _needs_split(self, key: str) -> bool:
         """Return whether the search splits cases by the values of a key.
@@ -295,8 +316,11 @@ class _Search:
         )
 
     def _cuts(self, key: str) -> frozenset[Fraction]:
-        own_keys = frozenset({key})
-        return cuts(key, ((left, right) for left, right, context_keys in self._comparisons if context_keys == own_keys))
+        if key not in self._cuts_by_key:
+            own_keys = frozenset({key})
+            sides = ((left, right) for left, right, context_keys in self._comparisons if context_keys == own_keys)
+            self._cuts_by_key[key] = cuts(key, sides)
+        return self._cuts_by_key[key]
 
     def _step(self, key: str) -> Fraction | None:
         """Return the step between the values of an int, in base units; None for other types."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+from codra_dsl.language.check.solver.budget import spend, spend_on_digits
 from codra_dsl.language.check.solver.intervals import in_base
 from codra_dsl.language.expression import Arithmetic, Call, Name, Negative, Node, Number, to_text
 from codra_dsl.language.units import ONE, parse_unit
@@ -44,6 +45,10 @@ class _Sum:
     factors_by_key: Mapping[str, Fraction]
     constant: Fraction = Fraction(0)
 
+    def __post_init__(self) -> None:
+        spend(1 + sum(map(len, self.factors_by_key)) // 64)
+        spend_on_digits(self.constant, *self.factors_by_key.values())
+
     @property
     def first_factor(self) -> Fraction:
         """Return the first factor that is not 0, in the alphabetical order of the keys; 1 if all factors are 0."""
@@ -54,11 +59,11 @@ class _Sum:
     @property
     def key(self) -> str:
         """Return a text that is the same for all sums that differ only in the constant."""
-        return " + ".join(f"{self.factors_by_key[key]}*{key}" for key in sorted(self.factors_by_key))
+        return " + ".join(f"{_number_text(self.factors_by_key[key])}*{key}" for key in sorted(self.factors_by_key))
 
     def text(self) -> str:
         """Return a text that is the same for equal sums."""
-        return f"({self.key} + {self.constant})"
+        return f"({self.key} + {_number_text(self.constant)})"
 
     def times(self, factor: Fraction) -> _Sum:
         return _Sum(
@@ -99,6 +104,11 @@ def _sum(node: Node) -> _Sum:
             keys = sorted({_sum(argument).text() for argument in arguments})
             return _single_summand(f"{function}({', '.join(keys)})") if len(keys) > 1 else _sum(arguments[0])
     return _single_summand(to_text(node))
+
+
+def _number_text(number: Fraction) -> str:
+    """Return a text that is the same for equal numbers: hexadecimal, because Python limits the decimal digits."""
+    return f"{number.numerator:x}/{number.denominator:x}"
 
 
 def _single_summand(key: str) -> _Sum:

@@ -16,6 +16,7 @@ from itertools import pairwise, product
 
 from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.solver import intervals
+from codra_dsl.language.check.solver.budget import spend, spend_on_digits
 from codra_dsl.language.check.solver.intervals import FULL, Interval, in_base, point
 from codra_dsl.language.check.solver.linear import Pair
 from codra_dsl.language.expression import (
@@ -39,6 +40,9 @@ from codra_dsl.language.units import ONE, parse_unit
 
 MAX_PIECES = 8
 """The maximum number of separate intervals. If there are more intervals, their hull replaces them."""
+
+MAX_CHOICE_PIECES = 64
+"""The same for the results of a choice. Without this limit, nested choices would double the number at each level."""
 
 
 class UnspecifiedText(Enum):
@@ -107,6 +111,7 @@ def known_key(name: str) -> str:
 
 def possible_values(node: Node, context: Context) -> Values:
     """Return the possible values of a part of a condition."""
+    spend(1)
     return _EVALUATORS[type(node)](node, context)
 
 
@@ -188,7 +193,7 @@ def _compare(node: Node, context: Context) -> Values:
 
 def _in(node: Node, context: Context) -> Values:
     assert isinstance(node, In)
-    truths = _disjunction(compare_values(*link, context) for link in own_comparisons(node))
+    truths = _disjunction(compare_values("==", node.item, option, context) for option in dict.fromkeys(node.options))
     return frozenset(None if value is None else value is not node.negated for value in truths)
 
 
@@ -198,7 +203,7 @@ def compare_values(operator: str, left: Node, right: Node, context: Context) -> 
     If the context contains the difference of the two sides, the results are computed from this difference.
     """
     left_values, right_values = possible_values(left, context), possible_values(right, context)
-    truths = frozenset(truth for one in left_values for other in right_values for truth in _judge(operator, one, other))
+    truths = _possible_judgements(operator, left_values, right_values)
     pair = context.pairs.get((id(left), id(right))) if context.pairs else None
     differences = None if pair is None else context.values.get(pair.key)
     if pair is None or differences is None or truths == UNKNOWN:
@@ -208,6 +213,30 @@ def compare_values(operator: str, left: Node, right: Node, context: Context) -> 
         truth for difference in differences for truth in _judge(pair_operator, difference, point(pair.limit))
     )
     return exact_truths | UNKNOWN if None in truths and not pair.key else exact_truths
+
+
+def _possible_judgements(operator: str, left_values: Values, right_values: Values) -> Values:
+    """Return the possible results of a comparison of any of the left values with any of the right values.
+
+    The work for large sets of members is proportional to their sizes, and not to the product of their sizes.
+    """
+    spend(1 + (len(left_values) + len(right_values)) // 8)
+    is_unknown_possible = (None in left_values and right_values) or (None in right_values and left_values)
+    unknown_truths = UNKNOWN if is_unknown_possible else frozenset[Value]()
+    left, right = left_values - UNKNOWN, right_values - UNKNOWN
+    if operator in ("==", "!=") and left and right and all(isinstance(value, str) for value in (*left, *right)):
+        can_be_equal, can_be_unequal = not left.isdisjoint(right), len(left | right) > 1
+        is_equality = operator == "=="
+        return unknown_truths | _possible_truths(
+            can_be_equal if is_equality else can_be_unequal, can_be_unequal if is_equality else can_be_equal
+        )
+    truths: set[Value] = set()
+    for one, other in product(left, right):
+        spend(1)
+        truths |= _judge(operator, one, other)
+        if len(truths) == len(EITHER):
+            break
+    return unknown_truths | truths
 
 
 def _judge(operator: str, one: Value, other: Value) -> Values:
@@ -302,7 +331,11 @@ def _calculate(operation: Callable[..., Interval], *operands: Values) -> Values:
     operand_ranges = [
         [value if isinstance(value, Interval) else FULL for value in values - UNKNOWN] for values in operands
     ]
-    ranges = [operation(*combination) for combination in product(*operand_ranges)]
+    ranges = []
+    for combination in product(*operand_ranges):
+        spend(1)
+        ranges.append(operation(*combination))
+        spend_on_digits(ranges[-1].low, ranges[-1].high)
     results: Values = frozenset(ranges if len(ranges) <= MAX_PIECES else [intervals.hull(ranges)])
     return results | UNKNOWN if any(None in values for values in operands) else results
 
@@ -350,14 +383,36 @@ def _choice(node: Node, context: Context) -> Values:
     values: set[Value] = set()
     for truth in possible_values(node.condition, context):
         if truth is None:
-            values |= {value for one in then for other in otherwise for value in _agreement(one, other)}
+            values |= _agreements(then, otherwise)
         else:
             values |= then if truth else otherwise
+    return _merge_intervals(values)
+
+
+def _merge_intervals(values: Iterable[Value]) -> Values:
+    """Return values without equal intervals. If there are too many intervals, their hull replaces them."""
+    ranges = {
+        (value.low, value.high, value.low_open, value.high_open): value
+        for value in values
+        if isinstance(value, Interval)
+    }
+    merged = ranges.values() if len(ranges) <= MAX_CHOICE_PIECES else [intervals.hull(ranges.values())]
+    return frozenset((*merged, *(value for value in values if not isinstance(value, Interval))))
+
+
+def _agreements(then: Values, otherwise: Values) -> Values:
+    """Return the possible values of a choice with an unknown condition."""
+    if all(value is None or isinstance(value, str) for value in (*then, *otherwise)):
+        return (then & otherwise) | (UNKNOWN if len(then | otherwise) > 1 else frozenset())
+    values: set[Value] = set()
+    for one, other in product(then, otherwise):
+        spend(2)
+        values |= _agreement(one, other)
     return frozenset(values)
 
 
 def _agreement(one: Value, other: Value) -> Values:
-    """Return the possible values of a choice with an unknown condition. A value is known only if both sides agree."""
+    """Return the possible values if the sides have these values. A value is known only if both sides agree."""
     if one is None or other is None:
         return UNKNOWN
     if isinstance(one, Interval) and isinstance(other, Interval):

@@ -53,11 +53,12 @@ def explain(definition: str, node: YamlNode, subject: Subject, findings: Finding
         mean any absent key, so all absent keys count as unreadable.
     """
     explanation = _Explanation(subject, node, findings)
-    errors = tuple(errors_of(definition, node.data, ()))
+    errors = errors_of(definition, node.data)
     unknown_keys = explanation.unknown_keys(errors)
     for mapping, corrections in unknown_keys:
         _rename(mapping, corrections)
-    explanation.report(tuple(errors_of(definition, node.data, ())) if unknown_keys else errors)
+    has_new_errors = any(not mapping.data or any(keys.values()) for mapping, keys in unknown_keys)
+    explanation.report(errors_of(definition, node.data) if has_new_errors else errors)
     return frozenset(explanation.damaged)
 
 
@@ -69,9 +70,9 @@ def explain_outline(definition: str, root: MappingNode, subject: Subject, findin
     if has_shape(definition, _outline(root)):
         return
     explanation = _Explanation(subject, root, findings)
-    for mapping, corrections in explanation.unknown_keys(errors_of(definition, _outline(root), ())):
+    for mapping, corrections in explanation.unknown_keys(errors_of(definition, _outline(root))):
         _rename(mapping, {key: known_key or key for key, known_key in corrections.items()})
-    errors = errors_of(definition, _outline(root), ())
+    errors = errors_of(definition, _outline(root))
     explanation.report(tuple(error for error in errors if error.path or error.keyword != "required"))
 
 

@@ -7,8 +7,9 @@ errors.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache
+from copy import deepcopy
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import jsonschema_rs
@@ -34,6 +35,10 @@ _FORMS = {
 """For values that may or may not be a mapping: the definition of a mapping, and the definition of any other value."""
 
 _ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
+
+
+_MAX_KEPT_LENGTH = 1000
+"""The maximum length of the text of data whose errors are kept."""
 
 
 def has_shape(definition: str, data: object) -> bool:
@@ -94,7 +99,31 @@ class Error:
     data: Any
 
 
-def errors_of(definition: str, data: object, path: tuple[str | int, ...]) -> Iterator[Error]:
+def errors_of(definition: str, data: object) -> tuple[Error, ...]:
+    """Return the differences between the data of an element and a definition.
+
+    A mistake is often repeated in many elements. So the errors of small data are kept and used for equal data.
+    """
+    text = repr(data)
+    if len(text) > _MAX_KEPT_LENGTH:
+        return tuple(_errors_of(definition, data, ()))
+    return _kept_errors(definition, _Data(text, data))
+
+
+@dataclass(frozen=True, slots=True)
+class _Data:
+    """Data that are equal if their texts are equal; `1`, `1.0` and `true` are different."""
+
+    text: str
+    value: object = field(compare=False)
+
+
+@lru_cache(maxsize=256)
+def _kept_errors(definition: str, data: _Data) -> tuple[Error, ...]:
+    return tuple(_errors_of(definition, deepcopy(data.value), ()))  # a copy, because misspelt keys are corrected later
+
+
+def _errors_of(definition: str, data: object, path: tuple[str | int, ...]) -> Iterator[Error]:
     """Yield the differences between data and a definition; `path` leads from the element to these data."""
     error: ValidationError
     for error in _explainer(definition).iter_errors(data):
@@ -102,7 +131,7 @@ def errors_of(definition: str, data: object, path: tuple[str | int, ...]) -> Ite
         schema_here = error.schema if isinstance(error.schema, dict) else {}
         branch = _branch(schema_here.get("$anchor"), error.instance) if error.validator == "anyOf" else None
         if branch is not None:
-            yield from errors_of(branch, error.instance, error_path)
+            yield from _errors_of(branch, error.instance, error_path)
         else:
             yield Error(error_path, str(error.validator), error.validator_value, schema_here, error.instance)
 
