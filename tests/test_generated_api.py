@@ -55,7 +55,7 @@ def built_in_trees() -> Iterator[str]:
     for name, built_in_node in BUILT_IN.items():
         if built_in_node.word != "Subtree":
             port_attributes = " ".join(f'{port.name}="{PORT_VALUES[port.content]}"' for port in built_in_node.ports)
-            yield f"<{name} {port_attributes}>{'<A/>' * built_in_node.least}</{name}>"
+            yield f"<{name} {port_attributes}>{'<A/>' * built_in_node.min_children}</{name}>"
 
 
 def generated_texts() -> Iterator[str]:
