@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, TextIO
 
 import typer
 
+from codra_dsl.tooling.installation import pip_install
+
 if TYPE_CHECKING:
     from codra_dsl.generation.build_plan import BuildPlan
     from codra_dsl.language.diagnostics import Diagnostic, Severity
@@ -24,6 +26,7 @@ __all__ = [
     "existing",
     "made_folder",
     "one_plan",
+    "pip_install",
     "say",
     "writable_journal",
     "write_result",

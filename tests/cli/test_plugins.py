@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from codra_dsl.tooling.installation import pip_install
 from tests.cli.test_commands import environment
 
 DOOR_SPEC = """\
@@ -170,9 +171,8 @@ def test_without_any_world_the_command_names_the_distribution_that_has_some(tmp_
     process = subprocess.run(command, cwd=tmp_path, env=environment(), text=True, capture_output=True, check=False)
 
     assert (process.returncode, process.stdout) == (1, "")
-    assert process.stderr == (
-        "codra: 'run' needs a world, but no world is installed: pip install 'codra-papers[lab,store]' adds two\n"
-    )
+    command = pip_install("codra-papers", "lab,store")
+    assert process.stderr == f"codra: 'run' needs a world, but no world is installed: {command} adds two\n"
 
 
 # Commands
