@@ -141,9 +141,9 @@ def of_loops() -> str:
     for variable, term in zip(inputs, trees, strict=True):
         terms = f"terms: {{{term}: ramp 0 1}}"
         lines.append(f"  {variable}: {{type: float, range: [0, 1], source: main_execution, {terms}}}")
-    for section, read, written, terms in (("metrics", inputs, metrics, trees), ("actions", metrics, actions, inputs)):
+    for section, read, written, results in (("metrics", inputs, metrics, trees), ("actions", metrics, actions, inputs)):
         lines.append(f"{section}:")
-        for variable, term, output, result in zip(read, trees, written, terms, strict=True):
+        for variable, term, output, result in zip(read, trees, written, results, strict=True):
             rule = f"if {variable} is {term} then {result}"
             worse = "worse: low, " if section == "metrics" else ""
             lines.append(f"  {output}: {{{worse}terms: {{{result}: ramp 0 1}}, rules: [{rule}]}}")

@@ -321,7 +321,7 @@ class _Explanation:
         value_name = self._value_name(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
         key = error.path[-1] if error.path else self._subject.key.written
-        examples = {"examples": [self._examples[key]]} if error.path and key in self._examples else {}
+        examples = {"examples": [self._examples[str(key)]]} if error.path and key in self._examples else {}
         example = f"for example {_example_text(key, error.schema | examples)}"
         if str(key) in error.schema.get("properties", ()):
             example = "indent it further, as a key of the element above"
