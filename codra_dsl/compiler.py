@@ -14,12 +14,14 @@ from pathlib import Path
 from codra_dsl.collector import paused_collector
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.generation.build_plan.names import taken_class_name
 from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.output import RULES, digests
 from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
 from codra_dsl.language.diagnostics import Diagnostic, Related, has_errors
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
+from codra_dsl.language.load.yaml.rules import RULES as LANGUAGE_RULES
 from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec
 from codra_dsl.language.project import relative_path
@@ -216,12 +218,26 @@ def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: 
         return _SpecAfterCheck(spec=None, checked=None, tree_files=(), diagnostics=load_findings)
     forests_by_tree_name = read_trees(spec, root)
     checked, check_findings = check(spec, forests_by_tree_name)
+    findings = (*load_findings, *_taken_class_name(spec))
     return _SpecAfterCheck(
         spec=spec,
-        checked=None if has_errors(load_findings) else checked,
+        checked=None if has_errors(findings) else checked,
         tree_files=tuple(named_tree_files(spec, forests_by_tree_name)),
-        diagnostics=(*load_findings, *check_findings),
+        diagnostics=(*findings, *check_findings),
     )
+
+
+def _taken_class_name(spec: Spec) -> Iterator[Diagnostic]:
+    """Yield a finding if the name of a spec's class already has another meaning in the generated package."""
+    name = taken_class_name(spec)
+    if name is not None:
+        yield Diagnostic(
+            rule=LANGUAGE_RULES["reserved-name"],
+            message=f"the generated class would be '{name}', which has another meaning in the generated package",
+            place=spec.place,
+            path="name",
+            help=f"choose another name, such as '{spec.name.rstrip('_')}_context'",
+        )
 
 
 def _plan(checked_specs: Iterable[_SpecAfterCheck], timings: Timings) -> Iterator[_SpecAfterPlan]:

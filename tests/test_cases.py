@@ -10,10 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.language.behavior_trees.named import read_trees
-from codra_dsl.language.check import check
-from codra_dsl.language.diagnostics import in_file_order
-from codra_dsl.language.load import load_spec
+from codra_dsl.compiler import plan_paths
 from codra_dsl.tooling.report.findings import render_full
 
 CASES = Path(__file__).parent / "cases"
@@ -26,12 +23,10 @@ def cases(folder: str) -> list[Path]:
 
 
 def all_findings(case: Path) -> str:
-    """Return the findings of load and check about a case in the form for people."""
+    """Return the findings about a case in the form for people, as `codra lint` prints them."""
     path, root = (case / "spec.yaml", case) if case.is_dir() else (case, case.parent)
-    spec, findings = load_spec(path, root)
-    if spec is not None:
-        findings += check(spec, read_trees(spec, root))[1]
-    return render_full(in_file_order(findings), lambda file: (root / file).read_text("utf-8", errors="replace"))
+    findings = plan_paths([path], root).diagnostics
+    return render_full(findings, lambda file: (root / file).read_text("utf-8", errors="replace"))
 
 
 @pytest.mark.parametrize("case", cases("valid"), ids=lambda case: case.stem)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -406,3 +407,38 @@ def test_settings_that_cannot_be_read_make_no_project(tmp_path: Path) -> None:
     (tmp_path / "pyproject.toml").write_bytes(b"\xff[tool.codra")
 
     assert project_of(tmp_path) is None
+
+
+# Paths that cannot be written
+
+
+def test_a_folder_in_which_nothing_can_be_made_is_named_with_its_whole_path() -> None:
+    (finding,) = write({"__init__.py": ""}, Path("/proc/codra")).diagnostics
+
+    assert (finding.rule.name, finding.place.span.file) == ("cannot-write", "/proc/codra")
+    assert finding.message == "cannot write '/proc/codra': No such file or directory"
+
+
+def test_a_temporary_file_that_cannot_be_written_is_reported_as_the_output_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "generated").mkdir()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    try:
+        (finding,) = write({"__init__.py": '"""Text."""\n'}, tmp_path / "generated").diagnostics
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    assert finding.message == "cannot write 'generated': File too large"
+
+
+def test_the_folder_without_a_spec_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+
+    (finding,) = compile_paths([Path("empty")], root_of(Path("empty"))).planned.diagnostics
+
+    assert (finding.rule.name, finding.place.span.file) == ("no-spec", "empty")
+    assert finding.message == "there is no spec in 'empty' or below"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TextIO
 import typer
 
 from codra_dsl.regular_files import real_path
+from codra_dsl.tooling.installation import pip_install
 
 if TYPE_CHECKING:
     from codra_dsl.generation.build_plan import BuildPlan
@@ -26,6 +27,7 @@ __all__ = [
     "existing",
     "made_folder",
     "one_plan",
+    "pip_install",
     "say",
     "writable_journal",
     "write_result",

@@ -22,10 +22,21 @@ class PageFormat(StrEnum):
     JSON = "json"
 
 
+def complete_code(incomplete: str) -> list[tuple[str, str]]:
+    """Return the codes that begin with a text, each with the name of its finding; and the names that do."""
+    from codra_dsl.tooling.report.explain import all_rules
+
+    codes = [(code, rule.name) for code, rule in all_rules().items() if code.startswith(incomplete)]
+    names = [(rule.name, code) for code, rule in all_rules().items() if rule.name.startswith(incomplete)]
+    return [*codes, *names] if incomplete else codes
+
+
 Codes = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="CODE", help="Codes or names of findings, e.g. CDR2003 or unknown-key.  [default: list all findings]"
+        metavar="CODE",
+        help="Codes or names of findings, e.g. CDR2003 or unknown-key.  [default: list all findings]",
+        autocompletion=complete_code,
     ),
 ]
 

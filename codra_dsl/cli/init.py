@@ -23,12 +23,13 @@ Name = Annotated[
 
 def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     """Start a project that passes lint, compiles and runs its tests. Existing files are not changed."""
-    from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new_files
+    from codra_dsl.tooling.installation import requirement
+    from codra_dsl.tooling.scaffold import conflicts, starter_texts, write_new_files
 
     project_name = _choose_project_name(folder, name)
     if folder.exists() and not folder.is_dir():
         raise typer.BadParameter(f"'{folder}' is not a folder", param_hint="DIR")
-    texts = starter_texts(project_name, installed_requirement())
+    texts = starter_texts(project_name, requirement())
     existing_paths = conflicts(texts, folder)
     if existing_paths:
         _refuse(existing_paths, folder, project_name)

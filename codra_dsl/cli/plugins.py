@@ -18,13 +18,13 @@ from codra_dsl.cli.console import ExitCode, say
 from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
-    from typer._click import Command, Context
+    from typer._click import Command, Context, HelpFormatter
 
 COMMANDS_GROUP = "codra.commands"
 WORLDS_GROUP = "codra.worlds"
 
-PAPERS_PACKAGE = "codra-papers"
-"""The distribution with the worlds and experiments of the papers."""
+_MAX_SUMMARY = 1_000
+"""The maximum length of a command's summary in the help. No summary is that long, so none is cut."""
 
 
 def find_plugins(group: str) -> Mapping[str, EntryPoint]:
@@ -60,6 +60,13 @@ class PluginGroup(TyperGroup):
         """Return the names of all commands. The commands of `codra` itself are first."""
         own_command_names = super().list_commands(ctx)
         return [*own_command_names, *(name for name in find_plugins(COMMANDS_GROUP) if name not in own_command_names)]
+
+    def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
+        """Write all commands with their complete summaries, on several lines if necessary."""
+        names = self.list_commands(ctx)
+        commands = [(name, command) for name in names if (command := self.get_command(ctx, name)) is not None]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, command.get_short_help_str(limit=_MAX_SUMMARY)) for name, command in commands])
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
         """Return the command with a name. A command of another distribution is imported only when it is run."""

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand
 
-from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say
+from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, pip_install, say
 from codra_dsl.cli.options import ColourOption
-from codra_dsl.cli.plugins import PAPERS_PACKAGE, WORLDS_GROUP, command_of, find_plugins, load_plugin
+from codra_dsl.cli.plugins import WORLDS_GROUP, command_of, find_plugins, load_plugin
 from codra_dsl.cli.worlds import Pace, RunRequest, World
+from codra_dsl.tooling.installation import PAPERS
 
 if TYPE_CHECKING:
     from typer._click import Context
@@ -90,9 +91,7 @@ def _refuse_world(world: str | None) -> NoReturn:
     """Exit with an error: no world is installed, no world was chosen, or the chosen world is not installed."""
     world_names = list(find_plugins(WORLDS_GROUP))
     if not world_names:
-        say(
-            f"codra: 'run' needs a world, but no world is installed: pip install '{PAPERS_PACKAGE}[lab,store]' adds two"
-        )
+        say(f"codra: 'run' needs a world, but no world is installed: {pip_install(PAPERS, 'lab,store')} adds two")
         raise typer.Exit(ExitCode.FAILED)
     if world is None:
         raise typer.BadParameter(f"several worlds exist: choose one of {', '.join(world_names)}", param_hint="--world")

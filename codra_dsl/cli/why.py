@@ -25,12 +25,24 @@ class WhyFormat(StrEnum):
     JSON = "json"
 
 
+def complete_variable(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the context-variables that begin with a text, if a readable journal was given before."""
+    from codra_dsl.runtime.journal.reader import JournalError, JournalReader
+
+    try:
+        with JournalReader(Path(str(ctx.params.get("journal")))) as reader:
+            return [name for name in reader.header().summary.variables if name.startswith(incomplete)]
+    except (JournalError, OSError, ValueError):
+        return []
+
+
 Variable = Annotated[
     str,
     typer.Argument(
         metavar="VARIABLE",
         help="The context-variable; for knowledge, a node, 'node.attribute', 'origin -edge-> target', or a task.",
         show_default=False,
+        autocompletion=complete_variable,
     ),
 ]
 JournalOption = Annotated[
@@ -71,7 +83,8 @@ def why_command(
     with open_journal(journal) as reader:
         header = reader.header()
         at_s = None if at is None else _instant_s(at, header)
-        checkpoints = Checkpoints(reader, math.inf if at_s is None else at_s)
+        is_before_start = at_s is not None and at_s < header.start_s  # then the message below names the whole run
+        checkpoints = Checkpoints(reader, math.inf if at_s is None or is_before_start else at_s)
         end_s = header.start_s if checkpoints.end_s is None else checkpoints.end_s
         report_damage(reader, end_s)
         if at_s is not None and not header.start_s <= at_s <= end_s:

@@ -330,12 +330,11 @@ def _remove(paths: Iterable[str], out: Path) -> None:
 
 
 def _inaccessible_finding(error: OSError, out: Path, verb: str) -> Diagnostic:
-    shown_path = Path(error.filename2 or error.filename or out)
-    path = (
-        shown_path.relative_to(out.parent).as_posix()
-        if shown_path.is_relative_to(out.parent)
-        else shown_path.as_posix()
-    )
+    """Return the finding about an inaccessible path; the output folder stands for its temporary files."""
+    failed_path = Path(error.filename2 or error.filename or out)
+    if any(part.startswith(_STAGING_PREFIX) for part in failed_path.parts):
+        failed_path = out
+    path = (failed_path.relative_to(Path.cwd()) if failed_path.is_relative_to(Path.cwd()) else failed_path).as_posix()
     message = f"cannot {verb} '{path}': {error.strerror}"
     return output_finding(
         "cannot-write", path, message, help="check the permissions, or choose another folder with --out"

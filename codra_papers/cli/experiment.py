@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, made_folder, one_plan, say, write_result
+from codra_dsl.cli.console import (
+    Colour,
+    ExitCode,
+    common_root,
+    existing,
+    made_folder,
+    one_plan,
+    pip_install,
+    say,
+    write_result,
+)
 from codra_dsl.cli.options import ColourOption
 from codra_papers.cli.lab import require_lab_spec
 
@@ -137,7 +147,7 @@ def _known_experiments() -> Mapping[str, Experiment]:
 
             return experiments()
     except ModuleNotFoundError as error:
-        say(f"codra: 'experiment' needs {error.name}: pip install 'codra-papers[lab]'")
+        say(f"codra: 'experiment' needs {error.name}: {pip_install('codra-papers', 'lab')}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 

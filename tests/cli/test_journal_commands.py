@@ -142,6 +142,7 @@ def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: P
             "'soon' is not an instant such as '31.5', '+2 min', or '2030-01-31 03:12:05' in UTC",
         ),
         (["door_open", "--journal", "run.mcap", "--at", "99"], "the journal holds 0 s to 7.5 s, not 99 s"),
+        (["door_open", "--journal", "run.mcap", "--at", "-5"], "the journal holds 0 s to 7.5 s, not -5 s"),
         (["door_open", "--journal", "run.mcap", "--at", "nan"], "'nan' is not an instant"),
         (["door_open", "--journal", "missing.mcap"], "'missing.mcap' does not exist"),
         (["door_open"], "Missing option '--journal'"),

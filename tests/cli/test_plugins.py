@@ -12,6 +12,7 @@ import pytest
 import typer
 
 from codra_dsl.cli.plugins import WORLDS_GROUP, load_plugin
+from codra_dsl.tooling.installation import pip_install
 from tests.cli.test_commands import environment
 from tests.command_server import as_text, run_codra
 
@@ -179,9 +180,8 @@ def test_without_any_world_the_command_names_the_distribution_that_has_some(tmp_
     process = subprocess.run(command, cwd=tmp_path, env=environment(), text=True, capture_output=True, check=False)
 
     assert (process.returncode, process.stdout) == (1, "")
-    assert process.stderr == (
-        "codra: 'run' needs a world, but no world is installed: pip install 'codra-papers[lab,store]' adds two\n"
-    )
+    command = pip_install("codra-papers", "lab,store")
+    assert process.stderr == f"codra: 'run' needs a world, but no world is installed: {command} adds two\n"
 
 
 # Commands

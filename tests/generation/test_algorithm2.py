@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan, Edge, EdgeKind, Node, NodeKind, PlanError, Tree, verify
-from codra_dsl.generation.build_plan.names import ENTRY_NAMES, MODULE_NAMES, module_name, python_name
+from codra_dsl.generation.build_plan.names import MODULE_NAMES, module_name, python_name
 from codra_dsl.language.check.checked.spec import CheckedSpec
 from codra_dsl.language.model import ObserverSetting, Use
 from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, condition, place, setting, skill, variable
@@ -326,14 +326,11 @@ def test_names_of_python_and_of_the_module_are_avoided() -> None:
                 ShortAlgorithm(name="While", identifies=["c"]),
                 ShortAlgorithm(name="VARIABLES", identifies=["d"]),
             ],
-            name="context_manager",
         )
     )
 
     assert [tree.function for tree in made.forest] == ["value_", "value__", "while_", "variables"]
     assert [tree.branches[0].constant for tree in made.forest] == ["VALUE", "VALUE_", "WHILE", "VARIABLES_"]
-    assert made.class_name == "ContextManager_"
-    assert made.class_name not in ENTRY_NAMES
 
 
 # The gate

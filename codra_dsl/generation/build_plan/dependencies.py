@@ -25,7 +25,8 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
     )
     skills = sorted(checked.spec.skills, key=lambda skill: skill.name)
     edge_groups = chain(map(_run_edges, trees), map(_perception_edges, algorithms), map(_decision_edges, skills))
-    knowledge_edges = [] if checked.knowledge is None else list(_knowledge_edges(checked.knowledge))
+    metrics = frozenset(metric.name for metric in checked.spec.metrics)
+    knowledge_edges = [] if checked.knowledge is None else list(_knowledge_edges(checked.knowledge, metrics))
     edges = (*knowledge_edges, *chain.from_iterable(edge_groups))
     edges = edges if checked.mape is None else (*edges, *loop_edges(checked.mape))
     variables = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
@@ -70,7 +71,7 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Collection[str
     return [Edge(source, Node(target, name), kind) for name in sorted_names]
 
 
-def _knowledge_edges(knowledge: CheckedKnowledge) -> Iterator[Edge]:
+def _knowledge_edges(knowledge: CheckedKnowledge, metrics: Collection[str]) -> Iterator[Edge]:
     """Yield the edges of knowledge, sorted like all other edges.
 
     They connect each agent with the elements that the agent owns or reads, and with the tasks that the agent requests
@@ -84,10 +85,9 @@ def _knowledge_edges(knowledge: CheckedKnowledge) -> Iterator[Edge]:
         source, agent = Node(NodeKind.AGENT, name), agents[name]
         executed_tasks, requested_tasks = tasks_by_executor.get(name, ()), tasks_by_requester.get(name, ())
         yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TASK, executed_tasks)
-        yield from _element_edges(source, EdgeKind.OWNS, agent.owns, types)
-        yield from _element_edges(
-            source, EdgeKind.READS, _elements_read_by_agent(agent, {*executed_tasks, *requested_tasks}), types
-        )
+        yield from _element_edges(source, EdgeKind.OWNS, agent.owns, types, metrics)
+        read_elements = _elements_read_by_agent(agent, {*executed_tasks, *requested_tasks})
+        yield from _element_edges(source, EdgeKind.READS, read_elements, types, metrics)
         yield from _edges(source, EdgeKind.REQUESTS, NodeKind.TASK, requested_tasks)
     for name in sorted(world.edges):
         source, edge = Node(NodeKind.EDGE, name), world.edges[name]
@@ -124,9 +124,21 @@ _KINDS = {"context": NodeKind.CONTEXT, "types": NodeKind.TYPE, "edges": NodeKind
 
 
 def _element_edges(
-    source: Node, kind: EdgeKind, elements: Iterable[KnowledgeElement], types: Collection[str]
+    source: Node,
+    kind: EdgeKind,
+    elements: Iterable[KnowledgeElement],
+    types: Collection[str],
+    metrics: Collection[str],
 ) -> list[Edge]:
-    """Return the edges from an agent to some elements; for an attribute, the edge leads to its element."""
+    """Return the edges from an agent to some elements.
+
+    The edge of an attribute leads to its element, and the edge of the variable of a metric leads to the metric.
+    """
     elements_with_node = (element for element in elements if element.section != "types" or element.name in types)
-    targets = {Node(_KINDS[element.section], element.name) for element in elements_with_node}
+    targets = {
+        Node(NodeKind.METRIC, element.name)
+        if element.section == "context" and element.name in metrics
+        else Node(_KINDS[element.section], element.name)
+        for element in elements_with_node
+    }
     return [Edge(source, target, kind) for target in sorted(targets)]

@@ -7,15 +7,25 @@ names never collide.
 
 from __future__ import annotations
 
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION
 from codra_dsl.language.model import Spec
+
+CONDITION_WORDS = frozenset(
+    {"age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value"}
+)
+"""The functions of the runtime that conditions in generated code call."""
+
+POSE_FUNCTIONS = frozenset({"distance", "in_view"})
+"""The functions of the runtime that conditions over poses call as well."""
 
 MODULE_NAMES = frozenset(
     {"VARIABLES", "OBSERVERS", "SKILLS", "math", "observer", "perception"}
     | {"Behaviour", "FailureIsSuccess", "Parallel", "ParallelPolicy", "Selector", "Sequence"}
     | {"Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"}
-    | {"age", "between", "choose", "first_of", "known", "literal", "maximum", "minimum", "value"}
-    | {"Algorithm", "Observer", "ObserverModel", "SkillModel", "VariableModel"}
+    | {"Algorithm", "ExpectationModel", "Observer", "ObserverModel", "SkillModel", "VariableModel"}
     | {"boolean", "integer", "member", "real", "text"}
+    | CONDITION_WORDS
+    | POSE_FUNCTIONS
 )
 """The names that generated modules import or define themselves."""
 
@@ -66,8 +76,17 @@ def module_name(origin: str, taken_names: frozenset[str] = ENTRY_NAMES) -> str:
 
 
 def class_name(name: str) -> str:
-    """Return the Python name of the class of a spec's context, e.g. `PcrLab` for `pcr_lab`."""
-    return python_name(camel_case(name), ENTRY_NAMES)
+    """Return the Python name of the class of a spec's context, e.g. `PcrLab` for `pcr_lab`.
+
+    Programs write this name, so it is never changed to avoid a name in use: see `taken_class_name`.
+    """
+    return camel_case(name)
+
+
+def taken_class_name(spec: Spec) -> str | None:
+    """Return the name of the class of a spec's context if its package uses this name for something else."""
+    name = class_name(spec.name)
+    return name if name in entry_names(spec) or name in _PYTHON_NAMES else None
 
 
 def knowledge_class(name: str) -> str:
@@ -75,11 +94,17 @@ def knowledge_class(name: str) -> str:
     return f"{class_name(name)}Knowledge"
 
 
+def handle_class(agent: str) -> str:
+    """Return the Python name of the class of an agent's handle, if no other agent's handle has this name."""
+    return f"{camel_case(agent)}Handle"
+
+
 def entry_names(spec: Spec) -> frozenset[str]:
     """Return the names that the entry of a spec's package uses itself; knowledge and loops add names to these."""
     taken_names = ENTRY_NAMES
     if spec.knows:
-        taken_names |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}
+        taken_names |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name), "Agent", "AgentHandle"}
+        taken_names |= {handle_class(agent) for agent in (*(agent.name for agent in spec.agents), MAIN_EXECUTION)}
     if spec.adapts:
         taken_names |= {MAPE_MODULE, "MAPE", "Mape", "Leaves", "loops", METRIC_ENGINE, ACTION_ENGINE}
         taken_names |= {tree_module_name(tree.name) for tree in spec.trees}
@@ -87,8 +112,13 @@ def entry_names(spec: Spec) -> frozenset[str]:
 
 
 def tree_module_name(name: str) -> str:
-    """Return the Python name of the module of a behaviour tree."""
-    return f"tree_{name.lower()}"
+    """Return the Python name of the module of a behaviour tree.
+
+    The name never ends with an underscore, because `python_name` adds underscores to avoid it: underscores at the end
+    of the tree's name are moved to its beginning.
+    """
+    stem = name.lower().rstrip("_")
+    return f"tree{'_' * (1 + len(name) - len(stem))}{stem}"
 
 
 def camel_case(name: str) -> str:

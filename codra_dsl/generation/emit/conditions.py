@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
+from codra_dsl.generation.build_plan.names import CONDITION_WORDS, POSE_FUNCTIONS
 from codra_dsl.generation.emit.layout import (
     UNLIMITED_WIDTH,
     Brackets,
@@ -22,16 +23,8 @@ from codra_dsl.generation.emit.layout import (
 )
 from codra_dsl.generation.emit.literals import literal
 
-WORDS = frozenset(
-    {"age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value"}
-)
-"""The functions of `codra_dsl.runtime.values.conditions` that conditions call."""
-
-POSE_FUNCTIONS = frozenset({"distance", "in_view"})
-"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge can call as well."""
-
-_CALLABLE_NAMES = WORDS | POSE_FUNCTIONS | {"abs"}
-_SINGLETON_SETS = {word: frozenset({word}) for word in WORDS}
+_CALLABLE_NAMES = CONDITION_WORDS | POSE_FUNCTIONS | {"abs"}
+_SINGLETON_SETS = {word: frozenset({word}) for word in CONDITION_WORDS}
 _METHODS = frozenset({"is_in"})
 # Most conditions have this form. Python's parser reads the others; it would give the same result for all.
 _SIMPLE_CONDITION = re.compile(
@@ -78,7 +71,7 @@ def condition_with_words(python: str) -> tuple[Expression, frozenset[str]]:
     except SyntaxError as error:
         raise ConditionError(f"{python!r}: {error.msg}") from error
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    return _expression(tree), frozenset(names & (WORDS | POSE_FUNCTIONS))
+    return _expression(tree), frozenset(names & (CONDITION_WORDS | POSE_FUNCTIONS))
 
 
 def _expression(node: ast.expr) -> Expression:

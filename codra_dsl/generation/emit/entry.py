@@ -73,7 +73,7 @@ def _variable_groups(plan: BuildPlan) -> list[VariableGroup]:
         elif kind is Kind.ENUM:
             kind, members = Kind.STR, ()
         variables_by_type.setdefault((kind, members), []).append(variable.name)
-    taken_names = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handle_names(plan)}
+    taken_names = {plan.class_name, *entry_names(plan.checked.spec)}
     return [_variable_group(kind, members, names, taken_names) for (kind, members), names in variables_by_type.items()]
 
 

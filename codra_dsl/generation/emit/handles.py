@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.dependencies import node_type_names
-from codra_dsl.generation.build_plan.names import camel_case, knowledge_class
+from codra_dsl.generation.build_plan.names import handle_class, knowledge_class
 from codra_dsl.generation.emit.access import alias_statement
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import UNLIMITED_WIDTH, WIDTH, Brackets, Expression, lay_out, make_brackets
@@ -133,7 +133,7 @@ def knowledge_classes(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imp
 
 
 def _handle_name(agent: str, taken_names: set[str]) -> str:
-    name = f"{camel_case(agent)}Handle"
+    name = handle_class(agent)
     while name in taken_names:
         name = f"{name.removesuffix('Handle')}_Handle"
     taken_names.add(name)

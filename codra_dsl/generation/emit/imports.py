@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
-from codra_dsl.generation.emit.conditions import POSE_FUNCTIONS, WORDS
+from codra_dsl.generation.build_plan.names import CONDITION_WORDS, POSE_FUNCTIONS
 from codra_dsl.generation.emit.layout import WIDTH, Expression, lay_out, spread_tuple
 from codra_dsl.language.project import GENERATED_API
 
@@ -20,7 +20,7 @@ _NAMES_BY_MODULE: Mapping[str, Iterable[str]] = {
     GENERATED_API: [
         *["Agent", "Clock", "ContextManager", "Reading", "EventLog"],
         *["Accept", "ControlFlag", "DueOrRunning", "Identify", "Observer", "Perceive", "Precondition"],
-        *[*WORDS, "Term"],
+        *[*CONDITION_WORDS, "Term"],
         *["Algorithm", "ContextModel", "ExpectationModel", "ObserverModel", "ResourceModel", "SkillModel"],
         *["VariableModel", "boolean", "integer", "member", "real", "text"],
         *["Motion", "Pose"],

@@ -20,6 +20,7 @@ from codra_dsl.integrations.rafcon.bridge import Answers, Bridge
 from codra_dsl.integrations.rafcon.engine import (
     LIBRARIES,
     Ended,
+    MissingLibraryError,
     entered,
     opened,
     register,
@@ -33,6 +34,7 @@ __all__ = [
     "Answers",
     "Bridge",
     "Ended",
+    "MissingLibraryError",
     "entered",
     "opened",
     "register",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import traceback
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rafcon.core.config import global_config
+from rafcon.core.custom_exceptions import LibraryNotFoundException
 from rafcon.core.singleton import (
     global_variable_manager,
     library_manager,
@@ -28,6 +31,10 @@ from codra_dsl.runtime import Clock, ContextManager
 
 LIBRARIES: Mapping[str, Path] = {"codra": Path(__file__).parent / "libraries" / "codra"}
 """A mapping from the root keys of libraries to their folders, in the form of RAFCON's setting LIBRARY_PATHS."""
+
+
+class MissingLibraryError(LookupError):
+    """A state machine uses a library state that no registered library has. The message names the state."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,10 +57,30 @@ def opened(folder: Path, libraries: Mapping[str, Path] = LIBRARIES) -> Iterator[
     Args:
         folder: the folder with `statemachine.json`.
         libraries: the libraries that the state machine uses.
+
+    Raises:
+        MissingLibraryError: if the state machine uses another library, or a state that its library lacks.
     """
     register(libraries)
-    with entered(load_state_machine_from_path(str(folder))) as machine:
+    with entered(_load(folder, libraries)) as machine:
         yield machine
+
+
+def _load(folder: Path, libraries: Mapping[str, Path]) -> StateMachine:
+    """Load a state machine. RAFCON asks no questions: it would wait for a user who names the folder of a library."""
+    asks_user = library_manager.show_dialog
+    library_manager.show_dialog = False
+    try:
+        return load_state_machine_from_path(str(folder))
+    except LibraryNotFoundException as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)  # RAFCON did not close the file that it was reading
+            traceback.clear_frames(error.__traceback__)
+        root_keys = ", ".join(map(repr, libraries)) or "none"
+        help_text = f"add its root key and folder to 'libraries', which has {root_keys}"
+        raise MissingLibraryError(f"{folder}: {error}: {help_text}") from error
+    finally:
+        library_manager.show_dialog = asks_user
 
 
 @contextmanager

@@ -16,7 +16,8 @@ from codra_dsl.language.behavior_trees.catalogue import (
     BuiltInPort,
     PortContent,
 )
-from codra_dsl.language.behavior_trees.ports import EntryKey, first_refused_character, is_key, parse_port_value
+from codra_dsl.language.behavior_trees.library import report_what_library_refuses
+from codra_dsl.language.behavior_trees.ports import EntryKey, is_key, parse_port_value
 from codra_dsl.language.behavior_trees.rules import TreeFindings
 from codra_dsl.language.behavior_trees.scripts import ScriptProblem, parse_condition, parse_script
 from codra_dsl.language.behavior_trees.values import (
@@ -55,6 +56,7 @@ def check(
     findings = TreeFindings()
     checker = _Checker(forest, findings)
     checker.check_names()
+    report_what_library_refuses(forest, findings)
     for tree in forest.trees:
         for node in tree.root.walk():
             checker.check_node(node, tree)
@@ -90,12 +92,6 @@ class _Checker:
                     help="rename the tree: the library distinguishes trees and nodes by their names",
                 )
         models = self._forest.models
-        for tree in self._forest.trees:
-            self._check_name(tree.id, tree.place)
-        for model in models:
-            self._check_name(model.id, model.place)
-            for port in model.ports:
-                self._check_name(port.name, port.place)
         self._check_unique("model", ((f"{model.kind} {model.id}", model.place) for model in models))
         first = self._forest.files[0]
         if not self._forest.trees:
@@ -113,12 +109,6 @@ class _Checker:
                     model.place,
                     help="a robot can only have actions and conditions: build this node from built-in nodes",
                 )
-
-    def _check_name(self, name: str, place: Place) -> None:
-        character = first_refused_character(name)
-        if character is not None:
-            message = f"{character!r} in the name {name!r}: newer versions of BehaviorTree.CPP refuse the file"
-            self._findings.add("library-refuses-name", message, place, help="use letters, digits, '_' and '-'")
 
     def _check_unique(self, noun: str, names_and_places: Iterable[tuple[str, Place]]) -> None:
         first_places: dict[str, Place] = {}

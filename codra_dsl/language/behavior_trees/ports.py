@@ -16,15 +16,6 @@ class EntryKey:
     key: str
 
 
-_REFUSED_CHARACTER = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f\x7f]""")
-
-
-def first_refused_character(name: str) -> str | None:
-    """Return the first letter that BehaviorTree.CPP refuses in the name of a tree, a node or a port, or None."""
-    match = _REFUSED_CHARACTER.search(name)
-    return None if match is None else match[0]
-
-
 def is_key(text: str) -> bool:
     """Return whether a text can name an entry."""
     return _KEY.fullmatch(text) is not None

@@ -25,6 +25,7 @@ RULES = rules(
     ("CDR2304", "missing-attribute", _ERROR),
     ("CDR2305", "port-value", _ERROR),
     ("CDR2306", "library-refuses-name", _WARNING),
+    ("CDR2307", "library-refuses-children", _WARNING),
     # Names
     ("CDR3301", "unknown-tree-node", _ERROR),
     ("CDR3302", "unsupported-tree-node", _ERROR),

@@ -157,9 +157,18 @@ class TreeFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forest:
-    """The trees of a file and of its included files, the file itself first."""
+    """The trees of a file and of its included files, the file itself first.
+
+    Raises:
+        ValueError: if there is no file.
+    """
 
     files: tuple[TreeFile, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse a forest without files: its first file names the tree to start with."""
+        if not self.files:
+            raise ValueError("a forest has at least one file")
 
     @property
     def main(self) -> str | None:

@@ -92,6 +92,7 @@ def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: F
             parts[real_path(file)] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
     if not has_spec_or_error:
         help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...'"
+        name = folder.name or name if name == "." else name  # outside of projects, the folder is its own root
         findings.add("no-spec", f"there is no spec in {shown(name)} or below", file_place(name), help=help_text)
 
 

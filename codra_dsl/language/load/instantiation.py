@@ -13,13 +13,13 @@ from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_dec
 from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
 from codra_dsl.language.load.templates.substitution import Filler, example_value
-from codra_dsl.language.load.templates.templates import Template, declare, declared_template
+from codra_dsl.language.load.templates.templates import EXAMPLES, Template, declare, declared_template
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries
-from codra_dsl.language.model import DeclaredTemplate, Use
+from codra_dsl.language.model import DeclaredTemplate, Literal, Use
 
 _ARGUMENT_WRAPPER_KEYS = ("parameters", "arguments", "with")
 MAX_CREATED_VALUES = 1_500_000
@@ -146,7 +146,7 @@ class Uses:
             self._correct_keys(subject, node)
         name = node.value("template") if isinstance(node, MappingNode) else None
         if not has_shape("template_use", node.data):
-            explain("template_use", node, subject, self._findings)
+            explain("template_use", node, subject, self._findings, self._examples(name))
         if not isinstance(name, ScalarNode) or name.reported or not isinstance(name.data, str):
             return None
         template = self._templates.get(self._corrections.get(name.text, name.text))
@@ -163,6 +163,13 @@ class Uses:
             fix = replacement_fix(place, name.text, suggestion, safe=is_safe) if suggestion else None
             self._findings.add("unknown-template", message, place, help=help_text, path=path, fix=fix)
         return template
+
+    def _examples(self, template_name: YamlNode | None) -> Mapping[str, Literal]:
+        """Return an example value for each parameter of a template; no examples for an unknown template."""
+        name = template_name.data if isinstance(template_name, ScalarNode) else None
+        template = self._templates.get(name) if isinstance(name, str) else None
+        parameters = template.parameters if template is not None else {}
+        return {name: EXAMPLES[parameter.kind][1] for name, parameter in parameters.items()}
 
     def _correct_keys(self, subject: Subject, node: MappingNode) -> None:
         """Report arguments in a separate mapping, and a wrong key in place of `template`; correct the node."""

@@ -11,6 +11,7 @@ from contextlib import redirect_stderr
 from xml.sax.saxutils import escape
 
 from codra_dsl.generation.build_plan import EdgeKind, NodeKind
+from codra_dsl.tooling.installation import DSL, pip_install
 from codra_dsl.tooling.report.graphs import Element, Graph, Link
 from codra_dsl.tooling.report.looks import (
     EDGE_LOOKS,
@@ -48,10 +49,7 @@ class DrawingError(Exception):
     """Raised if a picture cannot be drawn on this machine. The message states what to do."""
 
 
-_INSTALL_HINT = (
-    "pip install 'codra-dsl[viz]', and on Debian "
-    "apt-get install --no-install-recommends libglib2.0-0 libx11-6 libxext6 libxrender1"
-)
+_DEBIAN_HINT = "on Debian apt-get install --no-install-recommends libglib2.0-0 libx11-6 libxext6 libxrender1"
 
 
 def render_dot(graph: Graph) -> str:
@@ -201,7 +199,7 @@ def _draw(dot: str) -> str:
     try:
         import pygraphviz  # noqa: PLC0415 - an extra, with shared libraries that a machine may not have
     except ImportError as error:
-        raise DrawingError(f"cannot draw: {error}; {_INSTALL_HINT}") from error
+        raise DrawingError(f"cannot draw: {error}; {pip_install(DSL, 'viz')}, and {_DEBIAN_HINT}") from error
     try:
         with os.fdopen(os.memfd_create("dot"), "w+b") as stream:  # pygraphviz would write a file to /tmp
             stream.write(dot.encode())

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from codra_dsl.tooling.scaffold.files import conflicts, installed_requirement, starter_texts, write_new_files
+from codra_dsl.tooling.scaffold.files import conflicts, starter_texts, write_new_files
 from codra_dsl.tooling.scaffold.names import ImproperNameError, name_from_folder, require_name
 
 __all__ = [
     "ImproperNameError",
     "conflicts",
-    "installed_requirement",
     "name_from_folder",
     "require_name",
     "starter_texts",

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path, PurePosixPath
 
-from codra_dsl import __version__
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE
 
 _TEMPLATE_FOLDER = Path(__file__).parent / "project"
 _TEMPLATE_SUFFIX = ".in"
 _NAME_PLACEHOLDER = "@NAME@"
 _CODRA_PLACEHOLDER = "@CODRA@"
-_DISTRIBUTION = "codra-dsl"
 
 
 def starter_texts(name: str, requirement: str) -> dict[str, str]:
@@ -23,7 +19,7 @@ def starter_texts(name: str, requirement: str) -> dict[str, str]:
 
     Args:
         name: the name of the spec, an identifier.
-        requirement: the requirement with which pip installs codra, e.g. `codra-dsl==0.1.0`.
+        requirement: the requirement with which pip installs codra, see `codra_dsl.tooling.installation`.
     """
     texts = {SCHEMA_COPY: SCHEMA_FILE.read_text("utf-8")}
     for template in sorted(_TEMPLATE_FOLDER.rglob(f"*{_TEMPLATE_SUFFIX}")):
@@ -33,33 +29,6 @@ def starter_texts(name: str, requirement: str) -> dict[str, str]:
             _CODRA_PLACEHOLDER, requirement
         )
     return dict(sorted(texts.items()))
-
-
-def installed_requirement() -> str:
-    """Return the requirement that installs this codra: a git or https address, or the version."""
-    try:
-        origin = distribution(_DISTRIBUTION).read_text("direct_url.json")
-    except PackageNotFoundError:  # codra is run from source
-        origin = None
-    return requirement_from_origin(origin)
-
-
-def requirement_from_origin(origin: str | None) -> str:
-    """Return the requirement that installs codra from the same origin.
-
-    A local folder or file does not exist on other machines. If the origin is local, the requirement is the version.
-
-    Args:
-        origin: the text of `direct_url.json`, in which pip records the origin of some packages; None without this file.
-    """
-    direct_url = json.loads(origin) if origin else {}
-    url = direct_url.get("url", "")
-    if not url.startswith(("https://", "ssh://")):
-        return f"{_DISTRIBUTION}=={__version__}"
-    vcs = direct_url.get("vcs_info")
-    address = f"{vcs['vcs']}+{url}@{vcs['commit_id']}" if vcs else url
-    subdirectory = f"#subdirectory={direct_url['subdirectory']}" if direct_url.get("subdirectory") else ""
-    return f"{_DISTRIBUTION} @ {address}{subdirectory}"
 
 
 def conflicts(paths: Iterable[str], folder: Path) -> tuple[str, ...]:

@@ -159,7 +159,9 @@ def test_files_beside_the_code_have_all_rules_conditions_and_edges_of_loops() ->
         ("store/adaptation/speed", "sets", "store/context/max_speed"),
         ("store/tree/mission", "requests", "store/task/navigating"),
         ("store/loop/mission", "executes", "store/tree/mission"),
+        ("store/agent/analysis", "owns", "store/metric/safety"),
     } <= edges
+    assert "store/context/safety" not in {node["id"] for node in graph["nodes"]}, "the metric itself is in the graph"
     assert {end for source, _, target in edges for end in (source, target)} <= {node["id"] for node in graph["nodes"]}
 
 

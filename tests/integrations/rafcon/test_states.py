@@ -7,12 +7,23 @@ from pathlib import Path
 
 import pytest
 from rafcon.core.singleton import global_variable_manager, state_machine_execution_engine
+from rafcon.core.state_machine import StateMachine
 from rafcon.core.states.barrier_concurrency_state import BarrierConcurrencyState
 from rafcon.core.states.library_state import LibraryState
 from rafcon.core.states.preemptive_concurrency_state import PreemptiveConcurrencyState
 from rafcon.core.states.state import StateExecutionStatus
+from rafcon.core.storage.storage import save_state_machine_to_path
 
-from codra_dsl.integrations.rafcon import AnnotationError, Answers, register, run_in_real_time, run_in_simulated_time
+from codra_dsl.integrations.rafcon import (
+    LIBRARIES,
+    AnnotationError,
+    Answers,
+    MissingLibraryError,
+    opened,
+    register,
+    run_in_real_time,
+    run_in_simulated_time,
+)
 from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, WallClock
 from tests.integrations.rafcon.machines import Robot, decisions, machine_of, run, script, sequence
 from tests.runtime.door import MODEL, Door, Manager, started
@@ -378,3 +389,30 @@ def test_an_action_whose_skill_began_before_the_bridge_was_attached_is_reported(
 
         assert act.final_outcome.name == "aborted"
         assert "attach the bridge before it begins" in str(act.output_data["error"])
+
+
+# Libraries
+
+
+@pytest.mark.parametrize(
+    ("libraries", "reason"),
+    [
+        ({}, "There are no libraries registered: add its root key and folder to 'libraries', which has none"),
+        ({"other": LIBRARIES["codra"]}, "Library 'decide' not found in sub-folder codra: add its root key and folder"),
+    ],
+)
+def test_a_machine_whose_library_is_missing_is_an_error_and_asks_nobody(
+    libraries: dict[str, Path], reason: str, tmp_path: Path
+) -> None:
+    register()
+    machine = StateMachine(sequence("root", LibraryState("codra", "decide", name="open?", state_id="LIBRARY")))
+    save_state_machine_to_path(machine, str(tmp_path / "machine"))
+
+    for _ in range(2):
+        with pytest.raises(MissingLibraryError) as raised, opened(tmp_path / "machine", libraries):
+            pass
+        assert f"{tmp_path / 'machine'}: " in str(raised.value)
+    assert reason in str(raised.value)
+
+    with opened(tmp_path / "machine") as complete:
+        assert isinstance(complete.root_state.states["LIBRARY"], LibraryState)

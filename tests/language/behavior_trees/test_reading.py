@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.compiler import plan_paths
-from codra_dsl.language.behavior_trees import RULES, check, read, read_text
+from codra_dsl.language.behavior_trees import RULES, Forest, check, read, read_text
 from codra_dsl.language.behavior_trees.catalogue import BUILT_IN, REFUSED_NODES
 from codra_dsl.language.behavior_trees.elements import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS
+from codra_dsl.language.diagnostics import Severity
 from tests.language.behavior_trees.stories import document, findings, places_and_rules
 
 MOVE = """<Action ID="Move"><input_port name="goal" type="double"/><inout_port name="pose" type="Pose" default="{p}"/>
@@ -89,7 +90,8 @@ def finding_texts(body: str) -> list[str]:
         ("<AlwaysSuccess _skipif='true'/>", "unknown-port: unknown condition '_skipif' | did you mean '_skipIf'?"),
         (
             "<AlwaysSuccess _mark='1'/>",
-            "attribute-without-effect: '_mark' has no effect | remove it; codra does not remove it when it writes the file",
+            "attribute-without-effect: '_mark' has no effect"
+            " | remove it; codra does not remove it when it writes the file",
         ),
         ("<AlwaysSuccess/>text", "xml-not-kept: the text 'text' has no meaning in a tree | remove it, or make it"),
         ("<?php x?><AlwaysSuccess/>", "xml-not-kept: <?php ...?> has no meaning in a tree | remove it"),
@@ -217,6 +219,49 @@ def test_names_that_newer_versions_of_the_library_refuse_are_reported() -> None:
     problems = findings(document("<AlwaysSuccess/>", models, others))
     assert {problem.rule.name for problem in problems} == {"library-refuses-name"}
     assert [problem.message[:3] for problem in problems] == ["' '", "'.'", "'/'"]
+
+
+@pytest.mark.parametrize("name", ["Root", "root"])
+def test_the_reserved_name_of_the_library_is_reported_for_trees_and_nodes(name: str) -> None:
+    tree = f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>'
+    node = f'<Action ID="{name}"/>'
+
+    for text in (document("<AlwaysSuccess/>", "", tree), document("<AlwaysSuccess/>", node)):
+        (finding,) = findings(text)
+        assert (finding.rule.name, finding.rule.severity) == ("library-refuses-name", Severity.WARNING)
+        assert finding.message.startswith(f"the name '{name}' is reserved")
+        assert finding.place.span.column == text.index(f'"{name}"') + 2
+    assert findings(document("<AlwaysSuccess/>", '<Action ID="ROOT"/>', tree.replace(name, "Roots"))) == []
+
+
+def test_subtrees_of_one_tree_with_one_name_are_reported_at_the_second() -> None:
+    others = '<BehaviorTree ID="Other"><AlwaysSuccess/></BehaviorTree>'
+    twin = '<SubTree ID="Other" name="twin"/>'
+    text = document(f"<Sequence>{twin}<Inverter>{twin}</Inverter></Sequence>", "", others)
+
+    (finding,) = findings(text)
+    assert (finding.rule.name, finding.place.span.column) == ("library-refuses-name", text.rindex(twin) + 1)
+    assert [related.place.span.column for related in finding.related] == [text.index(twin) + 1]
+
+    unnamed = '<SubTree ID="Other"/>'
+    third = f'<BehaviorTree ID="Third">{twin}</BehaviorTree>'
+    assert findings(document(f"<Sequence>{twin}{unnamed}{unnamed}</Sequence>", "", others + third)) == []
+
+
+def test_a_reactive_sequence_has_at_most_one_asynchronous_child_for_the_library() -> None:
+    children = "<AsyncSequence><AlwaysSuccess/></AsyncSequence>"
+    text = document(f"<ReactiveSequence>{children * 2}</ReactiveSequence>", "")
+
+    (finding,) = findings(text)
+    assert (finding.rule.name, finding.rule.severity) == ("library-refuses-children", Severity.WARNING)
+    assert finding.place.span.column == text.index("<ReactiveSequence") + 1
+    assert findings(document(f"<ReactiveSequence>{children}<AlwaysSuccess/></ReactiveSequence>", "")) == []
+    assert findings(document(f"<ReactiveFallback>{children * 2}</ReactiveFallback>", "")) == []
+
+
+def test_a_forest_without_files_is_refused() -> None:
+    with pytest.raises(ValueError, match="a forest has at least one file"):
+        Forest(files=())
 
 
 def test_columns_count_letters_not_bytes() -> None:

@@ -23,6 +23,7 @@ from typer.testing import CliRunner
 
 import codra_papers.experiments
 from codra_dsl.cli.app import app
+from codra_dsl.tooling.installation import pip_install
 from codra_papers.experiments.campaign.registry import experiments
 from tests.cli.test_commands import DOOR, MISSPELT, MONITER, ROOT, codra, environment
 
@@ -313,7 +314,7 @@ def test_a_missing_extra_is_named(tmp_path: Path, missing: str) -> None:
     )
 
     assert (completed_process.returncode, completed_process.stdout) == (1, "")
-    assert completed_process.stderr == f"codra: 'experiment' needs {missing}: pip install 'codra-papers[lab]'\n"
+    assert completed_process.stderr == f"codra: 'experiment' needs {missing}: {pip_install('codra-papers', 'lab')}\n"
 
 
 def test_a_trial_that_raises_is_reported_in_a_line_with_the_command_to_run_it_alone(project: Path) -> None:

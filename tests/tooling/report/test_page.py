@@ -18,8 +18,10 @@ from hypothesis import strategies as st
 
 from codra_dsl.compiler import plan_paths
 from codra_dsl.generation.algorithm2 import plan
+from codra_dsl.generation.build_plan import EdgeKind
 from codra_dsl.tooling.report.dot import MAX_QUICK_NODES
 from codra_dsl.tooling.report.graphs import Graph, graph_of
+from codra_dsl.tooling.report.looks import EDGE_LOOKS, NODE_LOOKS, ShownKind
 from codra_dsl.tooling.report.page import render_html
 from tests.language.check.checked_specs import ShortAlgorithm, checked_spec, variable
 
@@ -209,6 +211,22 @@ def test_every_kind_that_the_page_shows_has_a_style() -> None:
     for kind in ("requires", "identifies", "runs", "decides_on", "feedback"):
         assert style.count(f"--{kind}: #") == 2
         assert f"svg .{kind} " in style
+
+
+@pytest.mark.parametrize("kind", NODE_LOOKS)
+def test_every_kind_of_node_has_its_colour_in_the_graph_in_the_legend_and_in_lists(kind: ShownKind) -> None:
+    (style,) = (text for tag, _, text in read(render_html(small())).raw if tag == "style")
+
+    assert style.count(f"--{kind}: #") == 2, "once for light, once for dark"
+    assert re.search(rf"svg \.node\.{kind} > [^{{}}]*\{{ fill: var\(--{kind}\);", style)
+    assert f".swatch.{kind}, .dot.{kind} {{ background: var(--{kind}); }}" in style
+
+
+@pytest.mark.parametrize("kind", EDGE_LOOKS)
+def test_every_kind_of_edge_has_a_colour(kind: EdgeKind) -> None:
+    (style,) = (text for tag, _, text in read(render_html(small())).raw if tag == "style")
+
+    assert re.search(rf"svg (\.{kind} |:is\([^)]*\.{kind}\b)[^{{}}]*\{{ stroke: var\(--\w+\);", style)
 
 
 def test_every_element_that_the_script_uses_is_in_the_page() -> None:

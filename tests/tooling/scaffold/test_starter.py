@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from codra_dsl import __version__
 from codra_dsl.language.load.yaml.names import is_identifier
+from codra_dsl.tooling.installation import pip_install, requirement_from_origin
 from codra_dsl.tooling.scaffold import (
     ImproperNameError,
     conflicts,
@@ -17,7 +19,6 @@ from codra_dsl.tooling.scaffold import (
     starter_texts,
     write_new_files,
 )
-from codra_dsl.tooling.scaffold.files import requirement_from_origin
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
@@ -64,8 +65,8 @@ def origin_text(**origin: object) -> str:
     ("origin", "requirement"),
     [
         (None, f"codra-dsl=={__version__}"),
-        (origin_text(url="file:///home/me/codra", dir_info={"editable": True}), f"codra-dsl=={__version__}"),
-        (origin_text(url="file:///tmp/codra.whl", archive_info={}), f"codra-dsl=={__version__}"),
+        (origin_text(url="file:///home/me/codra", dir_info={"editable": True}), "codra-dsl @ file:///home/me/codra"),
+        (origin_text(url="file:///tmp/codra.whl", archive_info={}), "codra-dsl @ file:///tmp/codra.whl"),
         (
             origin_text(url="https://example.org/codra.git", vcs_info={"vcs": "git", "commit_id": COMMIT}),
             f"codra-dsl @ git+https://example.org/codra.git@{COMMIT}",
@@ -82,8 +83,19 @@ def origin_text(**origin: object) -> str:
         ),
     ],
 )
-def test_a_project_requires_codra_as_installed_but_names_no_local_path(origin: str | None, requirement: str) -> None:
+def test_a_project_requires_codra_from_where_it_is_installed(origin: str | None, requirement: str) -> None:
     assert requirement_from_origin(origin) == requirement
+    assert requirement_from_origin(origin, extras="viz") == requirement.replace("codra-dsl", "codra-dsl[viz]", 1)
+
+
+@pytest.mark.parametrize("distribution", ["codra-dsl", "codra-papers"])
+def test_a_hint_names_a_folder_or_an_address_from_which_pip_can_install(distribution: str) -> None:
+    _, _, requirement = shlex.split(pip_install(distribution, "viz"))
+    name, address = requirement.split(" @ ")
+
+    assert name == f"{distribution}[viz]"
+    folder = Path(address.removeprefix("file://"))
+    assert f'name = "{distribution}"' in (folder / "pyproject.toml").read_text("utf-8")
 
 
 def test_the_hooks_require_the_same_codra_as_the_requirements() -> None:

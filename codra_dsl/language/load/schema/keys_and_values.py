@@ -42,17 +42,19 @@ _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
 
-def explain(definition: str, node: YamlNode, subject: Subject, findings: Findings) -> frozenset[str]:
+def explain(
+    definition: str, node: YamlNode, subject: Subject, findings: Findings, examples: Mapping[str, object] | None = None
+) -> frozenset[str]:
     """Report why an element does not have the shape of a definition: one finding per root cause.
 
     So that the rest can be read as intended, misspelt keys are corrected in the nodes, unknown keys are removed, and
-    values with a finding are marked as reported.
+    values with a finding are marked as reported. `examples` has values for keys of which the schema has no example.
 
     Returns:
         The keys that cannot be read, as `Spec.damaged_keys` lists them. Misspelt keys can be read. An unknown key may
         mean any absent key, so all absent keys count as unreadable.
     """
-    explanation = _Explanation(subject, node, findings)
+    explanation = _Explanation(subject, node, findings, examples or {})
     errors = errors_of(definition, node.data)
     unknown_keys = explanation.unknown_keys(errors)
     for mapping, corrections in unknown_keys:
@@ -69,7 +71,7 @@ def explain_outline(definition: str, root: MappingNode, subject: Subject, findin
     """
     if has_shape(definition, _outline(root)):
         return
-    explanation = _Explanation(subject, root, findings)
+    explanation = _Explanation(subject, root, findings, {})
     for mapping, corrections in explanation.unknown_keys(errors_of(definition, _outline(root))):
         _rename(mapping, {key: known_key or key for key, known_key in corrections.items()})
     errors = errors_of(definition, _outline(root))
@@ -104,10 +106,8 @@ def _rename(mapping: MappingNode, corrections: Mapping[str, str | None]) -> None
 class _Explanation:
     """Converts the errors of one element to findings, and lists the keys that they damage."""
 
-    def __init__(self, subject: Subject, root: YamlNode, findings: Findings) -> None:
-        self._subject = subject
-        self._root = root
-        self._findings = findings
+    def __init__(self, subject: Subject, root: YamlNode, findings: Findings, examples: Mapping[str, object]) -> None:
+        self._subject, self._root, self._findings, self._examples = subject, root, findings, examples
         self._reported_paths: set[tuple[str | int, ...]] = set()
         self._unmatched_keys: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
         self.damaged: set[str] = set()
@@ -321,10 +321,10 @@ class _Explanation:
         """Return rule, message and help for a wrong value."""
         value_name = self._value_name(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
-        example = (
-            f"for example {_example_text(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
-        )
-        if str(error.path[-1] if error.path else self._subject.key.written) in error.schema.get("properties", ()):
+        key = error.path[-1] if error.path else self._subject.key.written
+        examples = {"examples": [self._examples[str(key)]]} if error.path and key in self._examples else {}
+        example = f"for example {_example_text(key, error.schema | examples)}"
+        if str(key) in error.schema.get("properties", ()):
             example = "indent it further, as a key of the element above"
         if error.keyword == "not":
             reason = error.schema["description"]

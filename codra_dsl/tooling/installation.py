@@ -1,0 +1,69 @@
+"""How pip can install the distributions of this project: from the same origin as the installed distribution."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import distribution as installed_distribution
+from pathlib import Path
+
+from codra_dsl import __version__
+
+DSL, PAPERS = "codra-dsl", "codra-papers"
+"""The product, and the distribution with the worlds and experiments of the papers."""
+
+_SOURCE_FOLDER = Path(__file__).parents[2]
+_PAPERS_FOLDER = "codra_papers"
+"""The folder of the second distribution within the sources of the first."""
+
+
+def pip_install(distribution: str, extras: str = "") -> str:
+    """Return the command that installs a distribution with some extras, e.g. `viz` or `lab,store`."""
+    return f"pip install {shlex.quote(requirement(distribution, extras))}"
+
+
+def requirement(distribution: str = DSL, extras: str = "") -> str:
+    """Return the requirement with which pip installs a distribution from the origin of the installed codra."""
+    return requirement_from_origin(_origin_text(distribution), distribution, extras)
+
+
+def requirement_from_origin(origin: str | None, distribution: str = DSL, extras: str = "") -> str:
+    """Return the requirement that installs a distribution from an origin, such as a folder or a git repository.
+
+    Without an origin, the distribution was installed by its name and version, which are then the requirement.
+
+    Args:
+        origin: the text of `direct_url.json`, in which pip records the origin of some packages; None without this file.
+        distribution: the name of the distribution.
+        extras: the extras, separated by commas.
+    """
+    name = f"{distribution}[{extras}]" if extras else distribution
+    direct_url = json.loads(origin) if origin else {}
+    url = direct_url.get("url", "")
+    if not url.startswith(("https://", "ssh://", "file://")):
+        return f"{name}=={__version__}"
+    vcs = direct_url.get("vcs_info")
+    address = f"{vcs['vcs']}+{url}@{vcs['commit_id']}" if vcs else url
+    subdirectory = f"#subdirectory={direct_url['subdirectory']}" if direct_url.get("subdirectory") else ""
+    return f"{name} @ {address}{subdirectory}"
+
+
+def _origin_text(distribution: str) -> str | None:
+    """Return where a distribution comes from, as pip records it; None if it was installed by its name."""
+    try:
+        return installed_distribution(distribution).read_text("direct_url.json")
+    except PackageNotFoundError:
+        if distribution == DSL:  # codra is run from source
+            return json.dumps({"url": _SOURCE_FOLDER.as_uri(), "dir_info": {}})
+        return _papers_origin_text(_origin_text(DSL))
+
+
+def _papers_origin_text(origin: str | None) -> str | None:
+    """Return the origin of the second distribution, which is in a folder of the sources of the first."""
+    direct_url = json.loads(origin) if origin else {}
+    if "vcs_info" in direct_url:
+        return json.dumps({**direct_url, "subdirectory": _PAPERS_FOLDER})
+    if "dir_info" in direct_url:
+        return json.dumps({**direct_url, "url": f"{direct_url['url'].rstrip('/')}/{_PAPERS_FOLDER}"})
+    return None
