@@ -71,7 +71,8 @@ def why_command(
     with open_journal(journal) as reader:
         header = reader.header()
         at_s = None if at is None else _instant_s(at, header)
-        checkpoints = Checkpoints(reader, math.inf if at_s is None else at_s)
+        is_before_start = at_s is not None and at_s < header.start_s
+        checkpoints = Checkpoints(reader, math.inf if at_s is None or is_before_start else at_s)
         end_s = header.start_s if checkpoints.end_s is None else checkpoints.end_s
         report_damage(reader, end_s)
         if at_s is not None and not header.start_s <= at_s <= end_s:
