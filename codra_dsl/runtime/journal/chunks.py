@@ -67,16 +67,11 @@ def split_records(records: bytes) -> Iterator[Schema | Channel | Message]:
         position = start + length
         if position > len(records):
             raise ValueError("its last record is incomplete")
-        match opcode:
-            case Opcode.MESSAGE:
-                data = records[start + _MESSAGE_FIELDS.size : position]
-                channel_id, sequence, log_time, publish_time = _MESSAGE_FIELDS.unpack_from(records, start)
-                yield Message(
-                    channel_id=channel_id, sequence=sequence, log_time=log_time, publish_time=publish_time, data=data
-                )
-            case Opcode.CHANNEL:
-                yield Channel.read(ReadDataStream(BytesIO(records[start:position])))
-            case Opcode.SCHEMA:
-                yield Schema.read(ReadDataStream(BytesIO(records[start:position])))
-            case _:
-                pass
+        if opcode == Opcode.MESSAGE:
+            data = records[start + _MESSAGE_FIELDS.size : position]
+            channel_id, sequence, log_time, publish_time = _MESSAGE_FIELDS.unpack_from(records, start)
+            yield Message(channel_id, log_time, data, publish_time, sequence)
+        elif opcode == Opcode.CHANNEL:
+            yield Channel.read(ReadDataStream(BytesIO(records[start:position])))
+        elif opcode == Opcode.SCHEMA:
+            yield Schema.read(ReadDataStream(BytesIO(records[start:position])))

@@ -62,15 +62,23 @@ class ReadingBudget:
         self.file_byte_count = file_byte_count
         self._path = path
         self._counts = {_BYTES: 0, _MESSAGES: 0, _VALUES: 0}
+        self._max_message_count = 0
 
-    def add_chunk(self, byte_count: int) -> None:
-        """Count the decompressed bytes of a chunk, before its records are read."""
+    def add_bytes(self, byte_count: int) -> None:
+        """Count decompressed bytes."""
         self._add(_BYTES, byte_count)
 
-    def add_message(self, data: bytes) -> None:
-        """Count a message and the JSON values in it."""
-        self._add(_MESSAGES, 1)
-        self._add(_VALUES, value_count(data))
+    def add_chunk(self, records: bytes) -> None:
+        """Count the bytes and JSON values of a chunk, before its records are read."""
+        self._add(_BYTES, len(records))
+        self._add(_VALUES, value_count(records))
+        self._max_message_count = _MESSAGES.of_file(self.file_byte_count)
+
+    def add_message(self) -> None:
+        """Count a message."""
+        self._counts[_MESSAGES] += 1
+        if self._counts[_MESSAGES] > self._max_message_count:
+            self._add(_MESSAGES, 0)
 
     def _add(self, limit: _Limit, count: int) -> None:
         self._counts[limit] += count
@@ -83,5 +91,5 @@ class ReadingBudget:
 
 
 def value_count(data: bytes) -> int:
-    """Return the number of JSON values in a message: each comma and each opening bracket stands for one value."""
+    """Return about the number of JSON values in messages: each comma and each opening bracket stands for one value."""
     return data.count(b",") + data.count(b"[") + data.count(b"{")

@@ -190,12 +190,13 @@ class JournalReader:
         kind = kind_of(raw_message.channel.topic)
         if kind is None:
             return None
-        if value_count(raw_message.message.data) > MAX_MESSAGE_VALUES:
+        data = raw_message.message.data
+        if len(data) > MAX_MESSAGE_VALUES and value_count(data) > MAX_MESSAGE_VALUES:
             raise JournalError(
                 f"{self.path} has a message of more than {MAX_MESSAGE_VALUES:,} JSON values, which is the limit"
             )
         try:
-            event = event_of(kind, raw_message.message.data)
+            event = event_of(kind, data)
             if not math.isfinite(event.instant_s):
                 raise ValueError(f"{event.instant_s} is not an instant")
         except _MESSAGE_ERRORS as error:
@@ -292,7 +293,7 @@ class JournalReader:
                     f"{self.path} has a chunk of {error}, at byte {offset}: "
                     "the command codra journal recover leaves such chunks out"
                 ) from error
-            self._budget.add_chunk(MAX_RECORD_BYTES)
+            self._budget.add_bytes(MAX_RECORD_BYTES)
             self._add_damage(f"{description}: {error}")
             return
         except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
@@ -305,17 +306,17 @@ class JournalReader:
 
     def _messages_of_records(self, records: bytes, description: str) -> Iterator[Message]:
         """Register channels and schemas, and yield the messages."""
-        self._budget.add_chunk(len(records))
+        self._budget.add_chunk(records)
         try:
             for record in split_records(records):
                 match record:
-                    case Schema():
-                        self._schemas[record.id] = record
+                    case Message():
+                        self._budget.add_message()
+                        yield record
                     case Channel():
                         self._channels[record.id] = record
-                    case Message():
-                        self._budget.add_message(record.data)
-                        yield record
+                    case Schema():
+                        self._schemas[record.id] = record
         except (ValueError, EndOfFile, struct.error) as error:
             self._add_damage(f"{description}: {type(error).__name__}: {error}")
 
