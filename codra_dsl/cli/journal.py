@@ -139,7 +139,7 @@ def _recovery_text(recovery: Recovery) -> str:
         lines.append("the journal was complete: nothing was lost")
     if damage.regained_message_count:
         lines.append(f"{damage.regained_message_count} of these messages were not yet in a chunk")
-    lines.extend(f"cannot be read: {part}" for part in damage.unreadable_parts)
+    lines.extend(damage.part_texts())
     if damage.unreadable_parts and damage.lost_message_count:
         lines.append(f"lost: {damage.lost_message_count} messages between readable ones")
     if recovery.is_live:

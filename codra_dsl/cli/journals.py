@@ -40,5 +40,5 @@ def report_damage(reader: JournalReader, end_s: float) -> None:
     if reader.damage.is_torn:
         state = "is still being written" if reader.is_live else "lacks its end"
         say(f"codra: '{reader.path}' {state}: it holds what happened up to {instant_text(end_s)}")
-    for part in reader.damage.unreadable_parts:
-        say(f"codra: '{reader.path}': cannot be read: {part}")
+    for part_text in reader.damage.part_texts():
+        say(f"codra: '{reader.path}': {part_text}")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -24,6 +26,14 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.replay import Build, Difference, Replayed
 
     KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
+
+
+class ReplayFormat(StrEnum):
+    """The formats of the result of a replay."""
+
+    TEXT = "text"
+    JSON = "json"
+
 
 PackageOption = Annotated[
     Path | None,
@@ -54,6 +64,9 @@ JournalOption = Annotated[
 ]
 
 _MAX_SHOWN_CHANGES = 5
+_MAX_EVENT_TEXT_LENGTH = 2000
+_REPLAY_ERRORS = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, AssertionError)
+"""The errors of journals that no run has written, and of packages that cannot follow a journal."""
 
 
 def replay_command(
@@ -64,6 +77,7 @@ def replay_command(
     dsr: DsrOption = None,
     dsr_unit_m: DsrUnitOption = 0.001,
     journal: JournalOption = None,
+    format_: Annotated[ReplayFormat, typer.Option("--format", help="The format of the result.")] = ReplayFormat.TEXT,
 ) -> None:
     """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
     from codra_dsl.cli.journals import open_journal, report_damage
@@ -78,7 +92,8 @@ def replay_command(
         report_damage(reader, events[-1].instant_s if events else header.start_s)
     make_knowledge = _declared_knowledge if dsr is None else partial(_knowledge_from_dsr, dsr, dsr_unit_m)
     replay_result = _load_and_replay(header, events, package, spec, make_knowledge, journal)
-    write_result(_replay_result_text(replay_result, header))
+    is_text = format_ is ReplayFormat.TEXT
+    write_result(_replay_result_text(replay_result, header) if is_text else _replay_result_json(replay_result))
     raise typer.Exit(ExitCode.CLEAN if replay_result.difference is None else ExitCode.FAILED)
 
 
@@ -123,6 +138,8 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
         folder = (
             _compile_into(spec, Path(temporary_folder)) if spec is not None else package or _default_package(header)
         )
+        package_text = f"'{os.path.relpath(folder)}'" if spec is None else f"of '{spec}'"
+        say(f"codra: the replay runs the package {package_text}")
         try:
             module = load_package(folder)
             module.MODEL  # noqa: B018 - every package has a `MODEL`
@@ -133,7 +150,7 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
         try:
             knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
             return _replay(header, events, module, knowledge, _create_journal(journal))
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
+        except _REPLAY_ERRORS as error:
             say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
 
@@ -153,9 +170,12 @@ def _replay(
     knowledge: KnowledgeModel | None,
     derived_journal: Journal | None,
 ) -> Replayed:
+    from codra_dsl.cli.worlds import Progress
     from codra_dsl.runtime.replay import replay
 
-    replay_result = replay(header, events, module.MODEL, _manager_class(module), derived_journal, knowledge)
+    progress = Progress()
+    replay_result = replay(header, events, module.MODEL, _manager_class(module), derived_journal, knowledge, progress)
+    progress.clear()
     if derived_journal is not None and derived_journal.failure is not None:
         say(f"codra: '{derived_journal.path}' is incomplete: {derived_journal.failure}")
     return replay_result
@@ -168,9 +188,10 @@ def _default_package(header: RunHeader) -> Path:
     spec as an identifier, and the package must be inside the project. A path in the journal, or a link that leads out
     of the project, is refused.
     """
+    from codra_dsl.language.load.yaml.names import is_identifier
     from codra_dsl.language.project import root_of
 
-    if not (header.spec.isascii() and header.spec.isidentifier()):
+    if not is_identifier(header.spec):
         message = f"the journal names its spec {header.spec[:60]!r}, which is not a name: use --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
     root = real_path(root_of(Path.cwd()))
@@ -224,6 +245,14 @@ def _replay_result_text(replay_result: Replayed, header: RunHeader) -> str:
     return _difference_text(replay_result.difference, header) + absent_kinds_text
 
 
+def _replay_result_json(replay_result: Replayed) -> str:
+    import dataclasses
+
+    from codra_dsl.runtime.journal.encoding import json_text
+
+    return f"{json_text(dataclasses.asdict(replay_result))}\n"
+
+
 def _difference_text(difference: Difference, header: RunHeader) -> str:
     from codra_dsl.runtime.why.values import instant_text
 
@@ -248,7 +277,10 @@ def _difference_text(difference: Difference, header: RunHeader) -> str:
 def _event_text(event: Event | None) -> str:
     from codra_dsl.runtime.journal.encoding import message_of
 
-    return "no event in its place" if event is None else f"{event.kind} {message_of(event).decode()}"
+    if event is None:
+        return "no event in its place"
+    text = f"{event.kind} {message_of(event).decode()}"
+    return text if len(text) <= _MAX_EVENT_TEXT_LENGTH else f"{text[:_MAX_EVENT_TEXT_LENGTH]}..."
 
 
 def _variables_text(event: Event, spec_summary: SpecSummary) -> str:
@@ -267,6 +299,6 @@ def _event_place(event: Event, spec_summary: SpecSummary) -> Place | None:
     """
     from codra_dsl.runtime.journal.schemas import place_of
 
-    algorithm = spec_summary.algorithms.get(event.details.get("source", ""))
+    algorithm = spec_summary.algorithms.get(str(event.details.get("source", "")))
     rule = None if algorithm is None else algorithm.identifies.get(event.name)
     return place_of(event.kind, event.name, spec_summary) if rule is None else rule.place

@@ -203,7 +203,7 @@ def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> Non
 def test_a_replay_with_the_compiled_package_is_equal(project: Path, tmp_path: Path) -> None:
     process = codra("replay", "run.mcap", "--journal", f"{tmp_path}/again.mcap", cwd=project)
 
-    assert (process.returncode, process.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "codra: the replay runs the package 'generated/door'\n")
     assert process.stdout.startswith("equal: ")
     assert (tmp_path / "again.mcap").read_bytes() == (project / "run.mcap").read_bytes()
 
@@ -249,7 +249,25 @@ def test_a_comment_in_the_spec_makes_no_difference(project: Path, tmp_path: Path
     (elsewhere / "specs/door.yaml").write_text(f"# One more line.\n{SPEC}")
     process = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
 
-    assert (process.returncode, process.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "codra: the replay runs the package of 'specs/door.yaml'\n")
+
+
+def test_a_replay_can_be_read_by_programs(project: Path, tmp_path: Path) -> None:
+    elsewhere = copied(project, tmp_path)
+    (elsewhere / "specs/door.yaml").write_text(SPEC.replace("angle > 30 deg", "angle > 80 deg"))
+    equal, different = (
+        json.loads(codra("replay", "run.mcap", "--format", "json", *arguments, cwd=elsewhere).stdout)
+        for arguments in ((), ("--spec", "specs/door.yaml"))
+    )
+
+    assert (equal["difference"], equal["absent"]) == (None, [])
+    assert equal["compared"] == sum(equal["derived"].values())
+    difference = different["difference"]
+    assert difference["position"] == different["compared"] + 1
+    assert [difference[side]["details"]["value"] for side in ("recorded", "replayed")] == [True, False]
+    assert [(change["owner"], change["what"]) for change in difference["changes"]] == [
+        ("look_at_door", "identifies door_open")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -326,7 +344,7 @@ def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Pat
         assert codra("run", "specs/lab.yaml", *arguments, cwd=ROOT).returncode == 0
     process = codra("replay", f"{tmp_path}/a.mcap", "--journal", f"{tmp_path}/c.mcap", cwd=ROOT)
 
-    assert (process.returncode, process.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "codra: the replay runs the package 'generated/lab'\n")
     contents = [(tmp_path / name).read_bytes() for name in ("a.mcap", "b.mcap", "c.mcap")]
     assert contents[0] == contents[1] == contents[2]
 

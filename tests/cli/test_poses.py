@@ -92,7 +92,7 @@ def test_every_use_of_a_template_waits_for_poses_of_its_own(project: Path) -> No
 
 def test_replay_is_equal_and_why_names_who_placed_a_node(project: Path) -> None:
     replayed = codra("replay", "run.mcap", cwd=project)
-    assert (replayed.returncode, replayed.stderr) == (0, "")
+    assert (replayed.returncode, replayed.stderr) == (0, "codra: the replay runs the package 'generated/bay'\n")
     assert replayed.stdout.startswith("equal: ")
     process = codra("why", "right_open", "--journal", "run.mcap", "--at", "7 s", cwd=project)
     assert process.returncode == 0

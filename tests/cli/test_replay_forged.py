@@ -52,6 +52,30 @@ def test_a_journal_that_names_a_path_runs_no_package(path_form: str, tmp_path: P
     assert not (tmp_path / "mark").exists()
 
 
+@pytest.mark.parametrize("name", ["a" * 5000, "class"])
+def test_a_journal_with_a_name_that_no_spec_can_have_is_a_usage_error(name: str, tmp_path: Path) -> None:
+    (tmp_path / "project").mkdir()
+    process = codra("replay", "run.mcap", cwd=make_forged_project(tmp_path, name))
+
+    assert process.returncode == 2
+    assert "which is not a name: use --package or --spec" in " ".join(process.stderr.replace("│", " ").split())
+
+
+def test_a_replay_says_what_it_runs_before_it_runs(tmp_path: Path) -> None:
+    (tmp_path / "project").mkdir()
+    project = make_forged_project(tmp_path, "shop")
+    (project / "generated/shop/__init__.py").write_text("raise SystemExit(3)\n")
+
+    for arguments, package in (
+        ((), "generated/shop"),
+        (("--package", "generated/../generated/shop"), "generated/shop"),
+    ):
+        process = codra("replay", "run.mcap", *arguments, cwd=project)
+
+        assert process.stderr.splitlines()[0] == f"codra: the replay runs the package '{package}'"
+        assert process.returncode == 3
+
+
 def test_a_package_that_is_a_link_out_of_the_project_does_not_run(tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
     outside_folder = plant_package(tmp_path / "outside", tmp_path / "mark")

@@ -9,25 +9,36 @@ last.
 from __future__ import annotations
 
 import json
+import math
 import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Self
+from typing import BinaryIO, Self
 from zlib import crc32
 
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
 
+from codra_dsl.runtime.journal.chunks import TooLargeError, decompress, split_records
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.file_creation import MAGIC, is_being_written
+from codra_dsl.runtime.journal.limits import (
+    MAX_CONDITIONS_LENGTH,
+    MAX_MESSAGE_VALUES,
+    MAX_RECORD_BYTES,
+    MAX_START_BYTES,
+    MAX_SUMMARY_BYTES,
+    MAX_UNREADABLE_PARTS,
+    JournalError,
+    ReadingBudget,
+    value_count,
+)
 from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK_OPCODE, RECORD_HEADER, parse_region
 from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
 from codra_dsl.runtime.journal.schemas import kind_of
@@ -41,16 +52,9 @@ __all__ = [
 ]
 
 _OPCODES_TO_READ = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK_OPCODE})
-_MAX_RECORD_BYTES = 1 << 28
-"""The maximum size of one record or decompressed chunk.
-
-The records and chunks that codra writes are far smaller: a thousandth of this size.
-"""
 _CHECKSUM_BYTES = 4
-
-
-class JournalError(Exception):
-    """The file is not a journal, or no part of it can be read."""
+_MAX_DESCRIBED_PARTS = 20
+_MESSAGE_ERRORS = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
 
 @dataclass(slots=True)
@@ -59,15 +63,29 @@ class Damage:
 
     Attributes:
         is_torn: whether the end of the file is missing.
-        unreadable_parts: descriptions of the parts that cannot be read.
+        unreadable_parts: descriptions of the first parts that cannot be read.
+        undescribed_part_count: the number of further parts that cannot be read.
         lost_message_count: the number of messages that are missing between other messages, by their sequence numbers.
         regained_message_count: the number of messages that are in no chunk, but only in the region.
     """
 
     is_torn: bool = False
     unreadable_parts: list[str] = field(default_factory=list)
+    undescribed_part_count: int = 0
     lost_message_count: int = 0
     regained_message_count: int = 0
+
+    def add(self, description: str) -> None:
+        """Add a part that cannot be read."""
+        if len(self.unreadable_parts) < _MAX_DESCRIBED_PARTS:
+            self.unreadable_parts.append(description)
+        else:
+            self.undescribed_part_count += 1
+
+    def part_texts(self) -> tuple[str, ...]:
+        """Return one line for each described part, and one for the others."""
+        lines = tuple(f"cannot be read: {part}" for part in self.unreadable_parts)
+        return (*lines, f"and {self.undescribed_part_count:,} more parts") if self.undescribed_part_count else lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,11 +108,15 @@ class JournalReader:
         is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, skips_large_chunks: bool = False) -> None:
         """Open a journal and read the part before its messages.
 
+        Args:
+            path: the file.
+            skips_large_chunks: whether chunks that exceed the limit are damage; otherwise they raise an error.
+
         Raises:
-            JournalError: if the file is not a journal.
+            JournalError: if the file is not a journal, or this part of it exceeds a limit.
             OSError: if the file cannot be read.
         """
         self.path = path
@@ -112,6 +134,8 @@ class JournalReader:
         self._channels: dict[int, Channel] = {}
         self._pending_record: tuple[int, int, bytes] | None = None
         self._has_ended = False
+        self._skips_large_chunks = skips_large_chunks
+        self._budget = ReadingBudget(path, self.size())
         try:
             self._read_start()
         except BaseException:
@@ -133,17 +157,33 @@ class JournalReader:
         metadata = self.metadata.get(FORMAT)
         if metadata is None or SUMMARY_FILE not in self.files:
             raise JournalError(f"{self.path} is an MCAP file, but not a journal of codra")
+        if len(self.files[SUMMARY_FILE]) > MAX_SUMMARY_BYTES:
+            raise JournalError(
+                f"{self.path} has a spec summary of {len(self.files[SUMMARY_FILE]):,} bytes: "
+                f"the limit is {MAX_SUMMARY_BYTES:,} bytes"
+            )
         try:
             if int(metadata["format_version"]) > FORMAT_VERSION:
                 raise JournalError(
                     f"{self.path} was written by codra {metadata['codra']}, which is newer than this version"
                 )
-            return RunHeader.from_data(metadata, summary_from_data(json.loads(self.files[SUMMARY_FILE])))
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            header = RunHeader.from_data(metadata, summary_from_data(json.loads(self.files[SUMMARY_FILE])))
+        except _MESSAGE_ERRORS as error:
             raise JournalError(f"{self.path} has no readable run header: {type(error).__name__}: {error}") from error
+        conditions_length = sum(len(rule.python_text) for rule in header.summary.rules())
+        if conditions_length > MAX_CONDITIONS_LENGTH:
+            raise JournalError(
+                f"{self.path} has conditions of {conditions_length:,} characters in its spec summary: "
+                f"the limit is {MAX_CONDITIONS_LENGTH:,}"
+            )
+        return header
 
     def events(self) -> Iterator[Event]:
-        """Yield all events, in the order in which they happened."""
+        """Yield all events, in the order in which they happened.
+
+        Raises:
+            JournalError: if the file exceeds a limit; the same holds for `raw_messages`.
+        """
         return (event for raw_message in self.raw_messages() if (event := self.event(raw_message)) is not None)
 
     def event(self, raw_message: RawMessage) -> Event | None:
@@ -151,13 +191,19 @@ class JournalReader:
         kind = kind_of(raw_message.channel.topic)
         if kind is None:
             return None
-        try:
-            return event_of(kind, raw_message.message.data)
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            self.damage.unreadable_parts.append(
-                f"message {raw_message.message.sequence}: {type(error).__name__}: {error}"
+        data = raw_message.message.data
+        if len(data) > MAX_MESSAGE_VALUES and value_count(data) > MAX_MESSAGE_VALUES:
+            raise JournalError(
+                f"{self.path} has a message of more than {MAX_MESSAGE_VALUES:,} JSON values, which is the limit"
             )
+        try:
+            event = event_of(kind, data)
+            if not math.isfinite(event.instant_s):
+                raise ValueError(f"{event.instant_s} is not an instant")
+        except _MESSAGE_ERRORS as error:
+            self._add_damage(f"message {raw_message.message.sequence}: {type(error).__name__}: {error}")
             return None
+        return event
 
     def raw_messages(self) -> Iterator[RawMessage]:
         """Yield all messages, in the order in which they were written."""
@@ -166,7 +212,7 @@ class JournalReader:
             channel = self._channels.get(message.channel_id)
             schema = None if channel is None else self._schemas.get(channel.schema_id)
             if channel is None or schema is None:
-                self.damage.unreadable_parts.append(f"message {message.sequence}: its channel is missing")
+                self._add_damage(f"message {message.sequence}: its channel is missing")
                 continue
             self.damage.lost_message_count += max(message.sequence - last_sequence - 1, 0)
             self.damage.regained_message_count += is_regained
@@ -177,17 +223,30 @@ class JournalReader:
         """Yield the messages from an earlier `chunk_offset` on; `damage` is collected anew."""
         self._stream.seek(chunk_offset)
         self._pending_record, self._has_ended, self._is_region_outdated, self.damage = None, False, False, Damage()
+        self._budget = ReadingBudget(self.path, self.size())
         return self.raw_messages()
 
     def size(self) -> int:
         """Return the current size in bytes; the file grows while a program writes it."""
         return os.fstat(self._stream.fileno()).st_size
 
+    def _add_damage(self, description: str) -> None:
+        self.damage.add(description)
+        if self.damage.undescribed_part_count > MAX_UNREADABLE_PARTS:
+            raise JournalError(
+                f"{self.path} has more than {MAX_UNREADABLE_PARTS:,} parts that cannot be read, which is the limit; "
+                f"the first is {self.damage.unreadable_parts[0]}"
+            )
+
     def _read_start(self) -> None:
         magic = self._stream.read(len(MAGIC))
         if magic != MAGIC:
             raise JournalError(f"{self.path} is {'not an MCAP file' if magic else 'empty: its run had not begun'}")
         for opcode, offset, content in self._records():
+            if offset + len(content) > MAX_START_BYTES and opcode != Opcode.CHUNK:
+                raise JournalError(
+                    f"{self.path} has more than {MAX_START_BYTES:,} bytes before its messages, which is the limit"
+                )
             if opcode not in (OPEN_CHUNK_OPCODE, Opcode.METADATA, Opcode.ATTACHMENT):
                 self.chunk_offset, self._pending_record = offset, (opcode, offset, content)
                 break
@@ -221,34 +280,46 @@ class JournalReader:
             yield from self._messages_of_chunk(*record)
         if not self._is_region_outdated:
             self.chunk_offset = max(self._region[0], self.chunk_offset)
-            yield from ((message, True) for message in self._messages_of_records(_split_records(self._region[1])))
+            yield from ((message, True) for message in self._messages_of_records(self._region[1], "the region"))
 
     def _messages_of_chunk(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
         if opcode != Opcode.CHUNK:
             return
+        description = f"the chunk at byte {offset}"
         try:
-            chunk = Chunk.read(_stream(content))
-            if max(chunk.uncompressed_size, _decompressed_size(chunk)) > _MAX_RECORD_BYTES:
-                raise ValueError(f"{chunk.uncompressed_size} bytes are too many")
-            records = breakup_chunk(chunk, validate_crc=True)
+            records = decompress(Chunk.read(_stream(content)))
+        except TooLargeError as error:
+            if not self._skips_large_chunks:
+                raise JournalError(
+                    f"{self.path} has a chunk of {error}, at byte {offset}: "
+                    "the command codra journal recover leaves such chunks out"
+                ) from error
+            self._budget.add_bytes(MAX_RECORD_BYTES)
+            self._add_damage(f"{description}: {error}")
+            return
         except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
-            self.damage.unreadable_parts.append(f"the chunk at byte {offset}: {type(error).__name__}: {error}")
+            self._add_damage(f"{description}: {type(error).__name__}: {error}")
             return
         self.chunk_offset = offset
         if offset == self._region[0]:
             self._is_region_outdated = True
-        yield from ((message, False) for message in self._messages_of_records(records))
+        yield from ((message, False) for message in self._messages_of_records(records, description))
 
-    def _messages_of_records(self, records: list[Any]) -> Iterator[Message]:
+    def _messages_of_records(self, records: bytes, description: str) -> Iterator[Message]:
         """Register channels and schemas, and yield the messages."""
-        for record in records:
-            match record:
-                case Schema():
-                    self._schemas[record.id] = record
-                case Channel():
-                    self._channels[record.id] = record
-                case Message():
-                    yield record
+        self._budget.add_chunk(records)
+        try:
+            for record in split_records(records):
+                match record:
+                    case Message():
+                        self._budget.add_message()
+                        yield record
+                    case Channel():
+                        self._channels[record.id] = record
+                    case Schema():
+                        self._schemas[record.id] = record
+        except (ValueError, EndOfFile, struct.error) as error:
+            self._add_damage(f"{description}: {type(error).__name__}: {error}")
 
     def _records(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield opcode, offset and content of each record, up to the end of the data or the last complete record."""
@@ -256,7 +327,7 @@ class JournalReader:
             offset = self._stream.tell()
             record_header = self._stream.read(RECORD_HEADER.size)
             opcode, length = RECORD_HEADER.unpack(record_header) if len(record_header) == RECORD_HEADER.size else (0, 0)
-            file_byte_count = self.size()
+            file_byte_count = self._budget.file_byte_count = self.size()
             remaining_byte_count = file_byte_count - offset - RECORD_HEADER.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._stream.seek(-len(MAGIC), 2)
@@ -266,35 +337,16 @@ class JournalReader:
                 self.damage.is_torn = True
                 self._has_ended = True
                 if offset < file_byte_count and not self.is_live:
-                    self.damage.unreadable_parts.append(
-                        f"the last {file_byte_count - offset} bytes, from byte {offset} on"
-                    )
-            elif opcode in _OPCODES_TO_READ and length <= _MAX_RECORD_BYTES:
+                    self._add_damage(f"the last {file_byte_count - offset} bytes, from byte {offset} on")
+            elif opcode in _OPCODES_TO_READ and length <= MAX_RECORD_BYTES:
                 yield opcode, offset, self._stream.read(length)
             else:
+                if opcode in _OPCODES_TO_READ:
+                    self._add_damage(
+                        f"the record at byte {offset}: {length:,} bytes; the limit is {MAX_RECORD_BYTES:,}"
+                    )
                 self._stream.seek(length, 1)
 
 
 def _stream(content: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(content))
-
-
-def _decompressed_size(chunk: Chunk) -> int:
-    """Return the decompressed size that a chunk declares, without decompressing it."""
-    return zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
-
-
-def _split_records(records: bytes) -> list[Any]:
-    """Return the schemas, channels and messages of concatenated records."""
-    chunk = Chunk(
-        compression="",
-        data=records,
-        message_start_time=0,
-        message_end_time=0,
-        uncompressed_crc=0,
-        uncompressed_size=len(records),
-    )
-    try:
-        return list(breakup_chunk(chunk))
-    except (struct.error, ValueError):
-        return []

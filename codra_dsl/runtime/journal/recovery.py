@@ -44,7 +44,7 @@ def recover(path: Path, target: Path) -> Recovery:
     """
     temporary_path = target.with_name(f"{target.name}.part")
     try:
-        with JournalReader(path) as reader, temporary_path.open("w+b") as stream:
+        with JournalReader(path, skips_large_chunks=True) as reader, temporary_path.open("w+b") as stream:
             reader.header()
             message_count, first_ns, last_ns = _copy(reader, McapFile(stream, reader.metadata, reader.files))
         temporary_path.replace(target)

@@ -6,7 +6,7 @@ The summary is made from the running forest and from `sources.json` beside the g
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -118,6 +118,11 @@ class SpecSummary:
         return tuple(
             self.algorithms[name] for name in observer.algorithms if variable in self.algorithms[name].identifies
         )
+
+    def rules(self) -> Iterator[Rule]:
+        """Return the conditions of all algorithms."""
+        for algorithm in self.algorithms.values():
+            yield from (*algorithm.preconditions, *algorithm.acceptance_conditions, *algorithm.identifies.values())
 
 
 def place_from_data(data: Any) -> Place | None:

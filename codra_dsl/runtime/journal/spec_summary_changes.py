@@ -48,10 +48,19 @@ def changes_by_distance(names: Iterable[str], before: SpecSummary, now: SpecSumm
 
 
 def find_changes(before: SpecSummary, now: SpecSummary) -> Iterator[Change]:
-    """Yield the differences between two versions."""
+    """Yield the differences between two versions.
+
+    For an element that only one version has, only the first of its settings is a difference: the others say no more.
+    """
     old_settings, new_settings = _settings(before), _settings(now)
+    common_owners = {owner for owner, _ in old_settings} & {owner for owner, _ in new_settings}
+    reported_owners: set[str] = set()
     for key in dict.fromkeys((*new_settings, *old_settings)):
-        yield from _setting_changes(*key, old_settings.get(key, ()), new_settings.get(key, ()))
+        owner = key[0]
+        if owner not in reported_owners:
+            for change in _setting_changes(*key, old_settings.get(key, ()), new_settings.get(key, ())):
+                yield change
+                reported_owners |= {owner} - common_owners
 
 
 def _setting_changes(

@@ -29,6 +29,9 @@ Build = Callable[..., ContextManager[Any, Any]]
 """Creates the context manager of a package: a class with the parameters of `ContextManager`."""
 
 
+_INPUT_ERRORS = (LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, ConflictError)
+"""The errors of inputs that cannot come from a run, such as a skill that acts after its end."""
+
 _POSITION_DETAILS = frozenset({"step", "work", "number"})
 """The details of an input that state its position in the run; they are not arguments."""
 
@@ -61,7 +64,7 @@ class _Player:
         try:
             with contextlib.suppress(PermissionError, ValueError):
                 self._apply(event, details)
-        except (LookupError, TypeError, ConflictError) as error:
+        except _INPUT_ERRORS as error:
             raise DivergedError(
                 f"{event.what} of {event.name} cannot be replayed: {type(error).__name__} {error}"
             ) from error
@@ -140,6 +143,10 @@ class _Player:
                 pass
 
 
+def _show_nothing(_: float) -> None:
+    """Show no progress."""
+
+
 def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     header: RunHeader,
     events: Sequence[Event],
@@ -147,6 +154,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     build: Build,
     copy: EventLog | None,
     knowledge: KnowledgeModel | None = None,
+    progress: Callable[[float], None] = _show_nothing,
 ) -> Replayed:
     """Derive the events of a run again, and compare them with those of its journal.
 
@@ -158,9 +166,10 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         copy: an event log that receives the derived events, e.g. a `Journal`. If there is no difference, the file of
             this journal equals, byte for byte, the file of the replayed journal.
         knowledge: the knowledge graph of the spec, if it has one.
+        progress: this function is called for each input, with the time since the start of the run.
     """
     comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
-    _, _, divergence_text = _play_journal(header, events, model, build, comparison, knowledge)
+    _, _, divergence_text = _play_journal(header, events, model, build, comparison, knowledge, progress)
     comparison.check_completeness(divergence_text)
     comparison.end()
     return Replayed(
@@ -204,6 +213,7 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     build: Build,
     comparison: Comparison,
     knowledge: KnowledgeModel | None,
+    progress: Callable[[float], None] = _show_nothing,
 ) -> tuple[ContextManager[Any, Any], ReplayedClock, str]:
     """Pass a journal's inputs to a new context manager; return this manager, its clock, and why the replay stopped.
 
@@ -223,7 +233,8 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     inputs = [event for event in events if event.kind is Kind.INPUT]
     player = _Player(manager, model, jobs, inputs)
     try:
-        _pass_inputs(player, clock, comparison, [event for event in inputs if "work" not in event.details])
+        inputs_of_programs = [event for event in inputs if "work" not in event.details]
+        _pass_inputs(player, clock, comparison, inputs_of_programs, lambda now_s: progress(now_s - header.start_s))
         end_s = events[-1].instant_s if events else header.start_s
         while not comparison.is_over and clock.next_event_s() <= end_s:
             clock.step()  # the journal may end in the middle of the run, after its last input
@@ -241,7 +252,13 @@ def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | Non
     return replace(difference, changes=changes_by_distance(names, header.summary, comparison.spec_summary))
 
 
-def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, inputs: Sequence[Event]) -> None:
+def _pass_inputs(
+    player: _Player,
+    clock: ReplayedClock,
+    comparison: Comparison,
+    inputs: Sequence[Event],
+    progress: Callable[[float], None],
+) -> None:
     last_input = next((event for event in reversed(inputs) if event.what != "evidence"), None)
     for event in inputs:
         while clock.step_count < event.details["step"] and comparison.difference is None:
@@ -251,5 +268,6 @@ def _pass_inputs(player: _Player, clock: ReplayedClock, comparison: Comparison, 
         if comparison.difference is not None:
             return
         clock.advance(event.instant_s)
+        progress(event.instant_s)
         comparison.may_continue |= event is last_input  # a journal may break off within the events of its last input
         player.pass_input(event)

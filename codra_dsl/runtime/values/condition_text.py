@@ -83,15 +83,27 @@ def _build_node(node: ast.expr) -> Any:
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_build_node(operand)
         case ast.BinOp(left=left, op=symbol, right=right) if type(symbol) in _OPERATORS:
-            return _OPERATORS[type(symbol)](_build_node(left), _build_node(right))
+            return _apply_operator(symbol, left, right)
         case ast.Compare(left=left, ops=[symbol], comparators=[right]) if type(symbol) in _OPERATORS:
-            return _OPERATORS[type(symbol)](_build_node(left), _build_node(right))
+            return _apply_operator(symbol, left, right)
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             return _call_function(name, [_build_node(argument) for argument in arguments])
         case ast.Call(func=ast.Attribute(value=term, attr="is_in"), args=options, keywords=[]):
             return _build_term(term).is_in(*(_build_node(option) for option in options))
         case _:
             raise ConditionTextError(f"{ast.unparse(node)[:60]!r} cannot be part of a condition")
+
+
+def _apply_operator(symbol: ast.AST, left: ast.expr, right: ast.expr) -> Any:
+    """Return the term of two operands.
+
+    One of them must be a term: an operator with two constants would be computed at once, and `"a" * 3000000000` would
+    need 3 GB. The `repr` of a condition contains no such operator.
+    """
+    operands = (_build_node(left), _build_node(right))
+    if not any(isinstance(operand, Term) for operand in operands):
+        raise ConditionTextError(f"the operands in {ast.unparse(left)[:60]!r} are not conditions")
+    return _OPERATORS[type(symbol)](*operands)
 
 
 def _build_term(node: ast.expr) -> Term:

@@ -117,6 +117,29 @@ def test_a_surplus_event_and_a_missing_event_are_differences(tmp_path: Path) -> 
     assert (fewer.replayed.name, fewer.replayed.what) == ("open", "identified")
 
 
+def test_an_input_that_no_run_has_is_a_difference(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap", loops=1)
+    header, events = read(tmp_path / "run.mcap")
+    where = next(number for number, event in enumerate(events) if event.what == "finish")
+    act = replace(events[where], what="act", details=dict(events[where].details))
+
+    difference = replay(header, [*events[: where + 1], act, *events[where + 1 :]], MODEL, Manager, None).difference
+    assert difference is not None
+    assert difference.because == (
+        "act of main_execution cannot be replayed: RuntimeError a skill that has ended cannot act: begin it again"
+    )
+
+
+def test_the_progress_of_a_replay_is_the_time_since_the_start_of_the_run(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap", loops=1, start_s=1000.0)
+    header, events = read(tmp_path / "run.mcap")
+    instants_s: list[float] = []
+
+    replay(header, events, MODEL, Manager, None, progress=instants_s.append)
+    assert instants_s == sorted(instants_s)
+    assert (instants_s[0], instants_s[-1]) == (0.0, events[-1].instant_s - 1000.0)
+
+
 def test_calls_that_were_refused_in_the_run_are_refused_again(tmp_path: Path) -> None:
     model = forest([variable("a", sources=("observer", "house")), given("b")], observer("o", seen("eye", "a")))
     with journalled(model, World({"eye": YES}), tmp_path / "run.mcap", SimClock(5.0)) as manager:
