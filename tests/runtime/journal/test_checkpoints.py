@@ -21,7 +21,16 @@ from codra_dsl.runtime.why import explain
 from tests.runtime.door import MODEL, Door
 from tests.runtime.journal.journals import read, run_door
 
-NAMES = ("present", "known", "basis", "observers", "started", "ended", "declared", "later")
+NAMES = (
+    "present_events",
+    "last_value_events",
+    "basis_jobs",
+    "later_events",
+    "observer_events",
+    "job_starts",
+    "job_ends",
+    "declaration_events",
+)
 
 
 @pytest.fixture(scope="module")
