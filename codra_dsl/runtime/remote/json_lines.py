@@ -10,7 +10,7 @@ import struct
 from pathlib import Path
 from typing import BinaryIO
 
-from codra_dsl.runtime.journal.encoding import bytes_of, json_text
+from codra_dsl.runtime.journal.encoding import bytes_of, json_text, restore_infinite
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData
 
 MAX_LINE_BYTES = 1 << 20
@@ -29,7 +29,7 @@ Address = Path | str | int
 
 
 def line_of(message: PlainData) -> bytes:
-    """Return the line that carries a message; an infinite number becomes `1e999`, and NaN becomes null.
+    """Return the line that carries a message; an infinite `value` becomes `infinite: 1` or `-1`, and NaN becomes null.
 
     Raises:
         TypeError: if the message holds anything but plain data.
@@ -57,7 +57,7 @@ def message_of(line: bytes) -> object:
         MessageError: if the line is not JSON.
     """
     try:
-        return json.loads(line, parse_constant=_refuse)
+        return json.loads(line, parse_constant=_refuse, object_hook=restore_infinite)
     except (ValueError, RecursionError) as error:
         raise MessageError(f"this line is not JSON: {error}") from None
 

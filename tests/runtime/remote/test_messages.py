@@ -345,7 +345,13 @@ def test_lone_surrogates_break_neither_the_journal_nor_the_line(tmp_path: Path) 
 
 
 def test_an_infinite_value_is_decoded_as_infinite() -> None:
-    assert message_of(line_of({"value": math.inf})) == {"value": math.inf}
+    assert line_of({"id": 1, "value": -math.inf}) == b'{"id":1,"infinite":-1}\n'
+    for message in ({"value": math.inf}, {"answer": {"reading": {"known": True, "value": -math.inf}}}):
+        assert message_of(line_of(message)) in (message, math.inf)
+    assert message_of(line_of({"ask": "decide", "wait_up_to_s": math.inf})) == {
+        "ask": "decide",
+        "wait_up_to_s": math.inf,
+    }
 
 
 anything = some.recursive(
