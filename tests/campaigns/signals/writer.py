@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -20,19 +20,23 @@ from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.values.model import integer
 from tests.runtime.forests import World, forest, given
 
+
+class AlarmError(TimeoutError):
+    """An error that a signal handler raises. It is an `OSError`, like the errors of files."""
+
+
 FIRST_OF_HANDLER = 1_000_000
 """The first number that the handler writes."""
 
 SIGNALS = {"interrupt": signal.SIGINT, "terminate": signal.SIGTERM, "set": signal.SIGUSR1, "raise": signal.SIGUSR1}
 """The signal of each attack."""
 
+ERRORS = {"interrupt": KeyboardInterrupt, "terminate": SystemExit, "raise": AlarmError}
+"""What the handler raises."""
+
 WRITES = 2500
 MOST_SIGNALS = 60
 LONGEST_PAUSE_S = 0.01
-
-
-class AlarmError(TimeoutError):
-    """An error that a signal handler raises. It is an `OSError`, like the errors of files."""
 
 
 def model() -> ContextModel:
@@ -45,7 +49,7 @@ class Robot:
     def __init__(self, manager: ContextManager[str, str], attack: str, chance: Random) -> None:
         self.manager, self.attack, self.chance = manager, attack, chance
         self.acknowledged: list[int] = []
-        self.next_number = 1
+        self.may_raise = False
         self.signal_count = 0
 
     def set(self, number: int) -> None:
@@ -53,19 +57,27 @@ class Robot:
         self.manager.set("count", number)
         self.acknowledged.append(number)
 
+    def attempt(self, call: Callable[[], None]) -> bool:
+        """Call a function during which the handler may raise; return whether the function returned."""
+        try:
+            self.may_raise = True
+            call()
+            self.may_raise = False
+        except (KeyboardInterrupt, SystemExit, AlarmError):
+            return False
+        return True
+
     def handle(self, *_: object) -> None:
         """Handle a signal, as the attack demands, and order the next signal."""
         self.signal_count += 1
-        number = self.signal_count
+        number, may_raise = self.signal_count, self.may_raise
         self.order_signal()
         if self.attack in ("set", "raise"):
             self.set(FIRST_OF_HANDLER + number)
-        if self.attack == "interrupt":
-            raise KeyboardInterrupt
-        if self.attack == "terminate":
-            raise SystemExit(143)
-        if self.attack == "raise":
-            raise AlarmError("the handler raises")
+        self.may_raise = False
+        if may_raise and self.attack != "set":
+            raise ERRORS[self.attack]
+        self.may_raise = may_raise
 
     def order_signal(self) -> None:
         """Let the next signal come after a random pause."""
@@ -73,11 +85,9 @@ class Robot:
             signal.setitimer(signal.ITIMER_REAL, self.chance.uniform(1e-5, LONGEST_PAUSE_S))
 
     def work(self) -> None:
-        """Write all further numbers, each at most once."""
-        while self.next_number <= WRITES:
-            number = self.next_number
-            self.next_number += 1
-            self.set(number)
+        """Write all numbers, in spite of all signals."""
+        for number in range(1, WRITES + 1):
+            self.attempt(lambda number=number: self.set(number))  # type: ignore[misc]
 
 
 def run(path: Path, clock: str, attack: str, seed: int) -> dict[str, Any]:
@@ -89,14 +99,11 @@ def run(path: Path, clock: str, attack: str, seed: int) -> dict[str, Any]:
     signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(SIGNALS[attack]))
     signal.signal(SIGNALS[attack], robot.handle)
     robot.order_signal()
-    is_closed = False
-    while not is_closed:
-        with suppress(KeyboardInterrupt, SystemExit, AlarmError):
-            robot.work()
-            manager.close()
-            journal.end()  # if `close` was interrupted, the journal is not finished yet
-            signal.signal(signal.SIGALRM, signal.SIG_IGN)
-            is_closed = True
+    robot.work()
+    while not robot.attempt(manager.close):
+        pass
+    signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    journal.end()  # if `close` was interrupted, the journal was not finished
     return {"acknowledged": robot.acknowledged, "failure": journal.failure, "signals": robot.signal_count}
 
 
