@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Generic, Self, TypeVar
 
 from codra_dsl.runtime.clock import Clock, Work
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.values.cell import Reading
 
 _LOGGER = logging.getLogger(__name__)
@@ -35,7 +36,7 @@ class Subscription:
         self._end = end
         self._on_end: Callable[[], None] = _no_op
         self._is_over = False
-        self._lock = threading.Lock()
+        self._lock = new_lock()
 
     def unsubscribe(self) -> None:
         """End the subscription. If the callback is running, it runs to its end."""
@@ -85,7 +86,7 @@ class CallbackQueue(Generic[ChangeT]):
         self._callback = callback
         self._end = end
         self._waiting_changes: deque[ChangeT] = deque()
-        self._lock = threading.Lock()
+        self._lock = new_lock()
         self._is_running = False
         self._is_closed = False
 

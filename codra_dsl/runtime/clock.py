@@ -25,6 +25,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import TypeVar
 
+from codra_dsl.runtime.forks import new_lock
+
 __all__ = [
     "Cancelled",
     "Clock",
@@ -286,7 +288,7 @@ class WallClock(Clock):
             start_s: the instant that the clock shows now; by default the number of seconds since 1970.
         """
         self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
-        self._condition = threading.Condition()
+        self._condition = threading.Condition(new_lock())
         self._events: list[tuple[float, int, Timer]] = []
         self._event_count = 0
         self._waiter_count = 0

@@ -216,3 +216,42 @@ def test_an_event_that_cannot_be_encoded_ends_the_journal_and_keeps_the_events_b
     assert len(caplog.records) == 1
     with JournalReader(journal.path) as reader:
         assert [event.instant_s for event in reader.events()] == [0.0]
+
+
+FORKS_BESIDE_THREADS = """
+import os, sys, threading
+from codra_dsl.runtime import ContextManager, Journal, WallClock
+from tests.campaigns.signals.writer import model
+from tests.runtime.forests import World
+journal, clock = Journal(sys.argv[1]), WallClock()
+manager = ContextManager(model(), clock=clock, resources={"world": World()}, record=journal)
+manager.subscribe("count", lambda reading: None)
+is_over = False
+def write():
+    while not is_over:
+        manager.set("count", 1)
+threads = [threading.Thread(target=write) for _ in range(3)]
+for thread in threads:
+    thread.start()
+for number in range(30):
+    if not (child := os.fork()):
+        manager.set("count", -1)
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+is_over = True
+for thread in threads:
+    thread.join()
+manager.close()
+print(journal.failure)
+"""
+
+
+def test_a_child_that_is_forked_beside_writing_threads_can_set_and_writes_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", FORKS_BESIDE_THREADS, str(tmp_path / "run.mcap")]
+    done = subprocess.run(command, cwd=ROOT, check=True, text=True, capture_output=True, timeout=60)
+
+    assert done.stdout == "None\n"
+    with JournalReader(tmp_path / "run.mcap") as reader:
+        values = [event.details["value"] for event in reader.events() if event.kind is Kind.VARIABLE]
+    assert set(values) == {1}
+    assert (reader.damage.is_torn, reader.damage.lost_message_count) == (False, 0)
