@@ -197,7 +197,7 @@ class McapFile:
         try:
             while self._pending_messages:
                 message = self._pending_messages[0]
-                while not self.is_over and self._state.last_message is not message:
+                while self._state.last_message is not message and not self.is_over:
                     self._state = self._next_state(message)
                 self._pending_messages.popleft()
         finally:
