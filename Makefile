@@ -49,7 +49,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases mutants fuzz kills whys crowd clients bench wheel clean check prerequisites browser
+.PHONY: demo rafcon test lint cases mutants fuzz kills signals whys crowd clients bench wheel clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -89,6 +89,10 @@ fuzz: $(READY)
 # Two thousand writers of journals and fifty robots are killed: does each journal recover, with every acknowledged event?
 kills: $(READY)
 	$(BIN)/python -m tests.campaigns.kills 2000 1 50
+
+# Five hundred programs get Ctrl-C, SIGTERM, or a handler that calls `set` or raises, at random instants: is an event lost?
+signals: $(READY)
+	$(BIN)/python -m tests.campaigns.signals 460 1 40
 
 # Why is a variable unknown, at two hundred random points? What is named as missing is supplied in a second run.
 whys: $(READY)

@@ -10,6 +10,7 @@ from typing import Any, Generic, Self, TypeVar
 
 from codra_dsl.isolation.error_text import loggable, shown
 from codra_dsl.runtime.clock import Clock, Work, is_interrupt
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.values.cell import Reading
 
 _LOGGER = logging.getLogger(__name__)
@@ -41,7 +42,7 @@ class Subscription:
         self._end = end
         self._on_end: Callable[[], None] = _no_op
         self._is_over = False
-        self._lock = threading.Lock()
+        self._lock = new_lock()
 
     def unsubscribe(self) -> None:
         """End the subscription. If the callback is running, it runs to its end."""
@@ -91,7 +92,7 @@ class CallbackQueue(Generic[ChangeT]):
         self._callback = callback
         self._end = end
         self._waiting_changes: deque[ChangeT] = deque()
-        self._lock = threading.Lock()
+        self._lock = new_lock()
         self._is_running = False
         self._is_closed = False
 

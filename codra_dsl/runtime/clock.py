@@ -26,6 +26,7 @@ from time import monotonic
 from typing import TypeVar
 
 from codra_dsl.isolation.error_text import loggable
+from codra_dsl.runtime.forks import new_lock
 
 __all__ = [
     "Cancelled",
@@ -296,7 +297,7 @@ class WallClock(Clock):
             start_s: the instant that the clock shows now; by default the number of seconds since 1970.
         """
         self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
-        self._condition = threading.Condition()
+        self._condition = threading.Condition(new_lock())
         self._events: list[tuple[float, int, Timer]] = []
         self._max_events = _MIN_EVENTS_TO_CLEAN
         self._event_count = 0

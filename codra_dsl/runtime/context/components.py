@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -13,6 +12,7 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.context.pose_conditions import PoseConditions
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.journal import EventLog, EventWriter
 from codra_dsl.runtime.knowledge import ContextLink, Knowledge, KnowledgeModel
 from codra_dsl.runtime.locked_clock import LockedClock
@@ -49,7 +49,7 @@ class Components:
         find: Callable[[Algorithm], Function],
     ) -> None:
         """Create and connect all parts. The arguments and the errors are those of `ContextManager`."""
-        self.lock = threading.RLock()
+        self.lock = new_lock()
         self.unlocked_clock = clock
         self.clock = LockedClock(clock, self.lock)
         self.skills = {skill.name: skill for skill in model.skills}

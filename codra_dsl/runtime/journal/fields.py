@@ -75,9 +75,32 @@ def reason_schema(description: str) -> JsonSchema:
     return {"type": "string", "enum": [str(reason) for reason in Reason], "description": description}
 
 
-def value_schema(value_kind: str, description: str) -> JsonSchema:
-    """Return the schema of a field that holds a value of a type of the spec language."""
-    return field_schema(_JSON_TYPES[value_kind], description)
+def value_fields(name: str, value_kind: str, description: str) -> dict[str, JsonSchema]:
+    """Return the schema of a field that holds a value of a type of the spec language, and of its infinite values."""
+    value_schema = field_schema(_JSON_TYPES[value_kind], description)
+    return {name: value_schema, **(infinite_fields(name) if value_kind == "float" else {})}
+
+
+def infinite_fields(*names: str) -> dict[str, JsonSchema]:
+    """Return the schemas of the fields that replace numbers if they are infinite."""
+    keys = {name: "infinite" if name == "value" else f"infinite_{name}" for name in names}
+    text = "1 if `{}` is infinite, -1 if it is negative infinity; then `{}` is left out."
+    return {key: field_schema("integer", text.format(name, name)) for name, key in keys.items()}
+
+
+def result_fields(returns: Mapping[str, tuple[str, str | None]]) -> dict[str, JsonSchema]:
+    """Return the schemas of the fields for the result of a job, from the kind and the unit of each quantity."""
+    quantities = {name: field_schema(_JSON_TYPES[kind], unit_sentence(unit)) for name, (kind, unit) in returns.items()}
+    signs = {
+        name: field_schema("integer", "1 or -1: the sign.") for name, (kind, _) in returns.items() if kind == "float"
+    }
+    fields = {"values": ("The result, without quantities that were not measured or are infinite.", quantities)}
+    if signs:
+        fields["infinite"] = ("The infinite quantities of the result.", signs)
+    return {
+        key: {"type": "object", "description": description, "properties": properties, "additionalProperties": False}
+        for key, (description, properties) in fields.items()
+    }
 
 
 def unit_sentence(unit: str | None) -> str:

@@ -54,12 +54,6 @@ def is_being_written(stream: BinaryIO) -> bool:
     return False
 
 
-def check_exists(stream: BinaryIO) -> None:
-    """Raise an error if the file has been removed, so that further writes would be lost."""
-    if os.fstat(stream.fileno()).st_nlink == 0:
-        raise FileNotFoundError(errno.ENOENT, "the file was removed while it was being written")
-
-
 def _clear_path(path: Path) -> None:
     """Remove a finished journal at a path, rename an unfinished one, and raise an error for any other file."""
     if not path.is_file():

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
-import os
 import weakref
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from codra_dsl.runtime.journal.event_log import DEFAULT_EVENT_LIMIT, EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.file_creation import create_locked_file, unlock
+from codra_dsl.runtime.journal.file_creation import create_locked_file
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.run_header import RunHeader
@@ -28,11 +26,15 @@ class Journal(EventLog):
     the program ends. If the program is killed, the end of the file is missing, and at most one event is lost: the event
     that was being written. Repair such a file with `codra journal recover`.
 
-    If the file can no longer be written, the journal ends, but the run continues.
+    Signal handlers may use the context manager and may raise, at any instant: each exception of a handler propagates,
+    and the journal stays intact. An event of a handler that has interrupted the writing of another event is written
+    immediately after the handler returns. If the handler raises, the next event or the end of the journal writes it.
+
+    If the file can no longer be written, or was removed, truncated or overwritten, the journal ends, but the run
+    continues. In a child process of the program, nothing is written.
 
     Attributes:
         path: the path of the file.
-        failure: why the file is no longer written; None while it is being written.
     """
 
     accepts_inputs = True
@@ -49,10 +51,16 @@ class Journal(EventLog):
         """
         super().__init__(limit)
         self.path = Path(path)
-        self.failure: str | None = None
         self._stream: BinaryIO = create_locked_file(self.path)
         self._writer: JournalWriter | None = None
+        self._is_ended = False
         self._finalizer: weakref.finalize[..., Journal] = weakref.finalize(self, self._stream.close)
+
+    @property
+    def failure(self) -> str | None:
+        """Return why the file ended early; None if it is being written, or if it is complete."""
+        error = None if self._writer is None else self._writer.failure
+        return None if error is None else _failure_text(error)
 
     def begin(self, make_header: Callable[[], RunHeader]) -> None:
         """Write the run header.
@@ -64,52 +72,54 @@ class Journal(EventLog):
 
         if not self._finalizer.alive or self._writer is not None:
             raise ValueError(f"{self.path} is the journal of another run")
-        header = make_header()
-        try:
-            self._writer = JournalWriter(self._stream, header)
-        except OSError as error:
-            self._fail(error)
-            return
-        self._finalizer.detach()
-        self._finalizer = weakref.finalize(self, _finish_file, self._stream, self._writer, self.path, os.getpid())
+        writer = self._writer = JournalWriter(self._stream, make_header())
+        unused_finalizer, self._finalizer = self._finalizer, weakref.finalize(self, _finish_file, writer, self.path)
+        unused_finalizer.detach()
+        _report_failure(writer, self.path, writer.write_header)
 
     def add(self, event: Event) -> None:
         """Add an event. After this call, the event survives the death of the process."""
         if event.kind is not Kind.INPUT:
             super().add(event)
-        if self._writer is not None:
+        writer = self._writer
+        if writer is not None and not self._is_ended:
             try:
-                self._writer.add(event)
-            except Exception as error:  # noqa: BLE001 - a full disk must not stop a robot
-                self._fail(error)
+                writer.add(event)
+            except Exception as error:
+                if error is not writer.failure:  # raised by a signal handler
+                    raise
+                self._is_ended = True
+                _log_failure(self.path, error)  # a full disk must not stop a robot
 
     def end(self) -> None:
         """Finish the file; later events are kept in memory only."""
-        self._writer = None
-        self.failure = self._finalizer() or self.failure
-
-    def _fail(self, error: Exception) -> None:
-        """Stop writing; the events in the file can be recovered."""
-        self._writer = None
-        self._finalizer.detach()
-        self.failure = _log_failure(self.path, error)
-        with contextlib.suppress(OSError):
-            self._stream.close()
+        self._is_ended = True
+        if self._writer is None:
+            self._finalizer()
+            return
+        _finish_file(self._writer, self.path)
+        if self._writer.is_over:  # otherwise a call that this call has interrupted finishes the file
+            self._finalizer.detach()
 
 
-def _finish_file(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process_id: int) -> str | None:
-    """Finish a file, unless this process inherited it from its parent. If this fails, return the text of the error."""
+def _finish_file(writer: JournalWriter, path: Path) -> None:
+    """Finish a file, unless this process inherited it from its parent."""
+    _report_failure(writer, path, writer.finish)
+
+
+def _report_failure(writer: JournalWriter, path: Path, write: Callable[[], None]) -> None:
+    """Write, and log the failure if the file ends early here."""
     try:
-        with stream:
-            if os.getpid() == writing_process_id:
-                writer.finish()
-                unlock(stream)
+        write()
     except OSError as error:
-        return _log_failure(path, error)
-    return None
+        if error is not writer.failure:  # raised by a signal handler
+            raise
+        _log_failure(path, error)
 
 
-def _log_failure(path: Path, error: Exception) -> str:
-    failure_text = f"{type(error).__name__}: {error}"
-    _LOGGER.error("the journal %s ends here: %s", path, failure_text)
-    return failure_text
+def _log_failure(path: Path, error: Exception) -> None:
+    _LOGGER.error("the journal %s ends here: %s", path, _failure_text(error))
+
+
+def _failure_text(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

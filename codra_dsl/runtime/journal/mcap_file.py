@@ -1,4 +1,4 @@
-"""A file in MCAP format (https://mcap.dev/spec) that loses nothing when its writer is killed.
+"""A file in MCAP format (https://mcap.dev/spec) that loses nothing when its writer is killed or interrupted.
 
 Messages go into compressed chunks. Until a chunk is full, it exists only in memory. Therefore each record of this chunk
 is also written to a region of the file that lies before all chunks, by one call of the operating system. The region is
@@ -8,22 +8,40 @@ file, the region is empty.
 
 In the region, the length of a record, a checksum, and the offset at which the chunk will be written precede each
 record. If the file holds a complete chunk at that offset, readers ignore the region.
+
+A signal handler may run between any two instructions of the main thread. It may raise, and it may write a message
+itself. Therefore a message first goes into a queue, by one operation, and the messages in the queue are written in
+steps. A step derives from the present state and the first message what to write at which position, writes it, and
+assigns the next state. If a step is interrupted, it is repeated later with the same result.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
+import threading
 import zlib
-from collections.abc import Mapping
-from typing import Any, BinaryIO
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, BinaryIO, NamedTuple, NoReturn, TypeVar
 
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Channel, McapRecord, Schema
-from mcap.writer import Writer
+from mcap.records import Channel, Schema
 
-from codra_dsl.runtime.journal.file_creation import check_exists
+from codra_dsl.runtime.journal.file_creation import unlock
+from codra_dsl.runtime.journal.mcap_records import (
+    RECORD_HEADER,
+    WrittenChunk,
+    make_chunk,
+    make_end,
+    make_head,
+    record_bytes,
+)
+
+__all__ = ["CHUNK_BYTES", "OPEN_CHUNK_OPCODE", "RECORD_HEADER", "ChannelDeclaration", "McapFile", "parse_region"]
 
 OPEN_CHUNK_OPCODE = 0x80
 """The opcode of the region. The region is a record that holds the chunk until it is full."""
@@ -31,109 +49,275 @@ OPEN_CHUNK_OPCODE = 0x80
 CHUNK_BYTES = 1 << 16
 """The maximum size of the records that are compressed together, and the size of the region."""
 
-RECORD_HEADER = struct.Struct("<BQ")
 _FRAME_HEADER = struct.Struct("<IIQ")
 _MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 _MESSAGE_FIELDS_BYTES = _MESSAGE_HEADER.size - RECORD_HEADER.size
-_UNLIMITED_CHUNK_BYTES = 1 << 62  # so large that the MCAP writer never ends a chunk by itself
+_MESSAGE_OPCODE = int(Opcode.MESSAGE)
+_MAX_SEQUENCE = 0xFFFFFFFF
+_NO_ID = 1 << 32
+"""Larger than the number of any channel or schema."""
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelDeclaration:
+    """A channel of JSON messages. The file declares the channel before its first message.
+
+    Attributes:
+        topic: the topic of the channel.
+        schema_name: the name of its schema.
+        schema: its JSON schema.
+        metadata: what tools show about the channel.
+    """
+
+    topic: str
+    schema_name: str
+    schema: bytes
+    metadata: Mapping[str, str]
+
+
+class _Message(NamedTuple):
+    channel: ChannelDeclaration
+    log_ns: int
+    publish_ns: int
+    data: bytes
+    sequence: int | None
+
+
+_END = _Message(ChannelDeclaration("", "", b"", {}), 0, 0, b"", None)
+"""In the queue, the end of the file."""
+
+
+class _State(NamedTuple):
+    """The content of the file; one assignment replaces the state after each step.
+
+    Attributes:
+        last_message: the last message in the file.
+        sequence: the sequence number of this message.
+        chunk_bytes: the size of the records in the open chunk.
+        region_bytes: the size of the used part of the region.
+        chunk_offset: the offset at which the open chunk will be written; 0 before the head is written.
+        chunk_count: the number of chunks in the file.
+        schema_count: the number of declared schemas.
+        channel_count: the number of declared channels.
+        is_finished: whether the end of the file is written.
+    """
+
+    last_message: _Message | None = None
+    sequence: int = 0
+    chunk_bytes: int = 0
+    region_bytes: int = 0
+    chunk_offset: int = 0
+    chunk_count: int = 0
+    schema_count: int = 0
+    channel_count: int = 0
+    is_finished: bool = False
 
 
 class McapFile:
-    """A journal's file while it is written."""
+    """A journal's file while it is written. Threads and signal handlers may call all methods at any instant.
+
+    A call writes its message before it returns. Only in a signal handler that has interrupted another call of the same
+    thread, the message is queued, and the interrupted call writes it. If the handler raises, the next call writes it.
+
+    Attributes:
+        failure: the error that has ended the file early; None if there was none.
+    """
 
     def __init__(self, stream: BinaryIO, metadata: Mapping[str, Mapping[str, str]], files: Mapping[str, bytes]) -> None:
-        """Write the start of the file, before all messages.
+        """Prepare the file. The first call writes its start.
 
         Args:
-            stream: an empty file that supports reading, writing and seeking.
+            stream: an empty file that supports reading and writing. The end of the file closes it.
             metadata: metadata that tools show about the file. The key is the name of the metadata.
             files: JSON texts to attach to the file. The key is the name of the attachment.
         """
-        self._stream = stream
-        writer: Any = Writer(stream, chunk_size=_UNLIMITED_CHUNK_BYTES)
-        self._writer = writer
-        self._writer.start(profile="")
-        for name, metadata_entries in metadata.items():
-            self._writer.add_metadata(name, dict(metadata_entries))
-        for name, data in files.items():
-            self._writer.add_attachment(0, 0, name, "application/json", data)
-        stream.write(RECORD_HEADER.pack(OPEN_CHUNK_OPCODE, CHUNK_BYTES))
-        self._region_offset = stream.tell()
-        stream.write(bytes(CHUNK_BYTES))
-        stream.flush()
-        self._chunk_offset = stream.tell()
-        self._used_region_bytes = 0
-        self._chunk_message_count = 0
+        self.failure: Exception | None = None
+        self._stream, self._descriptor = stream, stream.fileno()
+        self._head = make_head(metadata, files)
+        self._start = self._head.content + RECORD_HEADER.pack(OPEN_CHUNK_OPCODE, CHUNK_BYTES)
+        self._lock: Any = threading.RLock()
+        self._pending_messages: deque[_Message] = deque()
+        self._state = _State()
+        # A step may add to these before it is interrupted: only what the state counts is valid.
+        self._chunk = bytearray()
+        self._chunks: list[WrittenChunk] = []
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._schema_ids: dict[tuple[str, bytes], int] = {}
+        self._channel_ids: dict[ChannelDeclaration, int] = {}
 
-    def open_channel(self, topic: str, schema_id: int, metadata: Mapping[str, str]) -> int:
-        """Open a channel of JSON messages; return the number of the channel."""
-        channel_id: int = self._writer.register_channel(topic, "json", schema_id, dict(metadata))
-        record = Channel(
-            id=channel_id, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema_id
-        )
-        self._write_to_region(_record_bytes(record))
-        return channel_id
+    @property
+    def is_over(self) -> bool:
+        """Return whether the file is complete or has failed, so that no message is written any more."""
+        return self._state.is_finished or self.failure is not None
 
-    def add_schema(self, name: str, text: bytes) -> int:
-        """Declare a JSON schema; return the number of the schema."""
-        schema_id: int = self._writer.register_schema(name, "jsonschema", text)
-        self._write_to_region(_record_bytes(Schema(id=schema_id, data=text, encoding="jsonschema", name=name)))
-        return schema_id
-
-    def add(self, channel_id: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
+    def add(
+        self, channel: ChannelDeclaration, log_ns: int, publish_ns: int, data: bytes, sequence: int | None = None
+    ) -> None:
         """Write a message. After this call, the message survives the death of the process.
 
+        Args:
+            channel: the channel. Calls for the same channel pass the same object.
+            log_ns: the time of the message.
+            publish_ns: the time at which the message was published.
+            data: the JSON text of the message.
+            sequence: the sequence number; by default, the number after that of the last message.
+
         Raises:
-            OSError: if the message cannot be written, or the file was removed.
+            OSError: if the message cannot be written, or the file was removed, truncated or overwritten. Then `failure`
+                is this error.
         """
-        record = (
-            _MESSAGE_HEADER.pack(
-                Opcode.MESSAGE, _MESSAGE_FIELDS_BYTES + len(data), channel_id, sequence, log_ns, publish_ns
-            )
-            + data
-        )
-        if not self._has_room(record) and self._chunk_message_count:
-            self._end_chunk()
-        self._writer.add_message(channel_id, log_ns, data, publish_ns, sequence)
-        self._chunk_message_count += 1
-        self._write_to_region(record)
+        self._accept(_Message(channel, log_ns, publish_ns, data, sequence))
 
     def finish(self) -> None:
-        """Write the summary, which readers use as an index, and clear the region.
+        """Write the summary, which readers use as an index, clear the region, and close the stream.
+
+        Later messages are not written. A repeated call has no effect.
 
         Raises:
-            OSError: if the summary cannot be written, or the file was removed.
+            OSError: as for `add`.
         """
-        self._writer.finish()
-        self._stream.flush()
-        os.pwrite(self._stream.fileno(), bytes(CHUNK_BYTES), self._region_offset)
-        check_exists(self._stream)
+        self._accept(_END)
 
-    def _write_to_region(self, record: bytes) -> None:
-        """Put a record of the open chunk into the region. If there is no room, end the chunk as soon as possible."""
-        if self._has_room(record):
-            frame = _FRAME_HEADER.pack(len(record), _checksum(self._chunk_offset, record), self._chunk_offset) + record
-            os.pwrite(self._stream.fileno(), frame, self._region_offset + self._used_region_bytes)
-            self._used_region_bytes += len(frame)
-        elif self._chunk_message_count:
-            self._end_chunk()
-        else:
-            self._used_region_bytes = CHUNK_BYTES
+    def fail(self, error: Exception) -> None:
+        """End the file early, because a message cannot be encoded."""
+        self.failure = error
+        self._accept(_END)
 
-    def _has_room(self, record: bytes) -> bool:
-        return self._used_region_bytes + _FRAME_HEADER.size + len(record) <= CHUNK_BYTES
+    def _accept(self, message: _Message) -> None:
+        self._pending_messages.append(message)
+        # `_is_owned` is what `threading.Condition` uses: it is true in a handler that has interrupted `_write_pending`.
+        while self._pending_messages and not self._lock._is_owned():
+            with self._lock:  # a handler may queue a message until the lock is released
+                self._write_pending()
 
-    def _end_chunk(self) -> None:
-        check_exists(self._stream)
-        self._writer.flush()
-        self._chunk_offset, self._used_region_bytes, self._chunk_message_count = self._stream.tell(), 0, 0
+    def _write_pending(self) -> None:
+        try:
+            while self._pending_messages:
+                message = self._pending_messages[0]
+                while self._state.last_message is not message and not self.is_over:
+                    self._state = self._next_state(message)
+                self._pending_messages.popleft()
+        finally:
+            if self.is_over:
+                self._close()
+
+    def _next_state(self, message: _Message) -> _State:
+        """Take one step towards writing a message, and return the state after the step."""
+        state = self._state
+        if not state.chunk_offset:
+            self._write(self._start + bytes(CHUNK_BYTES), 0)
+            return state._replace(chunk_offset=len(self._start) + CHUNK_BYTES)
+        if message is _END:
+            return self._end_chunk(state) if state.chunk_bytes else self._finish(state)
+        self._check_size(state)
+        return self._add_to_chunk(message, state)
+
+    def _add_to_chunk(self, message: _Message, state: _State) -> _State:
+        """Add a message to the open chunk and the region. If the region has no room, write the chunk."""
+        channel_id, records, declared = self._channel_ids.get(message.channel, _NO_ID), list[bytes](), state
+        if channel_id > state.channel_count:
+            records, declared = self._declare(message.channel, state)
+            channel_id = declared.channel_count
+        sequence = state.sequence + 1 if message.sequence is None else message.sequence
+        length = _MESSAGE_FIELDS_BYTES + len(message.data)
+        numbers = (channel_id, sequence & _MAX_SEQUENCE, message.log_ns, message.publish_ns)
+        records.append(_MESSAGE_HEADER.pack(_MESSAGE_OPCODE, length, *numbers) + message.data)
+        frames = b"".join([_frame(record, state.chunk_offset) for record in records])
+        region_bytes = state.region_bytes + len(frames)
+        if region_bytes > CHUNK_BYTES and state.chunk_bytes:
+            return self._end_chunk(state)
+        self._chunk[state.chunk_bytes :] = b"".join(records)
+        following_state = _State(message, sequence, len(self._chunk), region_bytes, *declared[4:])
+        if region_bytes > CHUNK_BYTES:  # a message that is larger than the region
+            return self._end_chunk(following_state)
+        self._write(frames, len(self._start) + state.region_bytes)
+        return following_state
+
+    def _declare(self, declaration: ChannelDeclaration, state: _State) -> tuple[list[bytes], _State]:
+        """Return the records that declare a channel and, if it is new, its schema; and the state after them."""
+        records, schema_count, channel_id = list[bytes](), state.schema_count, state.channel_count + 1
+        schema_key = (declaration.schema_name, declaration.schema)
+        schema_id = self._schema_ids.get(schema_key, _NO_ID)
+        if schema_id > schema_count:
+            self._schema_ids[schema_key] = schema_id = schema_count + 1
+            schema = Schema(id=schema_id, data=declaration.schema, encoding="jsonschema", name=declaration.schema_name)
+            self._schemas[schema_count:] = [schema]
+            records.append(record_bytes(schema))
+        channel = Channel(
+            id=channel_id,
+            topic=declaration.topic,
+            message_encoding="json",
+            metadata=dict(declaration.metadata),
+            schema_id=schema_id,
+        )
+        self._channel_ids[declaration] = channel_id
+        self._channels[state.channel_count :] = [channel]
+        records.append(record_bytes(channel))
+        return records, state._replace(schema_count=max(schema_count, schema_id), channel_count=channel_id)
+
+    def _end_chunk(self, state: _State) -> _State:
+        """Write the open chunk of a state, and return the state after it."""
+        self._check_file(state)
+        content, written_chunk = make_chunk(bytes(self._chunk[: state.chunk_bytes]), state.chunk_offset)
+        self._write(content, state.chunk_offset)
+        self._chunks[state.chunk_count :] = [written_chunk]
+        offset, count = state.chunk_offset + len(content), state.chunk_count + 1
+        return state._replace(chunk_bytes=0, region_bytes=0, chunk_offset=offset, chunk_count=count)
+
+    def _finish(self, state: _State) -> _State:
+        self._check_file(state)
+        chunks, schemas = self._chunks[: state.chunk_count], self._schemas[: state.schema_count]
+        channels = self._channels[: state.channel_count]
+        self._write(make_end(state.chunk_offset, self._head, chunks, schemas, channels), state.chunk_offset)
+        self._write(bytes(CHUNK_BYTES), len(self._start))
+        return state._replace(last_message=_END, is_finished=True)
+
+    def _check_size(self, state: _State) -> None:
+        """Raise an error if the file was truncated; this takes less time than `os.fstat`."""
+        if self._call(os.lseek, self._descriptor, 0, os.SEEK_END) < state.chunk_offset:
+            self._fail(OSError(errno.EIO, "the file was truncated while it was being written"))
+
+    def _check_file(self, state: _State) -> None:
+        """Raise an error if the file was removed, truncated or overwritten, so that further writes would be lost."""
+        self._check_size(state)
+        if self._call(os.fstat, self._descriptor).st_nlink == 0:
+            self._fail(FileNotFoundError(errno.ENOENT, "the file was removed while it was being written"))
+        if self._call(os.pread, self._descriptor, len(self._start), 0) != self._start:
+            self._fail(OSError(errno.EIO, "the file was overwritten while it was being written"))
+
+    def _write(self, content: bytes, offset: int) -> None:
+        written_bytes = 0
+        while written_bytes < len(content):
+            rest = content[written_bytes:]
+            written_bytes += self._call(os.pwrite, self._descriptor, rest, offset + written_bytes)
+
+    def _call(self, function: Callable[..., _Result], *arguments: object) -> _Result:
+        """Call a function of the operating system. Its error is the failure of the file."""
+        try:
+            return function(*arguments)
+        except OSError as error:
+            is_raised_by_handler = error.__traceback__ is not None and error.__traceback__.tb_next is not None
+            if is_raised_by_handler:  # a signal handler may raise any error, for example TimeoutError
+                raise
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> NoReturn:
+        self.failure = error
+        raise error
+
+    def _close(self) -> None:
+        """Close the stream, and mark the file as no longer being written; a repeated call has no effect."""
+        if not self._stream.closed:
+            with suppress(OSError):  # a file system without locks
+                unlock(self._stream)
+            self._call(self._stream.close)
 
 
-def _record_bytes(record: McapRecord) -> bytes:
-    builder: Any = RecordBuilder()
-    record.write(builder)
-    record_bytes: bytes = builder.end()
-    return record_bytes
+def _frame(record: bytes, chunk_offset: int) -> bytes:
+    return _FRAME_HEADER.pack(len(record), _checksum(chunk_offset, record), chunk_offset) + record
 
 
 def _checksum(chunk_offset: int, record: bytes) -> int:

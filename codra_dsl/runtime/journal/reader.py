@@ -241,7 +241,7 @@ class JournalReader:
     def _read_start(self) -> None:
         magic = self._stream.read(len(MAGIC))
         if magic != MAGIC:
-            raise JournalError(f"{self.path} is {'not an MCAP file' if magic else 'empty: its run had not begun'}")
+            raise JournalError(f"{self.path} is {_describe_start(magic)}")
         for opcode, offset, content in self._records():
             if offset + len(content) > MAX_START_BYTES and opcode != Opcode.CHUNK:
                 raise JournalError(
@@ -346,6 +346,14 @@ class JournalReader:
                         f"the record at byte {offset}: {length:,} bytes; the limit is {MAX_RECORD_BYTES:,}"
                     )
                 self._stream.seek(length, 1)
+
+
+def _describe_start(first_bytes: bytes) -> str:
+    if not first_bytes:
+        return "empty: its run had not begun, or the file was truncated"
+    if not any(first_bytes):
+        return "not readable: it begins with zeros, because it was truncated while a program wrote it"
+    return "not an MCAP file"
 
 
 def _stream(content: bytes) -> ReadDataStream:

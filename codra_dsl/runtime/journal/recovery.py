@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from codra_dsl.runtime.journal.mcap_file import McapFile
+from codra_dsl.runtime.journal.mcap_file import ChannelDeclaration, McapFile
 from codra_dsl.runtime.journal.reader import Damage, JournalReader, RawMessage
 
 
@@ -62,25 +62,20 @@ def recover(path: Path, target: Path) -> Recovery:
 
 def _copy(reader: JournalReader, file: McapFile) -> tuple[int, int, int]:
     """Copy all messages and finish the file; return the number of messages, and the times of the first and the last."""
-    schema_ids: dict[int, int] = {}
-    channel_ids: dict[int, int] = {}
+    channels: dict[int, ChannelDeclaration] = {}
     message_count, first_ns, last_ns = 0, 0, 0
     for raw_message in reader.raw_messages():
         message = raw_message.message
-        channel_id = _ensure_channel(raw_message, file, schema_ids, channel_ids)
-        file.add(channel_id, message.log_time, message.publish_time, message.sequence, message.data)
+        if message.channel_id not in channels:
+            channels[message.channel_id] = _declaration_of(raw_message)
+        channel = channels[message.channel_id]
+        file.add(channel, message.log_time, message.publish_time, message.data, message.sequence)
         first_ns, last_ns = first_ns if message_count else message.log_time, message.log_time
         message_count += 1
     file.finish()
     return message_count, first_ns, last_ns
 
 
-def _ensure_channel(
-    raw_message: RawMessage, file: McapFile, schema_ids: dict[int, int], channel_ids: dict[int, int]
-) -> int:
+def _declaration_of(raw_message: RawMessage) -> ChannelDeclaration:
     schema, channel = raw_message.schema, raw_message.channel
-    if channel.id not in channel_ids:
-        if schema.id not in schema_ids:
-            schema_ids[schema.id] = file.add_schema(schema.name, schema.data)
-        channel_ids[channel.id] = file.open_channel(channel.topic, schema_ids[schema.id], channel.metadata)
-    return channel_ids[channel.id]
+    return ChannelDeclaration(channel.topic, schema.name, schema.data, channel.metadata)

@@ -20,11 +20,12 @@ from codra_dsl.runtime.journal.fields import (
     JsonSchema,
     event_schema,
     field_schema,
+    infinite_fields,
     list_schema,
     object_list_schema,
     reason_schema,
-    unit_sentence,
-    value_schema,
+    result_fields,
+    value_fields,
 )
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 
@@ -175,7 +176,7 @@ def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
             "too_old": "a value did not count, because its evidence was taken before an action",
             "refused": "an agent without permission tried to write it",
         },
-        value=value_schema(kind, "The value; left out when unknown."),
+        **value_fields("value", kind, "The value; left out when unknown."),
         reason=reason_schema("Why it is unknown; left out when known."),
         detail=field_schema("string", "The cause of an unknown value."),
         evidence_s=field_schema("number", "When the evidence was taken, or since when the variable is unknown."),
@@ -195,7 +196,7 @@ def _observer_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema
 
 def _job_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     returned_types = summary.algorithms[name].returns.items()
-    returns = {key: value_schema(value_type.kind, unit_sentence(value_type.unit)) for key, value_type in returned_types}
+    returns = {key: (value_type.kind, value_type.unit) for key, value_type in returned_types}
     return f"codra.Job.{name}", event_schema(
         "A change in the state of a job of a perception algorithm.",
         "The algorithm.",
@@ -209,12 +210,7 @@ def _job_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
             "stuck": "it was cancelled and does not end",
         },
         index=field_schema("integer", "The number of the job among the jobs of its algorithm."),
-        values={
-            "type": "object",
-            "description": "The result, without the quantities that were not measured.",
-            "properties": returns,
-            "additionalProperties": False,
-        },
+        **result_fields(returns),
         evidence_s=list_schema("number", "When the evidence was taken: the start and the end."),
         variables=list_schema("string", "The variables that receive no value."),
         reason=reason_schema("Why these variables receive no value."),
@@ -233,12 +229,12 @@ def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
             "fell_back": "by the main execution's own acquisition",
             "shadowed": "from context, although the main execution acquired the value as well",
         },
-        value=value_schema(kind, "The value in context; left out when unknown."),
+        **value_fields("value", kind, "The value in context; left out when unknown."),
         reason=reason_schema("Why it was unknown; left out when known."),
         detail=field_schema("string", "Why it was unknown, or why it could not be observed."),
         source=field_schema("string", "The source of the value in context."),
         asked_s=field_schema("number", "When the decision was requested."),
-        found=value_schema(kind, "The value that the main execution acquired itself."),
+        **value_fields("found", kind, "The value that the main execution acquired itself."),
         kept=field_schema("boolean", "Whether the acquired value was kept as evidence."),
         agrees=field_schema("boolean", "Whether both values are equal; left out if no value was acquired."),
         shadow=field_schema("boolean", "Whether the main execution would have looked in any case."),
@@ -269,7 +265,7 @@ def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchem
         skill=field_schema("string", "The skill."),
         expected=field_schema("string", "The expectation, as written in the spec."),
         acting_s=field_schema("number", "Since when the expectation counts."),
-        value=value_schema(kind, "The value of the variable; left out when unknown."),
+        **value_fields("value", kind, "The value of the variable; left out when unknown."),
         reason=reason_schema("Why it is unknown; left out when known."),
         detail=field_schema("string", "The cause of an unknown value."),
         source=field_schema("string", "The source of the value."),
@@ -311,6 +307,7 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
         ),
         variable=field_schema("string", "The variable."),
         value=field_schema("string", "The value, as JSON."),
+        **infinite_fields("value", "max_age_s", "since_s", "wait_up_to_s"),
         evidence_s=list_schema("number", "When the evidence was taken: the end, or the start and the end."),
         skill=field_schema("string", "The skill."),
         skills=list_schema("string", "The skills."),
@@ -359,6 +356,7 @@ def _knowledge_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchem
         type=field_schema("string", "The type of the node or edge."),
         label=field_schema("string", "The label of the edge."),
         value=field_schema("string", "The value of the attribute, as JSON; left out when unknown."),
+        **infinite_fields("value"),
         unit=field_schema("string", "The unit of the value."),
         reason=reason_schema("Why it is unknown; left out when known."),
         evidence_s=field_schema("number", "When the evidence was taken, or the pose was measured."),
@@ -399,6 +397,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
         place=field_schema("string", "The place of the hard rule, the course, or the target in the spec."),
         value=field_schema("string", "The value of the parameter, as JSON."),
+        **infinite_fields("value"),
         branch=field_schema("string", "The value of the tree's entry that selects the branch."),
         result=field_schema("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
         took_s=field_schema("number", "How long ending the branch has taken."),

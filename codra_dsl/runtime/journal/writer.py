@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-import threading
 from typing import BinaryIO
 
 from codra_dsl.runtime.journal.encoding import json_text, message_of
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.fields import JsonSchema
-from codra_dsl.runtime.journal.mcap_file import McapFile
+from codra_dsl.runtime.journal.mcap_file import ChannelDeclaration, McapFile
 from codra_dsl.runtime.journal.run_header import FORMAT, RunHeader
 from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, run_schema, schema_of, topic_metadata, topic_of
-from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.journal.spec_summary_data import summary_to_data
 
 SUMMARY_FILE = "outline.json"
@@ -37,75 +35,99 @@ class JournalWriter:
     """
 
     def __init__(self, stream: BinaryIO, header: RunHeader) -> None:
-        """Write the run header.
+        """Prepare the file.
 
         Args:
-            stream: an empty file.
+            stream: an empty file; the end of the journal closes it.
             header: the run header.
         """
-        data = header.to_data()
+        self._header = header
+        self._stream = stream
         summary_json = json.dumps(summary_to_data(header.summary), ensure_ascii=False, allow_nan=False).encode()
-        metadata = {FORMAT: {key: str(value) for key, value in data.items()}}
+        metadata = {FORMAT: {key: str(value) for key, value in header.to_data().items()}}
         self._file = McapFile(stream, metadata, {SUMMARY_FILE: summary_json})
-        self._spec_summary: SpecSummary = header.summary
-        self._channel_ids: dict[tuple[Kind, str], int] = {}
-        self._schema_ids: dict[str, int] = {}
-        self._message_count = 0
+        self._channels: dict[tuple[Kind, str], ChannelDeclaration] = {}
         self._writing_process_id = os.getpid()
-        self._lock = threading.RLock()  # reentrant: during a call, a signal handler may call this object again
-        self._is_finished = False
-        channel_id = self._file.open_channel(RUN_TOPIC, self._ensure_schema(*run_schema()), {})
-        self._write(channel_id, json_text(data).encode(), header.start_s, header.start_s)
+
+    @property
+    def failure(self) -> Exception | None:
+        """Return the error that has ended the file early; None if there was none."""
+        return self._file.failure
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether no event is written any more."""
+        return self._file.is_over
+
+    def write_header(self) -> None:
+        """Write the run header.
+
+        Raises:
+            OSError: if the file cannot be written.
+        """
+        schema_name, schema = run_schema()
+        channel = ChannelDeclaration(RUN_TOPIC, schema_name, _schema_text(schema), {})
+        start_ns = _nanoseconds(self._header.start_s)
+        self._file.add(channel, start_ns, start_ns, json_text(self._header.to_data()).encode())
 
     def add(self, event: Event) -> None:
         """Write an event.
 
         Raises:
-            OSError: if the event cannot be written.
+            Exception: if the event cannot be encoded or written. Then `failure` is this error. Any other exception was
+                raised by a signal handler.
         """
         if os.getpid() != self._writing_process_id:
             return
-        with self._lock:
-            if not self._is_finished:
-                self._add(event)
+        try:
+            message = self._encode(event)
+        except Exception as error:
+            if not self._can_encode(event):
+                self._file.fail(error)
+            raise
+        self._file.add(*message)
 
     def finish(self) -> None:
-        """Write the end of the file.
+        """Write the end of the file. In a child process, only close the file.
 
         Raises:
             OSError: if the end cannot be written.
         """
-        with self._lock:
-            self._is_finished = True
+        if os.getpid() == self._writing_process_id:
             self._file.finish()
+        else:
+            self._stream.close()  # the lock of the file stays with the parent
 
-    def _add(self, event: Event) -> None:
+    def _encode(self, event: Event) -> tuple[ChannelDeclaration, int, int, bytes]:
+        """Return the message of an event: its channel, its times and its content. Nothing is written."""
         kind, details = event.kind, event.details
         topic = TOPICS[kind]
         key = (kind, "" if topic.is_shared else event.name)
-        channel_id = self._channel_ids.get(key)
-        if channel_id is None:
-            channel_id = self._channel_ids[key] = self._open_channel(kind, event.name)
+        channel = self._channels.get(key) or self._channels.setdefault(key, self._declare(kind, event.name))
+        log_ns = _nanoseconds(event.instant_s)
         evidence_s = details.get("evidence_s") if topic.has_evidence_time else None
         stamp_s = evidence_s[-1] if isinstance(evidence_s, (list, tuple)) and evidence_s else evidence_s
-        self._write(channel_id, message_of(event), event.instant_s, stamp_s if isinstance(stamp_s, float) else None)
+        publish_ns = _nanoseconds(stamp_s) if isinstance(stamp_s, float) else log_ns
+        return channel, log_ns, publish_ns, message_of(event)
 
-    def _open_channel(self, kind: Kind, name: str) -> int:
-        if len(self._channel_ids) >= MAX_CHANNELS:
+    def _can_encode(self, event: Event) -> bool:
+        """Return whether an event can be encoded. If it can, a signal handler raised an earlier error."""
+        try:
+            self._encode(event)
+        except Exception:  # noqa: BLE001 - a handler may raise any error
+            return False
+        return True
+
+    def _declare(self, kind: Kind, name: str) -> ChannelDeclaration:
+        if len(self._channels) >= MAX_CHANNELS:
             raise TooManyTopicsError(f"more than {MAX_CHANNELS} variables, observers and algorithms had events")
-        schema_id = self._ensure_schema(*schema_of(kind, name, self._spec_summary))
-        return self._file.open_channel(topic_of(kind, name), schema_id, topic_metadata(kind, name, self._spec_summary))
+        schema_name, schema = schema_of(kind, name, self._header.summary)
+        metadata = topic_metadata(kind, name, self._header.summary)
+        return ChannelDeclaration(topic_of(kind, name), schema_name, _schema_text(schema), metadata)
 
-    def _ensure_schema(self, name: str, schema: JsonSchema) -> int:
-        if name not in self._schema_ids:
-            self._schema_ids[name] = self._file.add_schema(name, json.dumps(schema, ensure_ascii=False).encode())
-        return self._schema_ids[name]
 
-    def _write(self, channel_id: int, data: bytes, instant_s: float, evidence_s: float | None) -> None:
-        self._message_count += 1
-        log_ns = _nanoseconds(instant_s)
-        publish_ns = log_ns if evidence_s is None else _nanoseconds(evidence_s)
-        self._file.add(channel_id, log_ns, publish_ns, self._message_count & 0xFFFFFFFF, data)
+def _schema_text(schema: JsonSchema) -> bytes:
+    return json.dumps(schema, ensure_ascii=False).encode()
 
 
 def _nanoseconds(instant_s: float) -> int:

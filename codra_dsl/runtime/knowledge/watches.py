@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from codra_dsl.runtime.callbacks import CallbackQueue, Subscription
 from codra_dsl.runtime.clock import Clock, Timer
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.knowledge.change_set import ChangeSubject
 from codra_dsl.runtime.knowledge.declarations import Pattern
 from codra_dsl.runtime.knowledge.elements import EdgeKey
@@ -78,7 +78,7 @@ class Watch(Generic[ValueT]):
         self._queue: CallbackQueue[None] = CallbackQueue(
             clock, self._evaluate_and_notify, lambda _: self._close(on_end)
         )
-        self._lock = threading.Lock()
+        self._lock = new_lock()
         self._is_queued = False
         self._is_closed = False
         self._last_view: View[ValueT] | None = None
@@ -127,7 +127,7 @@ class Watches:
     def __init__(self) -> None:
         """Begin without watches."""
         self._watches_by_subject: dict[ChangeSubject, tuple[Watch[Any], ...]] = {}
-        self._lock = threading.Lock()
+        self._lock = new_lock()
 
     def add(self, watch: Watch[Any], subjects: Iterable[ChangeSubject]) -> None:
         """Add a watch that evaluates the graph after each change of one of the subjects."""

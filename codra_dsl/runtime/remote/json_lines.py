@@ -11,7 +11,7 @@ import struct
 from pathlib import Path
 from typing import BinaryIO
 
-from codra_dsl.runtime.journal.encoding import bytes_of
+from codra_dsl.runtime.journal.encoding import bytes_of, json_text, restore_infinite
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData
 
 MAX_LINE_BYTES = 1 << 18
@@ -35,20 +35,13 @@ Address = Path | str | int
 """Where a manager listens: the path of a Unix socket, or a port of this machine."""
 
 
-_encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
-
-
 def line_of(message: PlainData) -> bytes:
-    """Return the line that carries a message.
+    """Return the line that carries a message; an infinite `value` becomes `infinite: 1` or `-1`, and NaN becomes null.
 
     Raises:
-        MessageError: if the message holds a number that is not finite, which JSON cannot express.
         TypeError: if the message holds anything but plain data.
     """
-    try:
-        return bytes_of(_encode(message)) + b"\n"
-    except ValueError:
-        raise MessageError("a message can hold no infinite number and no NaN") from None
+    return bytes_of(json_text(message)) + b"\n"
 
 
 def read_line(stream: BinaryIO) -> bytes | None:
@@ -68,7 +61,7 @@ def message_of(line: bytes) -> object:
         MessageError: if the line is not JSON, or holds a number that is not finite.
     """
     try:
-        return json.loads(line, parse_constant=_refuse, parse_float=_finite_number)
+        return json.loads(line, parse_constant=_refuse, parse_float=_finite_number, object_hook=restore_infinite)
     except MessageError:
         raise
     except (ValueError, RecursionError) as error:

@@ -223,16 +223,11 @@ REPORTED_ERRORS = tuple(ERRORS.values())
 
 
 def plain_reading(reading: Reading[Any]) -> PlainData:
-    """Return a reading as plain data; infinite instants and an unknown value are None.
-
-    An infinite value, which JSON cannot express, is left out; `infinite` is then 1 or -1.
-    """
-    value = reading.content
-    is_infinite = isinstance(value, float) and math.isinf(value)
+    """Return a reading as plain data; infinite instants and an unknown value are None."""
     return {
         "variable": reading.name,
         "known": reading.known,
-        **({"infinite": 1 if value == math.inf else -1} if is_infinite else {"value": value}),
+        "value": reading.content,
         "reason": None if reading.reason is None else reading.reason.value,
         "detail": reading.detail,
         "source": reading.source,
@@ -245,7 +240,7 @@ def reading_of(plain: Mapping[str, Any]) -> Reading[Any]:
     instants = {name: plain[name] for name in _INSTANTS if plain[name] is not None}
     return Reading(
         name=plain["variable"],
-        content=plain["infinite"] * math.inf if "infinite" in plain else plain["value"],
+        content=plain["value"],
         reason=None if plain["reason"] is None else Reason(plain["reason"]),
         detail=plain["detail"],
         source=plain["source"],

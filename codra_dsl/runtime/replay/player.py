@@ -7,7 +7,6 @@ decisions, so a difference means that the spec, the runtime or the journal has c
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,6 +15,7 @@ from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
 from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
@@ -124,7 +124,7 @@ class _Player:
                 decision = self._decisions.pop(number)
                 self._commands.conclude(decision, details.get("value"), details.get("raised"))
             case "graph":
-                self._manager.knowledge.replay_operations(event.name, json.loads(details["operations"]))
+                self._manager.knowledge.replay_operations(event.name, parse_json(details["operations"]))
             case "refused":
                 refused_write_fields = (
                     details["subject"],
@@ -134,7 +134,7 @@ class _Player:
                 )
                 self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*refused_write_fields))
             case "adapt":
-                adaptation = json.loads(details["told"])
+                adaptation = parse_json(details["told"])
                 self._commands.adapt(event.name, adaptation["name"], adaptation["what"], adaptation["details"])
             case "rule":
                 rule_event_fields = (details["rule"], details["became"], details.get("message", ""))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.values.cell import Reading, Reason
@@ -187,8 +187,8 @@ def _consequence_lines(event: Event) -> Iterator[str]:
 
 def _change_text(change: Details) -> str:
     name = change["name"] if change["kind"] == "input" else f"the weight of {change['name']}"
-    actual_text = value_text(json.loads(change["value"])) if "value" in change else "unknown"
-    return f"{name} = {value_text(json.loads(change['other']))} instead of {actual_text}"
+    actual_text = value_text(parse_json(change["value"])) if "value" in change else "unknown"
+    return f"{name} = {value_text(parse_json(change['other']))} instead of {actual_text}"
 
 
 def _observation_text(reading: Details) -> str:
@@ -197,7 +197,7 @@ def _observation_text(reading: Details) -> str:
     evidence_text = (
         f", from evidence taken at {_instant_text(reading, 'evidence_s')}" if "evidence_s" in reading else ""
     )
-    return f"{reading['variable']} was {value_text(json.loads(reading['value']))}{evidence_text}"
+    return f"{reading['variable']} was {value_text(parse_json(reading['value']))}{evidence_text}"
 
 
 def _output_text(output: Details) -> str:

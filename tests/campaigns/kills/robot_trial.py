@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.encoding import message_of
-from codra_dsl.runtime.journal.mcap_file import McapFile
+from codra_dsl.runtime.journal.mcap_file import ChannelDeclaration, McapFile
 from codra_dsl.runtime.journal.reader import JournalReader
 from codra_dsl.runtime.journal.schemas import kind_of
 
@@ -84,16 +84,15 @@ def _codra(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
 def _strip(path: Path, target: Path) -> None:
     """Write a journal without its variables and decisions."""
     with JournalReader(path) as reader, target.open("w+b") as stream:
-        file, schemas, channels = McapFile(stream, reader.metadata, reader.files), dict[int, int](), dict[int, int]()
+        file, channels = McapFile(stream, reader.metadata, reader.files), dict[int, ChannelDeclaration]()
         for raw_message in reader.raw_messages():
             schema, channel, message = raw_message.schema, raw_message.channel, raw_message.message
             if kind_of(channel.topic) in (Kind.VARIABLE, Kind.DECISION):
                 continue
             if channel.id not in channels:
-                if schema.id not in schemas:
-                    schemas[schema.id] = file.add_schema(schema.name, schema.data)
-                channels[channel.id] = file.open_channel(channel.topic, schemas[schema.id], channel.metadata)
-            file.add(channels[channel.id], message.log_time, message.publish_time, message.sequence, message.data)
+                metadata = channel.metadata
+                channels[channel.id] = ChannelDeclaration(channel.topic, schema.name, schema.data, metadata)
+            file.add(channels[channel.id], message.log_time, message.publish_time, message.data, message.sequence)
         file.finish()
 
 
