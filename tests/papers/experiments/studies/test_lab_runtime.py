@@ -156,7 +156,7 @@ def test_the_summary_has_both_tasks_the_sources_the_day_and_wrong_values(documen
     assert [next(word for word in WORDS if word in sentence) for sentence in document.summary] == list(WORDS)
 
 
-WORDS = ("Opening the", "Closing the", "perception time is saved", "loops were completed", "was not true")
+WORDS = ("Opening the", "Closing the", "perception time is saved", "loops were completed", "were not true")
 
 
 def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
