@@ -429,7 +429,7 @@ def test_if_the_result_cannot_be_written_the_command_does_not_run(project: Path,
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_closed_pipe_causes_no_error_message(project: Path, unbuffered: str) -> None:
     """The output is larger than the pipe's buffer, and the reader takes one byte."""
-    names = [f"measured_{number}" for number in range(3000)]
+    names = [f"measured_{number}" for number in range(200)]
     context = "".join(f"  {name}: {{type: bool, source: main_execution}}\n" for name in names)
     (project / "specs/door.yaml").write_text(DOOR.replace("perception:", f"{context}perception:"))
 
@@ -439,6 +439,7 @@ def test_a_closed_pipe_causes_no_error_message(project: Path, unbuffered: str) -
         env=environment(PYTHONUNBUFFERED=unbuffered),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
+        pipesize=4096,
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
