@@ -71,7 +71,6 @@ class FailOn(StrEnum):
 
 
 STANDARD_INPUT = "-"
-_CHUNK_BYTES = 1 << 15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,9 +272,10 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
             output.write_bytes(data)
             return
         sys.stdout.flush()
-        # Write in pieces: with PYTHONUNBUFFERED, a single write to a closed pipe would be cut off without an error.
-        for start in range(0, len(data), _CHUNK_BYTES):
-            sys.stdout.buffer.write(data[start : start + _CHUNK_BYTES])
+        # With PYTHONUNBUFFERED, a write to a pipe that is closed meanwhile writes only a part, without an error.
+        unwritten_data = memoryview(data)
+        while unwritten_data:
+            unwritten_data = unwritten_data[sys.stdout.buffer.write(unwritten_data) :]
         sys.stdout.buffer.flush()
     except BrokenPipeError:
         raise

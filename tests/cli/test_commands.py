@@ -443,7 +443,7 @@ def test_a_closed_pipe_causes_no_error_message(project: Path, unbuffered: str) -
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
-        process.stdout.read(1)
+        os.read(process.stdout.fileno(), 1)
         process.stdout.close()
         noise = process.stderr.read()
 
