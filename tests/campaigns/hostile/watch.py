@@ -25,7 +25,12 @@ if TYPE_CHECKING:
     from codra_dsl.language.diagnostics import Diagnostic
 
 PROJECT = "[tool.codra]\n"
-READABLE = tuple({os.path.realpath(path) for path in (sys.prefix, sys.base_prefix, Path(__file__).parents[3])})
+SECRET_FOLDER = Path.home() / ".cache/codra"
+"""The folder of the user's secret, with which commands check that results in a cache are their own."""
+
+READABLE = tuple(
+    {os.path.realpath(path) for path in (sys.prefix, sys.base_prefix, Path(__file__).parents[3], SECRET_FOLDER)}
+)
 CHANGES = {
     "os.remove",
     "os.rename",
