@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import pytest
 
@@ -31,8 +30,8 @@ TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering
 class RecordedRun:
     """A run and its journal."""
 
-    def __init__(self, situation: Situation, seed: int, lasts_s: float) -> None:
-        self.journal = Path(mkdtemp(prefix="codra-")) / "run.mcap"
+    def __init__(self, folder: Path, situation: Situation, seed: int, lasts_s: float) -> None:
+        self.journal = folder / "run.mcap"
         settings = StoreRunSettings(
             shop=StoreSettings(seed=seed, situation=situation), duration_s=lasts_s, journal=self.journal
         )
