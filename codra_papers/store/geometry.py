@@ -161,7 +161,7 @@ def _edge_ranges_m(eye: Floats, directions: Floats, starts: Floats, edges: Float
         return np.full(len(directions), np.inf)
     to_start, edges = to_start[is_facing], edges[is_facing]
     cross = directions[:, :1] * edges[:, 1] - directions[:, 1:] * edges[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         t = (to_start[:, 0] * edges[:, 1] - to_start[:, 1] * edges[:, 0]) / cross
         u = (to_start[:, 0] * directions[:, 1:] - to_start[:, 1] * directions[:, :1]) / cross
         meets = (t >= 0.0) & (u >= 0.0) & (u <= 1.0)

@@ -390,6 +390,12 @@ def joined_unasked(made: BuildPlan) -> BuildPlan:
     return replace(made, forest=(both, *rest))
 
 
+def joined_under_other_conditions(made: BuildPlan) -> BuildPlan:
+    first, (branch,) = tree_named(made, "face").groups
+    guarded = replace(branch.algorithm, observable_when=made.checked.algorithms["feel_lid"].observable_when)
+    return changed(made, "face", groups=(first, (replace(branch, algorithm=guarded),)))
+
+
 def with_function_that_hides(made: BuildPlan) -> BuildPlan:
     return changed(made, "lid", function="value")
 
@@ -438,6 +444,7 @@ def with_algorithm_of_another_spec(made: BuildPlan) -> BuildPlan:
         (with_alternative_dropped, "open is in force, but its trees lack feel_lid"),
         (with_name_made_up, "tree distance has neither a name from `observers` nor that of its first algorithm"),
         (joined_unasked, "tree measure_distance joins algorithms"),
+        (joined_under_other_conditions, "tree face joins algorithms"),
         (with_function_that_hides, "'value' is not a valid name for lab"),
         (with_functions_of_one_name, "name in lab face occurs twice"),
         (with_local_of_one_name, "name in lid same occurs twice"),

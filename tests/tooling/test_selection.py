@@ -266,6 +266,32 @@ def test_any_text_is_a_selector_or_has_an_error_within_it(text: str) -> None:
         assert selected <= {end for edge in EDGES for end in edge}
 
 
+KNOWN_NAMES = st.sampled_from(["a", "b", "c", "one", "look", "deep", "go", "lab/context/*", "kind:perception"])
+KNOWN_TERMS = st.lists(
+    st.one_of(
+        KNOWN_NAMES,
+        st.builds("{}+{}".format, STEPS, KNOWN_NAMES),
+        st.builds("{}+{}".format, KNOWN_NAMES, STEPS),
+        st.builds("@{}".format, KNOWN_NAMES),
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(KNOWN_TERMS, st.integers(0, 5))
+def test_one_unknown_name_among_known_ones_is_an_error_at_its_column(terms: list[str], index: int) -> None:
+    selected = answer(EDGES, " ".join(terms))
+    wrong_text = " ".join([*terms[:index], "nobody", *terms[index:]])
+    error = answer(EDGES, wrong_text)
+
+    assert isinstance(selected, frozenset)
+    assert selected
+    assert selected <= {end for edge in EDGES for end in edge}
+    assert isinstance(error, SelectorError)
+    assert error.column == wrong_text.index("nobody") + 1
+
+
 def test_a_chain_of_a_hundred_thousand_is_followed_completely() -> None:
     chain = [(f"lab/context/v{number}", f"lab/context/v{number + 1}") for number in range(100_000)]
 

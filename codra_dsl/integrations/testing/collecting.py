@@ -1,96 +1,88 @@
-"""Timelines in pytest: a file is a collector, and each of its stories is a test item."""
+"""Timelines in pytest: a file is a collector, and each of its stories is a test item.
+
+Collecting reads only the names of the stories. The compiler and the runtime are imported when the first story runs, so
+a run of pytest that only passes timelines stays fast.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from codra_dsl.integrations.testing.package import Package
-from codra_dsl.integrations.testing.reading import read_timeline
-from codra_dsl.integrations.testing.run import Run, StoryFailed
-from codra_dsl.integrations.testing.timeline import Story, Timeline
-from codra_dsl.language.diagnostics import Diagnostic, suggest
-from codra_dsl.language.load.yaml.source import MAX_BYTES
-from codra_dsl.language.project import root_of
-from codra_dsl.regular_files import read_regular_file
-from codra_dsl.runtime import CallError, SimClock
-from codra_dsl.tooling.report.findings import render_full
+from codra_dsl.integrations.testing.story_names import read_story_lines
+
+if TYPE_CHECKING:
+    from codra_dsl.integrations.testing.package import Package
+    from codra_dsl.integrations.testing.timeline import Timeline
 
 
 class TimelineFile(pytest.File):
     """A file whose name says that it is a timeline."""
 
+    _timeline_and_package: tuple[Timeline, Package] | None = None
+    _is_wrong = False
+
     def collect(self) -> Iterable[pytest.Item]:
         """Yield the stories of the file.
 
         Raises:
-            CollectError: if something in the file is wrong; the message contains all findings.
+            CollectError: if the names of the stories cannot be read; the message contains all findings.
         """
-        timeline, package, findings = read_timeline(self.path)
-        if timeline is None or package is None:
-            raise self.CollectError(_findings_text(findings, self.path))
-        for story in timeline.stories:
-            yield StoryItem.from_parent(self, name=story.name, story=story, timeline=timeline, package=package)
+        for name, line in (read_story_lines(self.path) or self._complete_story_lines()).items():
+            yield StoryItem.from_parent(self, name=name, line=line)
+
+    def timeline_and_package(self) -> tuple[Timeline, Package]:
+        """Return the timeline and its compiled spec, which are read once, for the first story that runs.
+
+        Raises:
+            CollectError: if something in the file is wrong. The message contains all findings, but only once.
+        """
+        from codra_dsl.integrations.testing.opening import read_valid_timeline
+
+        if self._is_wrong:
+            raise self.CollectError("the timeline has mistakes, which are reported at its first story")
+        if self._timeline_and_package is None:
+            try:
+                self._timeline_and_package = read_valid_timeline(self.path)
+            except ValueError as error:
+                self._is_wrong = True
+                raise self.CollectError(str(error)) from error
+        return self._timeline_and_package
+
+    def _complete_story_lines(self) -> Mapping[str, int]:
+        timeline, _ = self.timeline_and_package()
+        return {story.name: story.place.span.line for story in timeline.stories}
 
 
 class StoryItem(pytest.Item):
     """One story of a timeline, with the main execution that the story describes."""
 
-    def __init__(self, *, story: Story, timeline: Timeline, package: Package, **item_arguments: Any) -> None:
+    parent: TimelineFile
+
+    def __init__(self, *, line: int, **item_arguments: Any) -> None:
         super().__init__(**item_arguments)
-        self._story = story
-        self._timeline = timeline
-        self._package = package
+        self._line = line
 
     def runtest(self) -> None:
         """Run the story on a clock of its own."""
-        Run(self._timeline, self._package, self._story, clock=SimClock(), resources={}).play()
+        from codra_dsl.integrations.testing.opening import open_run
+        from codra_dsl.runtime import SimClock
+
+        timeline, package = self.parent.timeline_and_package()
+        open_run(timeline, package, self.name, clock=SimClock(), resources={}).play()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return the message of a failed story or of a missing function; for other exceptions, the traceback."""
-        if isinstance(excinfo.value, StoryFailed | CallError):
+        """Return the message of a failed story, a wrong file or a missing function; otherwise, the traceback."""
+        from codra_dsl.integrations.testing.run import StoryFailed
+        from codra_dsl.runtime import CallError
+
+        if isinstance(excinfo.value, StoryFailed | CallError | pytest.Collector.CollectError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Return file, line and name."""
-        return self.path, self._story.place.span.line - 1, self.name
-
-
-def prepare_run(path: Path, story: str | None, *, clock: SimClock, resources: Mapping[str, object]) -> Run:
-    """Return a story of a file, ready to run.
-
-    Raises:
-        ValueError: if something in the file is wrong, or the file has no such story.
-    """
-    timeline, package, findings = read_timeline(path)
-    if timeline is None or package is None:
-        raise ValueError(f"\n{_findings_text(findings, path)}")
-    return Run(timeline, package, _choose_story(timeline, story), clock=clock, resources=resources)
-
-
-def _choose_story(timeline: Timeline, name: str | None) -> Story:
-    stories = {story.name: story for story in timeline.stories}
-    if name is None and len(stories) == 1:
-        return timeline.stories[0]
-    if name in stories:
-        return stories[name]
-    suggestion = suggest(name or "", stories)
-    hint = f": did you mean {suggestion!r}?" if suggestion else f": there is {', '.join(map(repr, stories))}"
-    problem = "choose a story by its name" if name is None else f"{timeline.source.file} has no story {name!r}"
-    raise ValueError(f"{problem}{hint}")
-
-
-def _findings_text(findings: Iterable[Diagnostic], path: Path) -> str:
-    root = root_of(path)
-
-    def text_of(file: str) -> str | None:
-        try:
-            return read_regular_file(root / file, MAX_BYTES, within=root).decode("utf-8")
-        except (OSError, ValueError):
-            return None
-
-    return render_full(findings, text_of).rstrip("\n")
+        return self.path, self._line - 1, self.name

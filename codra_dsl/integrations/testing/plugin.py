@@ -42,7 +42,7 @@ def codra_story(request: pytest.FixtureRequest, codra_clock: SimClock) -> OpenSt
 
     Use a story in a `with` statement. Inside the statement, call your program with the story's `codra` and `clock`.
     """
-    from codra_dsl.integrations.testing.collecting import prepare_run
+    from codra_dsl.integrations.testing.opening import prepare_run
 
     folder = request.path.parent
 

@@ -167,9 +167,16 @@ def is_name(text: str) -> bool:
     return len(text) <= MAX_LENGTH and text not in _RESERVED_WORDS and _IDENTIFIER.fullmatch(text) is not None
 
 
+def with_escapes(text: str) -> str:
+    """Return a text with an escape in place of each character that cannot be printed."""
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+
+
 def shown(text: str) -> str:
     """Return a text for a message: quoted, shortened, without control characters."""
-    printable_text = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text[:41])
+    printable_text = with_escapes(text[:41])
     return f"'{printable_text[:40]}...'" if len(printable_text) > 40 else f"'{printable_text}'"
 
 

@@ -158,15 +158,44 @@ tests/gate.timeline.yaml:12:34: at 20 s gate_open should be true, but it is unkn
     )
 
 
-def test_a_timeline_with_mistakes_is_not_collected_and_reports_all_of_them(project: Path) -> None:
+def test_a_timeline_with_mistakes_does_not_run_and_reports_all_of_them_once(project: Path) -> None:
     wrong_timeline = TIMELINE.replace("porter:", "portr:").replace("60 deg", "60")
     (project / "tests" / "gate.timeline.yaml").write_text(wrong_timeline, "utf-8")
     process = run("-m", "pytest", "-q", cwd=project)
 
-    assert process.returncode == 2
+    assert process.returncode == 1
     assert "Traceback" not in process.stdout
-    assert "tests/gate.timeline.yaml:4:12: error[CDR2003]: spec 'gate' has no agent 'portr'" in process.stdout
+    assert "2 failed" in process.stdout.splitlines()[-1]
+    reported_text = process.stdout.partition("short test summary")[0]
+    assert reported_text.count("tests/gate.timeline.yaml:4:12: error[CDR2003]: spec 'gate' has no agent 'portr'") == 1
     assert "tests/gate.timeline.yaml:5:48: error[CDR2011]: 'angle' is in rad, and '60' has no unit" in process.stdout
+
+
+@pytest.mark.parametrize("text", ["codra: 1\ntimeline: gate\nstories: [\n", "codra: 1\ntimeline: gate\n", ""])
+def test_a_timeline_without_readable_names_of_stories_is_not_collected(project: Path, text: str) -> None:
+    (project / "tests" / "gate.timeline.yaml").write_text(text, "utf-8")
+    process = run("-m", "pytest", "-q", cwd=project)
+
+    assert process.returncode == 2
+    assert "tests/gate.timeline.yaml:" in process.stdout
+    assert "error[CDR" in process.stdout
+    assert "Traceback" not in process.stdout
+
+
+def test_collecting_a_timeline_imports_neither_the_compiler_nor_the_runtime(project: Path) -> None:
+    (project / "tests" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
+    (project / "tests" / "test_other.py").write_text(
+        "import sys\n\n\ndef test_it() -> None:\n"
+        "    heavy = ('compiler', 'generation', 'language', 'runtime', 'tooling')\n"
+        "    packages = {name.split('.')[1] for name in sys.modules if name.startswith('codra_dsl.')}\n"
+        "    assert not packages & set(heavy)\n",
+        "utf-8",
+    )
+    process = run("-m", "pytest", "-v", "-W", "error", "-k", "test_it", cwd=project)
+    collected = run("-m", "pytest", "-q", "--collect-only", cwd=project)
+
+    assert "1 passed, 2 deselected" in process.stdout, process.stdout
+    assert "tests/gate.timeline.yaml::the gate is still open in the dark\n" in collected.stdout
 
 
 def test_a_timeline_of_a_spec_that_was_not_compiled_again_is_reported(project: Path) -> None:
@@ -174,7 +203,7 @@ def test_a_timeline_of_a_spec_that_was_not_compiled_again_is_reported(project: P
     (project / "tests" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
     process = run("-m", "pytest", "-q", cwd=project)
 
-    assert process.returncode == 2
+    assert process.returncode == 1
     assert "'generated/gate' is out of date: it does not match 'specs/gate.yaml'" in process.stdout
     assert "compile it: codra compile specs/gate.yaml" in process.stdout
 

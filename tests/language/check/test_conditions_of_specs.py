@@ -264,3 +264,19 @@ def test_a_name_with_a_wrong_declaration_causes_no_finding_about_conditions() ->
     text = text.replace("HELD", "seen").replace("DRAWER", MEMBERS)
     wrong_text = text.replace("steps: {type: int, range: [1, 9]", "steps: {type: int, range: [1, 9.5]")
     assert [finding.rule.name for finding in findings(wrong_text)] == ["wrong-range", "never-runs"]
+
+
+def test_an_algorithm_with_an_error_hides_no_condition_of_the_next_one() -> None:
+    unsound = """\
+  first:
+    call: gripper.perception:first
+    returns: {seen: {type: bool}}
+    observable_when: [unheard_of]
+    identifies: {held: seen}
+    rank: 9
+"""
+    text = SPEC.replace("[GIVEN]", "[]").replace("OBSERVABLE", "['steps != 0']").replace("ACCEPT", "[]")
+    text = text.replace("HELD", "seen").replace("DRAWER", MEMBERS)
+    text = text.replace("perception:\n", f"perception:\n{unsound}")
+
+    assert {"unknown-variable", "always-holds"} <= {finding.rule.name for finding in findings(text)}

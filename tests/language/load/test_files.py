@@ -264,3 +264,9 @@ def test_a_part_that_no_spec_includes_is_reported(tmp_path: Path) -> None:
     (lost,) = files.unincluded(["kitchen.yaml", "jar.yaml"], tmp_path)
 
     assert (lost.rule.name, lost.place.span.file, lost.place.span.line) == ("unincluded-part", "lost.yaml", 2)
+
+
+def test_without_a_version_the_other_mistakes_of_a_file_are_still_reported() -> None:
+    _, findings = load_text("name: kitchen\ncontext: {near: {type: bol}}\n", "-", Path(__file__).parent)
+
+    assert [finding.code for finding in findings] == ["CDR2002", "CDR2006"]

@@ -95,6 +95,22 @@ def test_any_text_can_be_loaded(text: str) -> None:
     assert_in_text(findings, text)
 
 
+@pytest.mark.parametrize(
+    "written",
+    ["|{}", ">{}", "'a'{}", "a: {}", "[a > {}, 3]", "!{} a", "{} ? a : b", "{} # or x", "-{}:"],
+)
+def test_a_character_that_cannot_be_printed_is_escaped_in_findings(written: str) -> None:
+    value = written.format("\ud7fc")
+    text = (
+        "codra: 1\nname: kitchen\nperception:\n  look:\n    call: a:b\n    returns: {x: {type: float}}\n"
+        f"    identifies: {value}\n    observable_when: {value}\n"
+    )
+    findings = loaded(text)[1]
+
+    assert any("\\xd7fc" in finding.message + finding.help for finding in findings)
+    assert_in_text(findings, text)
+
+
 @given(st.text(st.sampled_from("abx$()[]{}:,-#'\"!&*>|? \n01"), max_size=120))
 def test_any_text_in_place_of_conditions_can_be_loaded(text: str) -> None:
     inner = text.replace("\n", "\n        ")

@@ -7,7 +7,7 @@ import pytest
 from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, Vocabulary, misspelt_declarations
 
-from .texts import findings_of, marked, rules_of
+from .texts import findings_of, marked, rules_of, spec_of
 
 TEMPLATE = """\
 codra: 1
@@ -134,6 +134,13 @@ def test_parentheses_in_prose_and_conditions_are_not_parameters() -> None:
     text = TEMPLATE.replace("$(title) on", "(title) $(title) on").replace("level > $(least)", "(level) > $(least)")
 
     assert findings_of(text) == ()
+
+
+def test_a_variable_of_a_shell_is_not_a_parameter_and_stays_as_it_is() -> None:
+    text = TEMPLATE.replace("label: $(title) on", "label: $HOME/x $(title) on")
+
+    assert findings_of(text) == ()
+    assert any((variable.label or "").startswith("$HOME/x ") for variable in spec_of(text).context)
 
 
 # Lost sections

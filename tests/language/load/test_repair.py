@@ -179,3 +179,11 @@ def test_an_empty_item_is_reported_at_its_dash() -> None:
     (finding,) = findings_of(text)
 
     assert (finding.place.span.line, marked(text, finding.place)) == (14, "-")
+
+
+def test_a_dash_before_a_colon_is_a_key_and_not_an_item_without_a_key() -> None:
+    text = SPEC.replace("    identifies:\n      door_open: angle > 0.5 rad\n", "    identifies: -:\n")
+    (finding,) = findings_of(text)
+
+    assert finding.code == "CDR1022"
+    assert finding.message == "YAML reads '-:' as a key and its value, not as a mapping"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import cos, hypot, pi, sin
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -107,3 +108,11 @@ def test_relative_point_is_the_inverse_of_point_at(pose: Pose2D, point: Point) -
 def test_a_wrapped_angle_is_the_same_direction(angle_rad: float) -> None:
     assert abs(wrapped(angle_rad)) <= pi
     assert abs(cos(angle_rad) - cos(wrapped(angle_rad))) < 1e-9
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bearing_rad", [5e-324, -5e-324, 1e-310])
+def test_a_ray_that_is_almost_parallel_to_an_edge_passes_it_without_a_warning(bearing_rad: float) -> None:
+    scene = Scene([Box(Pose2D(2, 0, 0), 1, 1)], [])
+
+    assert scene.ranges_m((0, 2), np.array([bearing_rad]), FARTHEST_M) == [FARTHEST_M]

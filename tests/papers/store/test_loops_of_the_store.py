@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 import pytest
 
@@ -31,8 +29,8 @@ TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering
 class RecordedRun:
     """A run and its journal."""
 
-    def __init__(self, situation: Situation, seed: int, lasts_s: float) -> None:
-        self.journal = Path(mkdtemp(prefix="codra-")) / "run.mcap"
+    def __init__(self, folder: Path, situation: Situation, seed: int, lasts_s: float) -> None:
+        self.journal = folder / "run.mcap"
         settings = StoreRunSettings(
             shop=StoreSettings(seed=seed, situation=situation), duration_s=lasts_s, journal=self.journal
         )
@@ -74,28 +72,38 @@ SEEDS = {
 """For each situation, the seed of tests that use only one seed."""
 
 
-@cache
-def recorded_run_of(situation: Situation, seed: int) -> RecordedRun:
-    return RecordedRun(situation, seed, LASTS_S[situation])
+class RecordedRuns:
+    """Runs that several tests use, each made once."""
+
+    def __init__(self, folders: pytest.TempPathFactory) -> None:
+        self._folders = folders
+        self._runs: dict[tuple[Situation, int], RecordedRun] = {}
+
+    def of(self, situation: Situation, seed: int | None = None) -> RecordedRun:
+        key = situation, SEEDS[situation] if seed is None else seed
+        if key not in self._runs:
+            self._runs[key] = RecordedRun(self._folders.mktemp("run"), *key, LASTS_S[situation])
+        return self._runs[key]
 
 
-def recorded_run(situation: Situation) -> RecordedRun:
-    return recorded_run_of(situation, SEEDS[situation])
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> RecordedRuns:
+    return RecordedRuns(tmp_path_factory)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
-def test_an_ordinary_order_is_delivered(seed: int) -> None:
+def test_an_ordinary_order_is_delivered(runs: RecordedRuns, seed: int) -> None:
     """With seed 3, a person stands for a while at the place where the robot must turn."""
-    run = recorded_run_of(Situation.ORDINARY, seed)
+    run = runs.of(Situation.ORDINARY, seed)
 
     assert run.written_values("order_1.state") == ["open", "done"]
     assert run.run.score.deliveries == ("delivery",)
     assert run.run.score.bumps == 0
 
 
-def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead() -> None:
+def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead(runs: RecordedRuns) -> None:
     """P2's first situation: a container is provided, ordered elsewhere while people fill it, and full on the way."""
-    run = recorded_run(Situation.SECOND_ORDER)
+    run = runs.of(Situation.SECOND_ORDER)
 
     assert run.written_values("order_1.state")[-1] == "done"
     assert run.written_values("order_2.state")[-1] == "aborted"
@@ -107,9 +115,9 @@ def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instea
 
 
 @pytest.mark.parametrize("seed", [4, 7])
-def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed: int) -> None:
+def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(runs: RecordedRuns, seed: int) -> None:
     """P2's second situation: `start` weighs most. The order stays open."""
-    run = recorded_run_of(Situation.PEOPLE_CLOSE, seed)
+    run = runs.of(Situation.PEOPLE_CLOSE, seed)
     values = curves(run.events, ["safety", *(f"weight_of_{action}" for action in ("pick", "deliver", "start", "dock"))])
     switched_s = [event.instant_s for event in run.events if (event.name, event.what) == ("course", "chosen")][-1]
     last_values = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
@@ -122,8 +130,10 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed
     assert "mission_aborted" in run.values("base_notice")
 
 
-def test_an_aborted_pick_up_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
-    run = RecordedRun(Situation.PEOPLE_CLOSE, 6, 293.0)
+def test_an_aborted_pick_up_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone(
+    tmp_path: Path,
+) -> None:
+    run = RecordedRun(tmp_path, Situation.PEOPLE_CLOSE, 6, 293.0)
     task_results = run.task_results()
 
     assert run.written_values("order_1.state")[-1] == "done"
@@ -137,8 +147,10 @@ def test_an_aborted_pick_up_is_tried_again_from_the_start_and_delivered_once_the
 
 
 @pytest.mark.parametrize("seed", [6, 8])
-def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(seed: int) -> None:
-    task_results = recorded_run_of(Situation.HIDDEN, seed).task_results()
+def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(
+    runs: RecordedRuns, seed: int
+) -> None:
+    task_results = runs.of(Situation.HIDDEN, seed).task_results()
 
     assert [task_result for task_result in task_results if task_result.startswith("detecting")] == [
         *("detecting lost", "detecting found", "detecting found"),
@@ -147,8 +159,8 @@ def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_seco
 
 
 @pytest.mark.parametrize("seed", [3, 4])
-def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(seed: int) -> None:
-    run = recorded_run_of(Situation.ABSENT, seed)
+def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(runs: RecordedRuns, seed: int) -> None:
+    run = runs.of(Situation.ABSENT, seed)
 
     assert [task_result for task_result in run.task_results() if task_result.startswith(("detecting", "fetching"))] == [
         *("detecting lost", "detecting lost", "fetching not_found"),
@@ -160,13 +172,15 @@ def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(seed: 
 
 
 @pytest.mark.parametrize("situation", LASTS_S)
-def test_the_same_seed_gives_the_same_journal_byte_for_byte(situation: Situation) -> None:
-    repeated_run = RecordedRun(situation, SEEDS[situation], LASTS_S[situation])
+def test_the_same_seed_gives_the_same_journal_byte_for_byte(
+    runs: RecordedRuns, tmp_path: Path, situation: Situation
+) -> None:
+    repeated_run = RecordedRun(tmp_path, situation, SEEDS[situation], LASTS_S[situation])
 
-    assert repeated_run.journal.read_bytes() == recorded_run(situation).journal.read_bytes()
+    assert repeated_run.journal.read_bytes() == runs.of(situation).journal.read_bytes()
 
 
-def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> None:
+def test_the_command_gives_the_same_journal_as_the_program(runs: RecordedRuns, tmp_path: Path) -> None:
     journal = tmp_path / "run.mcap"
     duration = f"{LASTS_S[Situation.PEOPLE_CLOSE]:g}s"
     words = (
@@ -183,12 +197,12 @@ def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> No
     completed_process = codra("run", *words, "--journal", str(journal), cwd=ROOT)
 
     assert "orders              1 open" in completed_process.stdout
-    assert journal.read_bytes() == recorded_run(Situation.PEOPLE_CLOSE).journal.read_bytes()
+    assert journal.read_bytes() == runs.of(Situation.PEOPLE_CLOSE).journal.read_bytes()
 
 
-def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactual() -> None:
+def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactual(runs: RecordedRuns) -> None:
     """Each link leads to the place of the rule in the spec."""
-    journal = str(recorded_run(Situation.PEOPLE_CLOSE).journal)
+    journal = str(runs.of(Situation.PEOPLE_CLOSE).journal)
     explanation = codra("why", "course", "--journal", journal, cwd=ROOT).stdout
 
     for link in (
@@ -205,8 +219,8 @@ def test_why_prints_the_chain_from_the_person_to_the_branch_and_the_counterfactu
         assert link in explanation
 
 
-def test_why_of_a_metric_and_of_a_weight_prints_their_causes() -> None:
-    run = recorded_run(Situation.PEOPLE_CLOSE)
+def test_why_of_a_metric_and_of_a_weight_prints_their_causes(runs: RecordedRuns) -> None:
+    run = runs.of(Situation.PEOPLE_CLOSE)
     switched_s = [event.instant_s for event in run.events if (event.name, event.what) == ("course", "chosen")][-1]
     options = ("--journal", str(run.journal), "--at", str(switched_s - 0.01))
     of_metric, of_weight = (codra("why", name, *options, cwd=ROOT).stdout for name in ("safety", "weight_of_start"))
@@ -226,10 +240,10 @@ def test_why_of_a_metric_and_of_a_weight_prints_their_causes() -> None:
     assert "safety was 0.5, from evidence taken at " in of_weight
 
 
-def test_metrics_and_weights_are_drawn_over_time(tmp_path: Path) -> None:
+def test_metrics_and_weights_are_drawn_over_time(runs: RecordedRuns, tmp_path: Path) -> None:
     draw_adaptation(
         tmp_path / "curves.svg",
-        recorded_run(Situation.PEOPLE_CLOSE).events,
+        runs.of(Situation.PEOPLE_CLOSE).events,
         ["safety"],
         ["weight_of_pick", "weight_of_start"],
     )

@@ -27,13 +27,40 @@ def test_every_condition_has_a_readable_text(term: Term) -> None:
     assert format_condition(repr(term))
 
 
-@given(st.text(max_size=60))
-def test_any_other_text_is_refused(text: str) -> None:
+OTHER_CODE = (
+    "print({})",
+    "[{}]",
+    "lambda: {}",
+    "{}.evaluate(1)",
+    "{} if True else 1",
+    "{}; 1",
+    "a = {}",
+    "await {}",
+    "{}[0]",
+)
+
+
+@given(TERMS, st.sampled_from(OTHER_CODE))
+def test_a_condition_within_other_code_is_refused(term: Term, code: str) -> None:
+    with pytest.raises(ConditionTextError):
+        parse_condition(code.format(repr(term)))
+
+
+@given(TERMS, st.integers(0, 200), st.integers(0, 3), st.text(max_size=3))
+def test_a_changed_text_of_a_condition_is_the_text_of_a_condition_or_refused(
+    term: Term, start: int, length: int, inserted: str
+) -> None:
+    text = repr(term)
+    parsed = parsed_condition(text[:start] + inserted + text[start + length :])
+
+    assert isinstance(parsed, ConditionTextError) or repr(parsed_condition(repr(parsed))) == repr(parsed)
+
+
+def parsed_condition(text: str) -> Term | ConditionTextError:
     try:
-        term = parse_condition(text)
-    except ConditionTextError:
-        return
-    assert isinstance(term, Term)
+        return parse_condition(text)
+    except ConditionTextError as error:
+        return error
 
 
 @pytest.mark.parametrize(

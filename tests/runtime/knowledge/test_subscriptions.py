@@ -205,6 +205,19 @@ def test_an_ended_subscription_causes_no_calls(knowledge: Knowledge, clock: SimC
     assert len(heard) == 1
 
 
+def test_an_ended_subscription_leaves_others_to_the_same_attribute(knowledge: Knowledge, clock: SimClock) -> None:
+    heard: list[object] = []
+    ended, _ = (
+        knowledge.follow("battery", "level", lambda reading, name=name: heard.append((name, reading.content)))
+        for name in ("ended", "kept")
+    )
+    clock.sleep(1.0)
+    ended.unsubscribe()
+    knowledge.as_agent("navigation").set("battery", "level", 70.0)
+    clock.sleep(1.0)
+    assert heard == [("ended", 80.0), ("kept", 80.0), ("kept", 70.0)]
+
+
 def test_an_exception_in_a_callback_affects_no_other_callback(
     knowledge: Knowledge, clock: SimClock, caplog: pytest.LogCaptureFixture
 ) -> None:

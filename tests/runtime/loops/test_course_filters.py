@@ -199,6 +199,19 @@ def test_a_lead_is_reached_between_two_weights_at_the_computed_instant() -> None
     assert switch.instant_s == pytest.approx(crossing_s + 1.0, abs=1e-5)
 
 
+def test_a_lead_that_shrinks_but_stays_sufficient_counts_from_its_beginning_for_any_steps() -> None:
+    model = course(smooth_s=2.0, lead=0.1, hold_s=5.0)
+    moments = [Moment(0.0, weights(1.0, 0.0)), Moment(1.0, weights(0.0, 1.0)), Moment(4.0, weights(0.4, 0.6))]
+    crossing_s = 1.0 + 2.0 * math.log((1.0 + 1.0) / (1.0 - 0.1))
+
+    for extra_s in ((), (4.1,)):
+        assert play(model, moments, extra_s)[1].instant_s == pytest.approx(crossing_s + 5.0, abs=1e-5)
+
+
+def weights(pick: float, start: float) -> dict[str, float | None]:
+    return {"pick": pick, "start": start, "dock": 0.0}
+
+
 def test_a_dwell_delays_a_leading_action_but_not_an_urgent_one() -> None:
     model = course(dwell_s=5.0)
     calm = changes((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, suggest
-from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.expression.tokens import shown, with_escapes
 from codra_dsl.language.load.yaml.rules import RULES
 
 MAX_SUGGESTIONS = 200
@@ -37,10 +37,19 @@ class Findings:
         related: Iterable[Related] = (),
         fix: Fix | None = None,
     ) -> None:
-        """Report one finding of a rule of `RULES`."""
+        """Report one finding of a rule of `RULES`.
+
+        Characters of `help` that cannot be printed are escaped, because help repeats texts of the file.
+        """
         self._diagnostics.append(
             Diagnostic(
-                rule=RULES[rule], message=message, place=place, path=path, help=help, related=tuple(related), fix=fix
+                rule=RULES[rule],
+                message=message,
+                place=place,
+                path=path,
+                help=with_escapes(help),
+                related=tuple(related),
+                fix=fix,
             )
         )
 

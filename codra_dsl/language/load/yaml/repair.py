@@ -268,7 +268,8 @@ def _key_before_colon(error: ParserError) -> Problem | None:
     """Recognise `{: bool}`, and a line that begins with ':'."""
     if error.letter != ":" or error.text[error.offset + 1 : error.offset + 2].strip():
         return None
-    if error.before().rstrip()[-1:] not in ("", "{", ",", "-"):
+    before = error.before()
+    if before.rstrip()[-1:] not in ("", "{", ",", "-") or before.endswith("-"):  # YAML reads '-:' as the key '-'
         return None
     offset = error.offset
     return _insertion_problem(
