@@ -6,7 +6,6 @@ and it ends as every process does. It starts about ten times faster, and tests s
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import importlib
 import json
@@ -76,19 +75,19 @@ def _settings_of_new_processes(environment: Mapping[str, str]) -> dict[str, str]
 
 
 class _Server:
-    """The process that forks; one for each process that runs tests."""
+    """The process that forks; one for each process that runs tests, with which it ends."""
 
     def __init__(self) -> None:
         self._connection, other_end = socket.socketpair()
         with other_end:
-            self._process = subprocess.Popen(
+            subprocess.run(
                 [sys.executable, "-m", "tests.command_server", str(other_end.fileno())],
                 cwd=ROOT,
                 pass_fds=(other_end.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
+                check=True,
             )
-        atexit.register(self._close)
 
     def run(self, request: bytes, streams: list[int]) -> int:
         """Run a command with these streams as its standard input, output and error; return its exit code."""
@@ -97,10 +96,6 @@ class _Server:
         exit_code: int
         (exit_code,) = _EXIT_CODE.unpack(_receive(self._connection, _EXIT_CODE.size))
         return exit_code
-
-    def _close(self) -> None:
-        self._connection.close()
-        self._process.wait()
 
 
 @cache
@@ -150,6 +145,8 @@ def _take_over(request: dict[str, object], streams: list[int]) -> None:
 
 
 if __name__ == "__main__":
+    if os.fork():
+        os._exit(0)  # so that the server is no child of the tests, some of which count their children
     for _module in _IMPORTED_MODULES:
         importlib.import_module(_module)
     _serve(socket.socket(fileno=int(sys.argv[1])))

@@ -92,4 +92,4 @@ def test_a_journal_without_a_run_is_reported_as_empty(tmp_path: Path) -> None:
         process = codra(*command, cwd=tmp_path)
 
         assert (process.returncode, process.stdout) == (1, "")
-        assert process.stderr == "codra: run.mcap is empty: its run had not begun\n"
+        assert process.stderr == "codra: run.mcap is empty: its run had not begun, or the file was truncated\n"

@@ -50,12 +50,14 @@ class Robot:
         self.manager, self.attack, self.chance = manager, attack, chance
         self.acknowledged: list[int] = []
         self.may_raise = False
+        self.is_closing = False
         self.signal_count = 0
 
     def set(self, number: int) -> None:
-        """Write a number."""
+        """Write a number. While the journal ends, a write is no longer a part of the run, so it is not counted."""
         self.manager.set("count", number)
-        self.acknowledged.append(number)
+        if not self.is_closing:
+            self.acknowledged.append(number)
 
     def attempt(self, call: Callable[[], None]) -> bool:
         """Call a function during which the handler may raise; return whether the function returned."""
@@ -100,6 +102,7 @@ def run(path: Path, clock: str, attack: str, seed: int) -> dict[str, Any]:
     signal.signal(SIGNALS[attack], robot.handle)
     robot.order_signal()
     robot.work()
+    robot.is_closing = True
     while not robot.attempt(manager.close):
         pass
     signal.signal(signal.SIGALRM, signal.SIG_IGN)

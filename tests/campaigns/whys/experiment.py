@@ -92,7 +92,7 @@ def _supply(run: Run, name: str, missing: dict[str, Any]) -> None:
         run.clock.sleep(missing["from_s"] - run.clock.now_s())
     elif missing["condition"].startswith("declare "):
         run.manager.declare(missing["variable"])
-    elif missing["condition"].startswith("for "):
+    elif missing["condition"].startswith("only "):
         kind = next(variable.type for variable in run.model.variables if variable.name == name)
         write(run, name, {"bool": True, "int": 1, "float": 1.0}.get(kind.kind, next(iter(kind.members), "text")))
 

@@ -238,7 +238,7 @@ def test_a_future_pose_and_a_cycle_are_refused() -> None:
         hand.place("n0", "moves", "n1", Pose(), stamp_s=1.0)
     with pytest.raises(FrameError, match="'n0' cannot be placed in 'n2' from 0 s on: this makes a cycle"):
         hand.place("n2", "moves", "n0", Pose())
-    with pytest.raises(ValueError, match=r"edges of type 'moves' have a pose: use place\(\) to place 'n3' in 'n2'"):
+    with pytest.raises(ValueError, match=r"edges of type 'moves' have a pose: use place\(\) for 'n3' relative to 'n2'"):
         hand.insert_edge("n2", "moves", "n3")
     assert knowledge.snapshot().version == before
 

@@ -192,9 +192,9 @@ def test_a_record_depends_on_the_spec_its_parts_and_the_modules_that_it_calls(pr
     assert digest(project / "specs/lab.yaml") != before
 
 
-@pytest.mark.parametrize("changed", ["codra_dsl", "codra_papers"])
+@pytest.mark.parametrize("package", ["codra_dsl", "codra_papers"])
 def test_a_record_depends_on_the_code_of_both_packages(
-    changed_records: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package_folders = [tmp_path / package_folder.name for package_folder in trial_records.PACKAGE_FOLDERS]
     for package_folder in package_folders:
@@ -202,7 +202,7 @@ def test_a_record_depends_on_the_code_of_both_packages(
         (package_folder / "module.py").write_text("A = 1\n")
     monkeypatch.setattr(trial_records, "PACKAGE_FOLDERS", package_folders)
     before = trial_records.code_digest.__wrapped__()
-    (tmp_path / changed_records / "module.py").write_text("A = 2\n")
+    (tmp_path / package / "module.py").write_text("A = 2\n")
 
     assert trial_records.code_digest.__wrapped__() != before
 

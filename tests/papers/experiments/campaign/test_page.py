@@ -246,7 +246,7 @@ def test_a_photograph_has_its_tags_outlined_and_numbered(photograph: Photograph)
     assert rows.min() > 271
 
 
-@pytest.mark.parametrize("data", [None, b"", b"no picture at all"])
+@pytest.mark.parametrize("jpeg_bytes", [None, b"", b"no picture at all"])
 def test_an_unreadable_picture_is_replaced_by_the_reason(tmp_path: Path, jpeg_bytes: bytes | None) -> None:
     path = tmp_path / "frame.png"
     if jpeg_bytes is not None:
