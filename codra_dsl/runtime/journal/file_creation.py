@@ -6,14 +6,20 @@ import errno
 import fcntl
 import logging
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
+
+from codra_dsl.runtime.forks import new_lock
 
 _LOGGER = logging.getLogger(__name__)
 
 MAGIC = b"\x89MCAP0\r\n"
 _JOURNAL_MARK = b"codra-journal"
 _MAX_MARK_OFFSET_BYTES = 4096
+_creation_lock = new_lock()
+_locked_folders: set[Path] = set()
 
 
 def create_locked_file(path: Path) -> BinaryIO:
@@ -26,15 +32,17 @@ def create_locked_file(path: Path) -> BinaryIO:
         OSError: if the file cannot be created, or the existing file is not a journal.
     """
     path = path.resolve()
-    while True:
-        try:
-            stream = path.open("x+b")
-        except FileExistsError:
-            _clear_path(path)
-            continue
-        if _lock(stream) and _is_file_at(path, stream):
-            return stream
-        stream.close()  # another program started at the same time and treated this new file as an old journal
+    with _lock_folder(path.parent):
+        while True:
+            try:
+                stream = path.open("x+b")
+            except FileExistsError:
+                with suppress(FileNotFoundError):  # a program without the folder's lock was faster
+                    _clear_path(path)
+                continue
+            if _lock(stream) and _is_file_at(path, stream):
+                return stream
+            stream.close()  # a program without the folder's lock treated this new file as an old journal
 
 
 def unlock(stream: BinaryIO) -> None:
@@ -52,6 +60,28 @@ def is_being_written(stream: BinaryIO) -> bool:
         return False
     unlock(stream)
     return False
+
+
+@contextmanager
+def _lock_folder(folder: Path) -> Iterator[None]:
+    """Let programs and threads that create journals in one folder take turns.
+
+    Between looking at the file at a path and removing or renaming it, another program could put its own file there.
+    A signal handler that creates a journal while this program creates one does not wait for the program.
+    """
+    with _creation_lock:
+        if folder in _locked_folders:
+            yield
+            return
+        folder_descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(folder_descriptor, fcntl.LOCK_EX)
+            _locked_folders.add(folder)
+            yield
+        finally:
+            _locked_folders.discard(folder)
+            os.close(folder_descriptor)
 
 
 def _clear_path(path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from codra_dsl.runtime.journal import Event, Kind
 from codra_papers.store.simulator.situations import Situation
-from tests.papers.store.test_loops_of_the_store import recorded_run
+from tests.papers.store.test_loops_of_the_store import LASTS_S, SEEDS, RecordedRun
 
 ACTIONS = ("pick", "deliver", "start", "dock")
 SMOOTH_S, LEAD, HOLD_S, DWELL_S = 1.0, 0.1, 3.0, 5.0
@@ -72,8 +72,9 @@ def infer(rules: list[str], values: Values) -> float:
 
 
 @pytest.fixture(scope="module")
-def events() -> list[Event]:
-    return recorded_run(Situation.PEOPLE_CLOSE).events
+def events(tmp_path_factory: pytest.TempPathFactory) -> list[Event]:
+    situation = Situation.PEOPLE_CLOSE
+    return RecordedRun(tmp_path_factory.mktemp("run"), situation, SEEDS[situation], LASTS_S[situation]).events
 
 
 @pytest.fixture(scope="module")
