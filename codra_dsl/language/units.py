@@ -216,12 +216,18 @@ def suggest_unit(text: str) -> str | None:
     """Return the unit that an invalid text most likely means, e.g. `deg` for `degrees`, or None."""
     if len(text) > MAX_UNIT_LENGTH:
         return None
-    pieces = re.split(r"([*/])", _SQUARE.sub(r"\1\2\1\2", "".join(text.split())))
+    pieces = re.split(r"([*/])", _SQUARE.sub(_as_product, "".join(text.split())))
     nearest_pieces = [piece if piece in ("*", "/", "1") else _nearest_unit(piece) for piece in pieces]
     suggestion = "".join(piece for piece in nearest_pieces if piece is not None)
     return (
         suggestion if None not in nearest_pieces and suggestion != text and parse_unit(suggestion) is not None else None
     )
+
+
+def _as_product(square: re.Match[str]) -> str:
+    """Return a square without an exponent: `m*m` for `m2`, `/s/s` for `/s^2`."""
+    operator, symbol = square.groups()
+    return f"{operator}{symbol}{operator or '*'}{symbol}"
 
 
 def units_help(text: str) -> str:
