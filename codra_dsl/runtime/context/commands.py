@@ -24,7 +24,8 @@ from codra_dsl.runtime.observers.expectations import Expectations
 from codra_dsl.runtime.observers.forest import Forest
 from codra_dsl.runtime.observers.store import Store
 from codra_dsl.runtime.observers.urgency import Urgencies, Urgency
-from codra_dsl.runtime.perception.slots import MAIN_EXECUTION_PRIORITY, Slots, Ticket
+from codra_dsl.runtime.perception.requests import MAIN_EXECUTION_PRIORITY, Ticket
+from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.values.declarations import MAIN, OBSERVER, Declarations, expectation_holder, skill_holder
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
@@ -277,6 +278,11 @@ class Commands:
     def urgency(self, observer: str) -> Urgency:
         """Return how urgently the main execution needs the variables of an observer."""
         return self._urgencies.of(observer, self.declarations)
+
+    @property
+    def urgency_version(self) -> object:
+        """Return a value that changes when the urgency of an observer may have changed."""
+        return self._urgencies.version(self.declarations)
 
     def request_slots(self, resources: tuple[str, ...], grant: Callable[[], None]) -> int:
         """Request slots for the main execution; return the number of the request, which `release_slots` needs."""

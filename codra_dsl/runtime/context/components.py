@@ -56,7 +56,11 @@ class Components:
         self.event_writer = EventWriter(record, self.clock, self.clock.position)
         self.clock.on_late_event = lambda: self.event_writer.write_input("clock", "late")
         self.store = Store(model.variables, self.clock, self.event_writer, self.notify_readers)
-        self.slots = Slots(self.clock, {resource.name: resource for resource in model.resources})
+        self.slots = Slots(
+            self.clock,
+            {resource.name: resource for resource in model.resources},
+            order_version=lambda: self.commands.urgency_version,
+        )
         self.perception = Perception(
             clock=self.clock,
             slots=self.slots,

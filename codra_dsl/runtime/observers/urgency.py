@@ -33,21 +33,28 @@ class Urgencies:
         self._needs = needs
         self._awaited_variables: dict[int, str] = {}
         self._urgency_by_observer: dict[str, Urgency] = {}
-        self._cache_key: tuple[int, tuple[str, ...]] | None = None
+        self._wait_version = 0
+        self._cached_version: tuple[int, int] | None = None
 
     def wait(self, number: int, variable: str) -> None:
         """Note that a decision waits for a variable."""
         self._awaited_variables[number] = variable
+        self._wait_version += 1
 
     def answer(self, number: int) -> None:
         """Note that a decision no longer waits."""
-        self._awaited_variables.pop(number, None)
+        if self._awaited_variables.pop(number, None) is not None:
+            self._wait_version += 1
+
+    def version(self, declarations: Declarations) -> tuple[int, int]:
+        """Return a value that changes when an urgency may have changed."""
+        return declarations.version, self._wait_version
 
     def of(self, observer: str, declarations: Declarations) -> Urgency:
         """Return how urgent an observer is now."""
-        cache_key = (declarations.version, tuple(self._awaited_variables.values()))
-        if cache_key != self._cache_key:
-            self._cache_key, self._urgency_by_observer = cache_key, {}
+        version = self.version(declarations)
+        if version != self._cached_version:
+            self._cached_version, self._urgency_by_observer = version, {}
             for urgency, variables in self._needs_by_urgency(declarations):
                 self._spread(urgency, variables)
         return self._urgency_by_observer.get(observer, Urgency.DECLARED)

@@ -9,7 +9,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Timer, Work
 from codra_dsl.runtime.perception.job import Interval, RunningJob
 from codra_dsl.runtime.perception.outcome import Failure, Result
-from codra_dsl.runtime.perception.slots import Ticket
+from codra_dsl.runtime.perception.requests import Ticket
 from codra_dsl.runtime.values.model import Algorithm
 
 

@@ -19,7 +19,8 @@ from codra_dsl.runtime.perception.functions import CallError, Function, JobError
 from codra_dsl.runtime.perception.job import Interval, RunningJob
 from codra_dsl.runtime.perception.job_run import JobRun, State
 from codra_dsl.runtime.perception.outcome import Failure, Result, checked
-from codra_dsl.runtime.perception.slots import Precedence, Slots
+from codra_dsl.runtime.perception.requests import Precedence
+from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
 

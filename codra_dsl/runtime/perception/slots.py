@@ -4,57 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.perception.requests import Lane, Precedence, Rank, SpareTimes, Ticket
 from codra_dsl.runtime.values.model import ResourceModel
-
-Precedence = Callable[[], tuple[float, int]]
-"""Returns the present priority and urgency of a request; the request with the larger pair goes first."""
-
-MAIN_EXECUTION_PRIORITY = math.inf
-"""The priority of the main execution: its requests go before those of all observers (P1, section 3.2)."""
-
-_TOLERANCE_S = 1e-9
-
-
-class Ticket:
-    """A request for slots, which waits in the queue and then holds the slots.
-
-    Attributes:
-        max_duration_s: the longest time for which the job uses the slots.
-        age_s: how long the request has waited, without the time in which the main execution held all slots of a
-            resource that the request needs.
-        is_holding: whether the request was granted and its slots were not released yet.
-    """
-
-    __slots__ = ("_precedence", "age_s", "grant", "is_holding", "max_duration_s", "number", "slots")
-
-    def __init__(
-        self,
-        slots: tuple[str, ...],
-        precedence: Precedence,
-        number: int,
-        max_duration_s: float,
-        grant: Callable[[], None],
-    ) -> None:
-        self.slots = slots
-        self.number = number
-        self.max_duration_s = max_duration_s
-        self.grant = grant
-        self.age_s = 0.0
-        self.is_holding = False
-        self._precedence = precedence
-
-    @property
-    def is_of_main_execution(self) -> bool:
-        """Return whether the request is made by the main execution."""
-        return self._precedence()[0] == MAIN_EXECUTION_PRIORITY
-
-    def rank(self) -> tuple[float, int, int]:
-        """Return the key by which waiting tickets are sorted; the ticket with the smallest key goes first."""
-        priority, urgency = self._precedence()
-        return (-priority, -urgency, self.number)
 
 
 class Slots:
@@ -72,17 +26,27 @@ class Slots:
     instead.
     """
 
-    def __init__(self, clock: Clock, resources: Mapping[str, ResourceModel]) -> None:
-        """Start with all slots free. If a resource has no number of slots, any number of jobs can use it."""
+    def __init__(
+        self, clock: Clock, resources: Mapping[str, ResourceModel], order_version: Callable[[], object] = lambda: 0
+    ) -> None:
+        """Start with all slots free. If a resource has no number of slots, any number of jobs can use it.
+
+        Args:
+            clock: the clock on which requests are granted.
+            resources: the resources by name.
+            order_version: returns another value if the precedence of a waiting request may have changed.
+        """
         self._clock = clock
         self._free_slot_counts = {
             name: math.inf if model.slots is None else model.slots for name, model in resources.items()
         }
         self._slot_counts = dict(self._free_slot_counts)
         self._main_execution_slot_counts: Counter[str] = Counter()
-        self._user_counts: Counter[str] = Counter()
-        self._longest_timeouts_s: dict[str, float] = {}
-        self._queue: dict[int, Ticket] = {}
+        self._spare_times = {name: SpareTimes(name) for name in resources}
+        self._lanes: dict[tuple[str, ...], Lane] = {}
+        self._new_tickets: list[Ticket] = []
+        self._order_version = order_version
+        self._sorted_version: object = None
         self._request_count = 0
         self._last_update_s = clock.now_s()
         self._is_grant_scheduled = False
@@ -93,10 +57,9 @@ class Slots:
         return self._free_slot_counts
 
     def register_user(self, slots: Iterable[str], timeout_s: float) -> None:
-        """Register an algorithm whose jobs use some slots for at most `timeout_s`."""
+        """Register an algorithm whose jobs use some slots for at most `timeout_s`, before its first request."""
         for slot in slots:
-            self._user_counts[slot] += 1
-            self._longest_timeouts_s[slot] = max(timeout_s, self._longest_timeouts_s.get(slot, 0.0))
+            self._spare_times[slot].register_user(timeout_s)
 
     def request(
         self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None], max_duration_s: float = 0.0
@@ -104,8 +67,13 @@ class Slots:
         """Add a request to the queue. When all its slots are free, `grant` is called in a separate event."""
         self._update_ages()
         self._request_count += 1
-        ticket = Ticket(tuple(dict.fromkeys(slots)), precedence, self._request_count, max_duration_s, grant)
-        self._queue[ticket.number] = ticket
+        lane = self._lane(tuple(dict.fromkeys(slots)))
+        ticket = Ticket(lane, precedence, self._request_count, max_duration_s, grant)
+        if not ticket.is_of_main_execution:
+            for slot in ticket.slots:
+                self._spare_times[slot].add(ticket)
+        self._new_tickets.append(ticket)
+        lane.waiting_count += 1
         self._schedule_grant()
         return ticket
 
@@ -115,62 +83,108 @@ class Slots:
         if ticket.is_holding:
             ticket.is_holding = False
             self._change_free_slots(ticket, 1)
-        else:
-            self._queue.pop(ticket.number, None)
+        elif ticket.is_waiting:
+            self._remove(ticket)
         self._schedule_grant()
 
+    def _lane(self, slots: tuple[str, ...]) -> Lane:
+        if slots not in self._lanes:
+            self._lanes[slots] = Lane(slots)
+        return self._lanes[slots]
+
+    def _remove(self, ticket: Ticket) -> None:
+        """Remove a ticket from the waiting tickets."""
+        ticket.is_waiting = False
+        ticket.lane.waiting_count -= 1
+        for slot in ticket.slots:
+            self._spare_times[slot].remove(ticket)
+
+    def _is_any_waiting(self) -> bool:
+        return any(lane.waiting_count for lane in self._lanes.values())
+
     def _schedule_grant(self) -> None:
-        if self._queue and not self._is_grant_scheduled:
+        if self._is_any_waiting() and not self._is_grant_scheduled:
             self._is_grant_scheduled = True
             self._clock.call_at(self._clock.now_s(), self._grant_all)
 
     def _grant_all(self) -> None:
         self._is_grant_scheduled = False
         self._update_ages()
-        waiting_tickets = sorted(self._candidate_tickets(), key=Ticket.rank)
-        while self._grant_next(waiting_tickets):
-            waiting_tickets = [ticket for ticket in waiting_tickets if ticket.number in self._queue]
+        self._sort()
+        while self._grant_next():
+            pass
 
-    def _candidate_tickets(self) -> Iterable[Ticket]:
-        """Return the whole queue; if no request for slots can be granted, only the requests that need no slot."""
-        queue = self._queue.values()
-        grantable_tickets = [
-            ticket for ticket in queue if all(self._free_slot_counts[slot] > 0 for slot in ticket.slots)
-        ]
-        return queue if any(ticket.slots for ticket in grantable_tickets) else grantable_tickets
+    def _sort(self) -> None:
+        """Sort the waiting tickets, with those that were requested since the last time.
 
-    def _grant_next(self, waiting_tickets: Sequence[Ticket]) -> bool:
+        The order then stays the same until the next event: tickets that are requested meanwhile wait for this event.
+        """
+        version = self._order_version()
+        if version != self._sorted_version:
+            self._sorted_version = version
+            for lane in self._lanes.values():
+                lane.sort_again()
+        new_tickets, self._new_tickets = self._new_tickets, []
+        for ticket in new_tickets:
+            if ticket.is_waiting:
+                ticket.lane.push(ticket.rank(), ticket)
+
+    def _grant_next(self) -> bool:
         """Grant the first request whose slots are free, and all requests before it that need no slot.
 
         A slot for which an earlier request waits does not count as free. Return whether a request for slots was
         granted.
         """
         reserved_slot_counts: Counter[str] = Counter()
-        spare_times_s = self._spare_times_s() if any(ticket.slots for ticket in waiting_tickets) else {}
-        for ticket in waiting_tickets:
-            if ticket.max_duration_s > spare_times_s.get(ticket.number, math.inf) + _TOLERANCE_S:
-                continue
-            if any(self._free_slot_counts[slot] <= reserved_slot_counts[slot] for slot in ticket.slots):
-                reserved_slot_counts.update(ticket.slots)
-            elif self._queue.pop(ticket.number, None) is not None:
-                ticket.is_holding = True
-                self._change_free_slots(ticket, -1)
-                ticket.grant()
-                if ticket.slots:
-                    return True
-        return False
+        passed_tickets: list[tuple[Rank, Ticket]] = []
+        try:
+            for rank, ticket in self._tickets_by_rank(reserved_slot_counts):
+                if not all(self._admits(slot, ticket) for slot in ticket.slots):
+                    passed_tickets.append((rank, ticket))
+                elif any(self._free_slot_counts[slot] <= reserved_slot_counts[slot] for slot in ticket.slots):
+                    passed_tickets.append((rank, ticket))
+                    reserved_slot_counts.update(ticket.slots)
+                else:
+                    self._grant(ticket)
+                    if ticket.slots:
+                        return True
+            return False
+        finally:
+            for rank, ticket in passed_tickets:
+                ticket.lane.push(rank, ticket)
 
-    def _spare_times_s(self) -> dict[int, float]:
-        """Return a mapping from the number of each request to the time by which it may still delay older requests."""
-        spare_times_s: dict[int, float] = {}
-        for slot, longest_timeout_s in self._longest_timeouts_s.items():
-            bound_s, least_spare_s, earlier_durations_s = self._user_counts[slot] * longest_timeout_s, math.inf, 0.0
-            for ticket in self._queue.values():
-                if slot in ticket.slots and not ticket.is_of_main_execution:
-                    spare_times_s[ticket.number] = min(least_spare_s, spare_times_s.get(ticket.number, math.inf))
-                    least_spare_s = min(least_spare_s, bound_s - ticket.age_s - earlier_durations_s)
-                    earlier_durations_s += ticket.max_duration_s
-        return spare_times_s
+    def _tickets_by_rank(self, reserved_slot_counts: Mapping[str, int]) -> Iterator[tuple[Rank, Ticket]]:
+        """Remove and yield the waiting tickets and their ranks, in the order of the ranks.
+
+        Leave out the tickets of a lane if none of their slots is free and not reserved: such tickets can neither be
+        granted, nor reserve a slot that another request could get.
+        """
+        while True:
+            first_lanes = [
+                (rank, lane)
+                for lane in self._lanes.values()
+                if self._can_matter(lane, reserved_slot_counts) and (rank := lane.first_rank()) is not None
+            ]
+            if not first_lanes:
+                return
+            yield min(first_lanes)[1].pop()
+
+    def _can_matter(self, lane: Lane, reserved_slot_counts: Mapping[str, int]) -> bool:
+        """Return whether a ticket of a lane could be granted, or could reserve a slot that is free."""
+        limited_slots = [slot for slot in lane.slots if self._slot_counts[slot] < math.inf]
+        return not limited_slots or any(
+            self._free_slot_counts[slot] > reserved_slot_counts[slot] for slot in limited_slots
+        )
+
+    def _admits(self, slot: str, ticket: Ticket) -> bool:
+        """Return whether the older requests for a slot can still begin in time after a ticket."""
+        return ticket.is_of_main_execution or self._spare_times[slot].admits(ticket)
+
+    def _grant(self, ticket: Ticket) -> None:
+        self._remove(ticket)
+        ticket.is_holding = True
+        self._change_free_slots(ticket, -1)
+        ticket.grant()
 
     def _change_free_slots(self, ticket: Ticket, change: int) -> None:
         """Add `change` to the number of free slots of each resource of a ticket: 1 to release, -1 to occupy a slot."""
@@ -180,17 +194,20 @@ class Slots:
                 self._main_execution_slot_counts[slot] -= change
 
     def _update_ages(self) -> None:
-        """Add the elapsed time to the age of each waiting ticket.
+        """Let all waiting tickets grow older by the elapsed time.
 
         For a ticket, time does not count while the main execution holds all slots of a resource that the ticket needs.
         """
         now_s = self._clock.now_s()
         elapsed_s, self._last_update_s = now_s - self._last_update_s, now_s
-        if elapsed_s <= 0 or not self._queue:
+        if elapsed_s <= 0 or not self._is_any_waiting():
             return
         fully_taken_slots = {
             slot for slot, count in self._slot_counts.items() if self._main_execution_slot_counts[slot] >= count
         }
-        for ticket in self._queue.values():
-            if fully_taken_slots.isdisjoint(ticket.slots):
-                ticket.age_s += elapsed_s
+        for lane in self._lanes.values():
+            if fully_taken_slots.isdisjoint(lane.slots):
+                lane.elapsed_s += elapsed_s
+        for slot, spare_times in self._spare_times.items():
+            if slot not in fully_taken_slots:
+                spare_times.advance(elapsed_s)

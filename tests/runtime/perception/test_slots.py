@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from codra_dsl.logic import value
 from codra_dsl.runtime import CallError, Cost, Kind, SimClock
 from codra_dsl.runtime.context.decisions import DecisionRequest
-from codra_dsl.runtime.perception.slots import MAIN_EXECUTION_PRIORITY, Slots, Ticket
+from codra_dsl.runtime.perception.requests import MAIN_EXECUTION_PRIORITY, Ticket
+from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.model import ResourceModel, SkillModel
 from tests.runtime.forests import Manager, World, forest, observer, seen, started, takes, variable
 
