@@ -6,6 +6,7 @@ processes are processes of the operating system. The summary has the number of r
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Any
@@ -16,7 +17,7 @@ from hypothesis import settings
 os.environ.pop("CI", None)  # so that tests behave the same everywhere; in CI the cache is not used
 
 # The same draws in every run, and no deadline: none of our tests measures its own time.
-settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")
 
 
@@ -58,6 +59,10 @@ class FramesOfWorkers:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(FramesOfWorkers())
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()  # thousands of collected tests stay until the end: the garbage collector need not traverse them
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

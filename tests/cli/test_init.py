@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE
+from tests.command_server import as_text, run_python
 
 WRITTEN = {
     ".codra/schema.json",
@@ -36,14 +36,8 @@ WRITTEN = {
 def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a module with the interpreter that the project would use: it sees only installed packages and the project."""
     unset = ("GITHUB_ACTIONS", "PYTHONPATH", "NO_COLOR", "FORCE_COLOR")
-    return subprocess.run(
-        [sys.executable, "-m", *arguments],
-        cwd=cwd,
-        env={name: value for name, value in os.environ.items() if name not in unset} | {"COLUMNS": "200"},
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    environment = {name: value for name, value in os.environ.items() if name not in unset} | {"COLUMNS": "200"}
+    return as_text(run_python(("-m", *arguments), cwd, environment))
 
 
 def codra(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.cli.projects import run_project
+from tests.cli.projects import run_program, run_project
 from tests.cli.test_commands import ROOT, codra
 
 SPEC = """\
@@ -180,7 +178,7 @@ def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> Non
     elsewhere = copied(project, tmp_path)
     program = PROGRAM.replace("SimClock()", "SimClock(1_795_245_600.0)")
     (elsewhere / "program.py").write_text(program)
-    subprocess.run([sys.executable, "program.py", "run.mcap"], cwd=elsewhere, check=True)
+    run_program(elsewhere, "program.py", "run.mcap")
     explanations = {
         codra("why", "door_near", "--journal", "run.mcap", "--at", at, cwd=elsewhere).stdout
         for at in (

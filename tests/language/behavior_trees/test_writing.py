@@ -132,7 +132,7 @@ def test_the_trees_of_the_store_conform_to_the_schema_of_the_library(name: str) 
     assert misfits(text) == misfits(write(file)) == []
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(trees)
 def test_random_trees_are_read_again_equal(made: RandomTree) -> None:
     file, _ = read_text(made.text.encode(), "random.xml")

@@ -271,7 +271,7 @@ def test_a_torn_journal_is_read_without_recovery(tmp_path: Path) -> None:
 
 
 @drawn(share=st.floats(0.0, 1.0))
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_a_journal_that_is_cut_anywhere_keeps_its_complete_chunks(
     complete_journal: CompleteJournal, share: float
 ) -> None:
@@ -291,7 +291,7 @@ def test_a_journal_that_is_cut_anywhere_keeps_its_complete_chunks(
 
 
 @drawn(place=st.floats(0.0, 1.0), byte=st.integers(0, 255))
-@settings(max_examples=80)
+@settings(max_examples=40)
 def test_a_changed_byte_damages_its_chunk_only_and_never_crashes(
     complete_journal: CompleteJournal, place: float, byte: int
 ) -> None:
@@ -311,7 +311,7 @@ def test_a_changed_byte_damages_its_chunk_only_and_never_crashes(
 
 
 @drawn(data=st.data(), edit=st.sampled_from(["change", "cut out", "put in"]))
-@settings(max_examples=150)
+@settings(max_examples=50)
 def test_a_damaged_start_is_reported_and_never_misread(
     complete_journal: CompleteJournal, data: st.DataObject, edit: str
 ) -> None:

@@ -135,7 +135,7 @@ class Tree:
         return f"n{a}", f"n{b}", float(self.chance.integers(-2, 8 * (HORIZON_S + 2))) / 8
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(seed=some.integers(0, 2**32 - 1))
 def test_every_transform_agrees_with_matrices_by_hand_after_any_interleaving(seed: int) -> None:
     tree, asked = Tree(seed), []
