@@ -15,6 +15,9 @@ from referencing import Registry, Resource
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE
 from tests.command_server import as_text, run_python
 
+MYPY_CACHE = Path(__file__).parents[2] / ".mypy_cache/new_project"
+"""What mypy found out about the product: it checks again only what has changed since the last run."""
+
 WRITTEN = {
     ".codra/schema.json",
     ".codra/timeline.json",
@@ -73,7 +76,8 @@ def test_a_new_project_lints_compiles_type_checks_and_passes_its_tests(tmp_path:
     assert run_successfully("codra_dsl", "compile", "specs", "--check", cwd=folder) == ""
     assert "7 passed" in run_successfully("pytest", "-p", "no:cacheprovider", cwd=folder)
     assert run_successfully("arm_program", cwd=folder) == "set the part down\n"
-    assert "no issues found in 6 source files" in run_successfully("mypy", "--strict", cwd=folder)
+    mypy = ("mypy", "--strict", "--cache-dir", str(MYPY_CACHE))
+    assert "no issues found in 6 source files" in run_successfully(*mypy, cwd=folder)
 
 
 def test_its_program_also_runs_in_real_time(project: Path) -> None:
