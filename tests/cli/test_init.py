@@ -14,9 +14,7 @@ from referencing import Registry, Resource
 
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE
 from tests.command_server import as_text, run_python
-
-MYPY_CACHE = Path(__file__).parents[2] / ".mypy_cache/new_project"
-"""What mypy found out about the product: it checks again only what has changed since the last run."""
+from tests.type_checker import run_mypy
 
 WRITTEN = {
     ".codra/schema.json",
@@ -38,9 +36,12 @@ WRITTEN = {
 
 def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a module with the interpreter that the project would use: it sees only installed packages and the project."""
+    return as_text(run_python(("-m", *arguments), cwd, user_environment()))
+
+
+def user_environment() -> dict[str, str]:
     unset = ("GITHUB_ACTIONS", "PYTHONPATH", "NO_COLOR", "FORCE_COLOR")
-    environment = {name: value for name, value in os.environ.items() if name not in unset} | {"COLUMNS": "200"}
-    return as_text(run_python(("-m", *arguments), cwd, environment))
+    return {name: value for name, value in os.environ.items() if name not in unset} | {"COLUMNS": "200"}
 
 
 def codra(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -76,8 +77,7 @@ def test_a_new_project_lints_compiles_type_checks_and_passes_its_tests(tmp_path:
     assert run_successfully("codra_dsl", "compile", "specs", "--check", cwd=folder) == ""
     assert "7 passed" in run_successfully("pytest", "-p", "no:cacheprovider", cwd=folder)
     assert run_successfully("arm_program", cwd=folder) == "set the part down\n"
-    mypy = ("mypy", "--strict", "--cache-dir", str(MYPY_CACHE))
-    assert "no issues found in 6 source files" in run_successfully(*mypy, cwd=folder)
+    assert "no issues found in 6 source files" in run_mypy(cwd=folder, environment=user_environment()).stdout
 
 
 def test_its_program_also_runs_in_real_time(project: Path) -> None:

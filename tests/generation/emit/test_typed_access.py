@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from codra_dsl.compiler import compile_paths
 from codra_dsl.generation.emit.entry import MAX_ENUMS
+from tests.type_checker import run_mypy
 
 ROOT = Path(__file__).parents[3]
 PROGRAM = """\
@@ -51,17 +51,10 @@ with kitchen.start(clock=SimClock(), resources={}) as codra:
 
 
 def errors_in(program: str, folder: Path) -> list[tuple[str, str]]:
-    """Return the line and the code of each error that mypy reports in a program, which may import modules of a folder.
-
-    mypy has the settings and the cache of this repository, so that it does not check the product again.
-    """
+    """Return the line and the code of each error that mypy reports in a program, which may import from a folder."""
     file = folder / "robot_program.py"
     file.write_text(program, "utf-8")
-    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", str(file)]
-    environment = {**os.environ, "MYPYPATH": str(folder)}
-    completed_process = subprocess.run(
-        command, cwd=ROOT, env=environment, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL
-    )
+    completed_process = run_mypy("--no-error-summary", str(file))
     assert not completed_process.stderr
     errors = re.findall(r"^\S+:(\d+): error: .*\[([a-z-]+)\]$", completed_process.stdout, re.MULTILINE)
     assert len(errors) == completed_process.stdout.count(" error: ")
