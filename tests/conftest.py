@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections.abc import Generator
 from typing import Any
 
 import pytest
@@ -61,8 +62,15 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(FramesOfWorkers())
 
 
-def pytest_collection_finish() -> None:
-    gc.freeze()  # thousands of collected tests stay until the end: the garbage collector need not traverse them
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Keep the garbage collector from traversing thousands of collected tests, all of which stay until the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
