@@ -6,8 +6,10 @@ processes are processes of the operating system. The summary has the number of r
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
+from collections.abc import Generator
 from typing import Any
 
 import pytest
@@ -16,7 +18,7 @@ from hypothesis import settings
 os.environ.pop("CI", None)  # so that tests behave the same everywhere; in CI the cache is not used
 
 # The same draws in every run, and no deadline: none of our tests measures its own time.
-settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")
 
 
@@ -58,6 +60,17 @@ class FramesOfWorkers:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(FramesOfWorkers())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Keep the garbage collector from traversing thousands of collected tests, all of which stay until the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

@@ -13,7 +13,7 @@ import sys
 import tomllib
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -52,17 +52,19 @@ def sources(folder: str) -> dict[str, str]:
     return texts
 
 
-def nodes(folder: str) -> Iterator[tuple[str, ast.AST]]:
+def nodes(folder: str, words: Iterable[str] = ("",)) -> Iterator[tuple[str, ast.AST]]:
+    """Yield the nodes of the files of a folder that contain one of these words."""
     for path, text in sources(folder).items():
-        for node in ast.walk(ast.parse(text)):
-            yield path, node
+        if any(word in text for word in words):
+            for node in ast.walk(ast.parse(text)):
+                yield path, node
 
 
 # Layers
 
 
 def test_every_layer_imports_only_lower_layers() -> None:
-    output = run(Path(sys.executable).with_name("lint-imports"), "--no-cache")
+    output = run(Path(sys.executable).with_name("lint-imports"))
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
 
     assert f"Contracts: {len(contracts)} kept, 0 broken." in output
@@ -128,7 +130,7 @@ def test_every_test_runs_and_none_is_allowed_to_fail() -> None:
     escape_names |= {"expectedFailure", "collect_ignore", "collect_ignore_glob", "__test__"}
     violations = [
         f"{path}:{node.lineno} {name}"
-        for path, node in nodes("tests")
+        for path, node in nodes("tests", escape_names)
         for name in [getattr(node, "attr", None) or getattr(node, "id", None)]
         if isinstance(node, ast.Attribute | ast.Name) and name in escape_names
     ]

@@ -18,8 +18,16 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_server import run_python
+
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+HERE = Path(sys.executable)
+"""The Python of this environment, whose commands run in processes that are forked."""
+
+PYTHON_ARGUMENTS = {"codra": ("-m", "codra_dsl"), "pytest": ("-m", "pytest"), "python": ()}
+"""The arguments of Python that run a command of this environment."""
+
 RAFCON_PYTHON = ROOT / ".venv-rafcon/bin/python"
 FENCE = re.compile(r"^```(?P<info>[^\n`]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
 KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "mermaid"}
@@ -43,32 +51,37 @@ def blocks(page: Path) -> Iterator[Block]:
 
 def python_of(block: Block) -> Path:
     """Return the Python that a block runs in."""
-    python = {"": Path(sys.executable), "rafcon": RAFCON_PYTHON}[block.options.get("in", "")]
+    python = {"": HERE, "rafcon": RAFCON_PYTHON}[block.options.get("in", "")]
     assert python.exists(), f"{python} is not there: `make rafcon` sets it up"
     return python
 
 
-def run(command: list[str], folder: Path, python: Path = Path(sys.executable)) -> subprocess.CompletedProcess[str]:
-    """Run a command of a page in its folder."""
+def run(command: list[str], folder: Path, python: Path = HERE) -> tuple[int, str]:
+    """Run a command of a page in its folder; return its exit code and its output."""
     search_path = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"PYTHONPATH": search_path, "NO_COLOR": "1", "COLUMNS": "120"}
     environment["XDG_STATE_HOME"] = str(folder / ".state")
     environment["PATH"] = f"{python.parent}{os.pathsep}{environment['PATH']}"
     for name in ("GITHUB_ACTIONS", "PYTEST_ADDOPTS"):  # settings of this run do not apply to those commands
         environment.pop(name, None)
-    return subprocess.run(
+    if python == HERE and command[0] in PYTHON_ARGUMENTS:
+        arguments = (*PYTHON_ARGUMENTS[command[0]], *command[1:])
+        forked = run_python(arguments, folder, environment, is_output_merged=True)
+        return forked.returncode, forked.stdout.decode()
+    process = subprocess.run(
         command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
     )
+    return process.returncode, process.stdout
 
 
 def run_console(block: Block, folder: Path) -> None:
     """Run a block's commands and compare their output."""
     for part in re.split(r"^\$ ", block.body, flags=re.MULTILINE)[1:]:
         command, _, expected = part.partition("\n")
-        process = run(shlex.split(command), folder, python_of(block))
+        exit_code, output = run(shlex.split(command), folder, python_of(block))
 
-        assert process.stdout.strip() == expected.strip(), command
-        assert process.returncode == int(block.options.get("exit", "0")), process.stdout
+        assert output.strip() == expected.strip(), command
+        assert exit_code == int(block.options.get("exit", "0")), output
 
 
 def follow(block: Block, folder: Path) -> None:
@@ -80,10 +93,9 @@ def follow(block: Block, folder: Path) -> None:
     elif block.kind == "console":
         run_console(block, folder)
     elif block.kind == "python":
-        python = python_of(block)
-        process = run([str(python), "-W", "error", "-c", block.body], folder, python)
+        exit_code, output = run(["python", "-W", "error", "-c", block.body], folder, python_of(block))
 
-        assert process.returncode == 0, process.stdout
+        assert exit_code == 0, output
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

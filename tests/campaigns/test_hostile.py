@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.command_server import as_text, run_codra, run_python
+
 ROOT = Path(__file__).parents[2]
-COUNT = 400
+COUNT = 200
+ENVIRONMENT = {"PYTHONPATH": str(ROOT), "HOME": "/nonexistent"}
 
 WATCHED = """
 import sys
+sys.dont_write_bytecode = True
 from tests.campaigns.hostile.watch import Watch
 watch = Watch(root=sys.argv[1], out=sys.argv[1], armed=True)
 sys.addaudithook(watch)
@@ -41,6 +46,17 @@ skills:
 """
 
 
+@pytest.fixture(scope="module")
+def compiled_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("compiled")
+    (folder / "pyproject.toml").write_text("[tool.codra]\n")
+    (folder / "specs").mkdir()
+    (folder / "specs" / "door.yaml").write_text(SPEC)
+    compilation = as_text(run_codra(("compile", "specs"), folder, ENVIRONMENT))
+    assert compilation.returncode == 0, compilation.stdout + compilation.stderr
+    return folder
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -55,22 +71,11 @@ skills:
     ids=" ".join,
 )
 def test_commands_that_read_specs_never_run_code_or_open_files_outside_or_start_processes(
-    arguments: list[str], tmp_path: Path
+    arguments: list[str], compiled_project: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
-    (tmp_path / "specs").mkdir()
-    (tmp_path / "specs" / "door.yaml").write_text(SPEC)
-    compile_first = [sys.executable, "-m", "codra_dsl", "compile", "specs"]
-    subprocess.run(compile_first, cwd=tmp_path, check=True, capture_output=True, env=_environment())
+    shutil.copytree(compiled_project, tmp_path, dirs_exist_ok=True)
 
-    done = subprocess.run(
-        [sys.executable, "-c", WATCHED, str(tmp_path), *arguments],
-        cwd=tmp_path,
-        env=_environment(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = as_text(run_python(("-c", WATCHED, str(tmp_path), *arguments), tmp_path, ENVIRONMENT))
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert not (tmp_path / "owned").exists()
@@ -80,14 +85,10 @@ def test_hostile_inputs_only_give_findings() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "tests.campaigns.hostile", str(COUNT), "1"],
         cwd=ROOT,
-        env=_environment(),
+        env={**ENVIRONMENT, "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         check=False,
     )
 
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-def _environment() -> dict[str, str]:
-    return {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", "HOME": "/nonexistent"}

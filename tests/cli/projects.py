@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from tests.cli.test_commands import codra
+from tests.command_server import as_text, run_python
 
 
 def run_project(folder: Path, files: Mapping[str, str], *arguments: str) -> str:
@@ -17,5 +17,11 @@ def run_project(folder: Path, files: Mapping[str, str], *arguments: str) -> str:
         (folder / name).write_text(text)
     process = codra("compile", "specs", cwd=folder)
     assert process.returncode == 0, process.stdout + process.stderr
-    command = [sys.executable, "program.py", *arguments]
-    return subprocess.run(command, cwd=folder, check=True, text=True, stdout=subprocess.PIPE).stdout
+    return run_program(folder, "program.py", *arguments)
+
+
+def run_program(folder: Path, *arguments: str) -> str:
+    """Run a Python program in a folder, without an error; return what it printed."""
+    program = as_text(run_python(arguments, folder, os.environ))
+    assert program.returncode == 0, program.stderr
+    return program.stdout

@@ -15,7 +15,7 @@ from pathlib import Path
 import pygraphviz
 import pytest
 
-from tests.command_server import as_text, run_codra
+from tests.command_server import as_text, run_codra, run_python
 from tests.test_compiler import DOOR
 
 ROOT = Path(__file__).parents[2]
@@ -515,14 +515,7 @@ def test_a_full_disk_is_not_reported_as_a_bug(arguments: list[str]) -> None:
 
 
 def test_an_internal_error_is_reported_as_a_bug_and_exits_with_70(project: Path) -> None:
-    process = subprocess.run(
-        [sys.executable, "-c", BROKEN_INSIDE],
-        cwd=project,
-        env=environment(),
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    process = as_text(run_python(("-c", BROKEN_INSIDE), project, environment()))
 
     assert (process.returncode, process.stdout) == (70, "")
     assert process.stderr.startswith("codra: internal error: KeyError: 'door_open' (codra_dsl/compiler.py:")

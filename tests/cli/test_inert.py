@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.cli.test_commands import codra
+from tests.command_server import as_text, run_python
 
 ROOT = Path(__file__).parents[2]
 SPEC = """\
@@ -27,6 +28,10 @@ perception:
 """.replace("QUOTES", '"' * 3)
 WATCH = """
 import json, os, sys
+
+sys.dont_write_bytecode = True
+for name in [name for name in sys.modules if name.split(".")[0] in ("codra_dsl", "jinja2")]:
+    del sys.modules[name]  # so that they are imported under watch, as in a new process
 
 seen = []
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
@@ -69,24 +74,21 @@ def project(tmp_path: Path) -> Path:
     return tmp_path / "project"
 
 
+def compile_project(project: Path) -> None:
+    assert codra("compile", ".", "--no-cache", cwd=project).returncode == 0
+
+
 def run_audited(project: Path, *arguments: str) -> list[tuple[str, str]]:
     """Run a command and return its actions, as far as Python's audit hooks report them."""
     events = project.parent / "events.json"
     path = f"{ROOT}{os.pathsep}{project}"
-    process = subprocess.run(
-        [sys.executable, "-c", WATCH, *arguments],
-        cwd=project,
-        env={
-            **os.environ,
-            "PYTHONPATH": path,
-            "EVENTS": str(events),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "XDG_CACHE_HOME": str(project.parent / "user-cache"),
-        },
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    environment = {
+        **os.environ,
+        "PYTHONPATH": path,
+        "EVENTS": str(events),
+        "XDG_CACHE_HOME": str(project.parent / "user-cache"),
+    }
+    process = as_text(run_python(("-c", WATCH, *arguments), project, environment))
     assert process.returncode == 0, process.stdout + process.stderr
     return [(event, what) for event, what in json.loads(events.read_text())]
 
@@ -107,10 +109,9 @@ COMMANDS = [
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_a_command_only_reads_specs_and_writes_output(project: Path, command: list[str]) -> None:
-    run_audited(project, "compile", ".")
-    (project / "generated/door/door.py").unlink()
-    if command == ["compile", ".", "--check"]:
-        run_audited(project, "compile", ".")
+    compile_project(project)
+    if command != ["compile", ".", "--check"]:
+        (project / "generated/door/door.py").unlink()
 
     seen = run_audited(project, *command, *(["--no-cache"] if command[0] in ("lint", "compile") else []))
 
@@ -130,7 +131,7 @@ def test_a_command_only_reads_specs_and_writes_output(project: Path, command: li
 
 @pytest.mark.parametrize("command", [["lint", "."], ["compile", "."], ["compile", ".", "--check"]], ids=" ".join)
 def test_with_the_cache_a_command_also_writes_only_there(project: Path, command: list[str]) -> None:
-    run_audited(project, "compile", ".", "--no-cache")
+    compile_project(project)
 
     first, second = run_audited(project, *command), run_audited(project, *command)
 

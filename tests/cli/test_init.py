@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,8 @@ from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
 from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE
+from tests.command_server import as_text, run_python
+from tests.type_checker import run_mypy
 
 WRITTEN = {
     ".codra/schema.json",
@@ -35,15 +36,12 @@ WRITTEN = {
 
 def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run a module with the interpreter that the project would use: it sees only installed packages and the project."""
+    return as_text(run_python(("-m", *arguments), cwd, user_environment()))
+
+
+def user_environment() -> dict[str, str]:
     unset = ("GITHUB_ACTIONS", "PYTHONPATH", "NO_COLOR", "FORCE_COLOR")
-    return subprocess.run(
-        [sys.executable, "-m", *arguments],
-        cwd=cwd,
-        env={name: value for name, value in os.environ.items() if name not in unset} | {"COLUMNS": "200"},
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    return {name: value for name, value in os.environ.items() if name not in unset} | {"COLUMNS": "200"}
 
 
 def codra(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -79,7 +77,7 @@ def test_a_new_project_lints_compiles_type_checks_and_passes_its_tests(tmp_path:
     assert run_successfully("codra_dsl", "compile", "specs", "--check", cwd=folder) == ""
     assert "7 passed" in run_successfully("pytest", "-p", "no:cacheprovider", cwd=folder)
     assert run_successfully("arm_program", cwd=folder) == "set the part down\n"
-    assert "no issues found in 6 source files" in run_successfully("mypy", "--strict", cwd=folder)
+    assert "no issues found in 6 source files" in run_mypy(cwd=folder, environment=user_environment()).stdout
 
 
 def test_its_program_also_runs_in_real_time(project: Path) -> None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.cli.projects import run_project
+from tests.cli.projects import run_program, run_project
 from tests.cli.test_commands import ROOT, codra
 
 SPEC = """\
@@ -180,7 +178,7 @@ def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> Non
     elsewhere = copied(project, tmp_path)
     program = PROGRAM.replace("SimClock()", "SimClock(1_795_245_600.0)")
     (elsewhere / "program.py").write_text(program)
-    subprocess.run([sys.executable, "program.py", "run.mcap"], cwd=elsewhere, check=True)
+    run_program(elsewhere, "program.py", "run.mcap")
     explanations = {
         codra("why", "door_near", "--journal", "run.mcap", "--at", at, cwd=elsewhere).stdout
         for at in (
@@ -338,9 +336,9 @@ def test_the_journal_itself_is_never_the_target(project: Path) -> None:
 
 
 def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Path) -> None:
-    """The run is forty simulated seconds of rendered frames; the replay renders none and uses the compiled package."""
+    """The run is twenty simulated seconds of rendered frames; the replay renders none and uses the compiled package."""
     for name in ("a.mcap", "b.mcap"):
-        arguments = ("--seed", "2", "--for", "40 s", "--journal", f"{tmp_path}/{name}", "--out", f"{tmp_path}/out")
+        arguments = ("--seed", "2", "--for", "20 s", "--journal", f"{tmp_path}/{name}", "--out", f"{tmp_path}/out")
         assert codra("run", "specs/lab.yaml", *arguments, cwd=ROOT).returncode == 0
     process = codra("replay", f"{tmp_path}/a.mcap", "--journal", f"{tmp_path}/c.mcap", cwd=ROOT)
 

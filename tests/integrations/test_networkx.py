@@ -53,13 +53,13 @@ def test_attributes_are_where_users_of_networkx_expect_them() -> None:
     assert made.edges[(*near[0], "close_to")]["distance_to_robot"] == 0.85
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(graph=graphs())
 def test_any_graph_is_converted_to_networkx_without_losses(graph: DsrGraph) -> None:
     assert parts(from_networkx(to_networkx(graph))) == parts(graph)
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(graph=graphs())
 def test_any_graph_is_converted_to_graphml_without_losses_or_its_names_are_refused(graph: DsrGraph) -> None:
     try:
@@ -178,7 +178,7 @@ def test_text_that_is_not_graphml_is_refused_with_its_place(message: str) -> Non
     assert str(error_info.value).startswith(message)
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(data=some.data())
 def test_damaged_graphml_is_read_or_refused_but_never_raises_another_exception(data: some.DataObject) -> None:
     values = {"x": DsrValue(code=3, value=(1.0, math.inf)), "y": DsrValue(code=0, value="")}

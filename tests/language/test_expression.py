@@ -93,7 +93,7 @@ def test_any_text_gives_a_tree_or_a_problem(text: str) -> None:
     check_answer(text)
 
 
-@settings(max_examples=300)
+@settings(max_examples=75)
 @given(st.lists(PIECES, max_size=14), st.sampled_from(["", " "]))
 def test_any_pieces_of_conditions_give_a_tree_or_a_problem(pieces: list[str], between: str) -> None:
     check_answer(between.join(pieces))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -17,10 +18,10 @@ from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.mcap_file import ChannelDeclaration, McapFile
 from codra_dsl.runtime.journal.reader import JournalReader
 from codra_dsl.runtime.journal.schemas import kind_of
+from tests.command_server import as_text, run_codra
 
 ROOT = Path(__file__).parents[3]
 LONGEST_S = 4.0
-PATIENCE_S = 60.0
 SPEC = "specs/kitchen.yaml"
 
 
@@ -76,8 +77,7 @@ def _killed(path: Path, chance: Random) -> float:
 
 
 def _codra(*arguments: str, cwd: Path = ROOT) -> tuple[int, str]:
-    command = [sys.executable, "-m", "codra_dsl", *arguments]
-    done = subprocess.run(command, cwd=cwd, check=False, text=True, capture_output=True, timeout=PATIENCE_S)
+    done = as_text(run_codra(arguments, cwd, os.environ))
     return done.returncode, done.stdout + done.stderr
 
 

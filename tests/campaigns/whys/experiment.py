@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -15,6 +14,7 @@ from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.journal.checkpoints import Checkpoints
 from codra_dsl.runtime.journal.reader import JournalReader
 from tests.campaigns.whys.arena import Run, package, run_until, write
+from tests.command_server import run_codra
 
 LONGEST_S = 14.0
 WATCHED_S = 12.0
@@ -65,8 +65,9 @@ def experiment(seed: int, folder: Path) -> Outcome:
 
 def asked(journal: Path, name: str, at_s: float) -> list[dict[str, Any]]:
     """Return the conditions that `codra why` reports as missing; the experiment uses no other result of the run."""
-    command = ["why", name, "--journal", str(journal), "--at", repr(at_s), "--format", "json"]
-    done = subprocess.run([sys.executable, "-m", "codra_dsl", *command], check=True, text=True, capture_output=True)
+    arguments = ("why", name, "--journal", str(journal), "--at", repr(at_s), "--format", "json")
+    done = run_codra(arguments, Path.cwd(), os.environ)
+    assert done.returncode == 0, done.stderr.decode()
     missing: list[dict[str, Any]] = json.loads(done.stdout)["missing"]
     return missing
 

@@ -30,7 +30,7 @@ from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, Stage, declar
 from codra_dsl.runtime.knowledge.declarations import absent, backward, by, distance, in_view, path, ranked, some
 from codra_dsl.runtime.values.conditions import value
 from tests.generation.emit.test_emit import HOSTILE
-from tests.generation.emit.test_typed_access import errors_in
+from tests.generation.emit.test_typed_access import PACKAGES, errors_in
 
 ROOT = Path(__file__).parents[3]
 SPEC = ROOT / "tests/cases/valid/knowledge.yaml"
@@ -477,8 +477,8 @@ PROGRAM = """\
 from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, Request, Transaction
-from generated import picking_up
-from generated.picking_up.knowledge import ContainerDetectionHandle, EdgeName, PickingHandle, TaskName
+from compiled import picking_up
+from compiled.picking_up.knowledge import ContainerDetectionHandle, EdgeName, PickingHandle, TaskName
 
 
 def ask(picking: PickingHandle) -> Request:
@@ -547,10 +547,10 @@ WRONG = (
 
 def test_mypy_reports_exactly_wrong_names_and_foreign_writes(tmp_path: Path) -> None:
     for name, text in {"__init__.py": package_text(), **files(SPEC)}.items():
-        (tmp_path / "generated" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "generated" / name).write_text(text, "utf-8")
+        (tmp_path / PACKAGES / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / PACKAGES / name).write_text(text, "utf-8")
     program = PROGRAM + "".join(f"    {line}\n" for line in WRONG)
 
-    errors = errors_in(program, tmp_path, tmp_path / "cache", tmp_path)
+    errors = errors_in(program, tmp_path)
 
     assert [line for line, _ in errors] == list(WRONG)

@@ -42,7 +42,7 @@ def test_emitted_text_is_proven(path: str) -> None:
     prove({path: MODULES[path]})
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(st.data())
 def test_the_proof_of_a_damaged_module_agrees_with_the_compiler(data: st.DataObject) -> None:
     """Some characters of a real module are replaced by characters that may break the module, or may hide an error."""

@@ -7,10 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from codra_dsl.compiler import compile_paths
 from codra_dsl.generation.emit.entry import MAX_ENUMS
+from tests.type_checker import run_mypy
 
 ROOT = Path(__file__).parents[3]
 PROGRAM = """\
@@ -51,19 +50,11 @@ with kitchen.start(clock=SimClock(), resources={}) as codra:
 """
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("cache")
-
-
-def errors_in(program: str, folder: Path, cache: Path, root: Path = ROOT) -> list[tuple[str, str]]:
-    """Return the line and the code of each error that mypy reports in a program."""
+def errors_in(program: str, folder: Path) -> list[tuple[str, str]]:
+    """Return the line and the code of each error that mypy reports in a program, which may import from a folder."""
     file = folder / "robot_program.py"
     file.write_text(program, "utf-8")
-    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--cache-dir", str(cache), str(file)]
-    completed_process = subprocess.run(
-        command, cwd=root, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL
-    )
+    completed_process = run_mypy("--no-error-summary", str(file))
     assert not completed_process.stderr
     errors = re.findall(r"^\S+:(\d+): error: .*\[([a-z-]+)\]$", completed_process.stdout, re.MULTILINE)
     assert len(errors) == completed_process.stdout.count(" error: ")
@@ -71,22 +62,22 @@ def errors_in(program: str, folder: Path, cache: Path, root: Path = ROOT) -> lis
     return [(lines[int(number) - 1].strip(), code) for number, code in errors]
 
 
-def test_a_right_program_has_no_error(tmp_path: Path, cache: Path) -> None:
-    assert errors_in(PROGRAM, tmp_path, cache) == []
+def test_a_right_program_has_no_error(tmp_path: Path) -> None:
+    assert errors_in(PROGRAM, tmp_path) == []
 
 
-def test_three_wrong_uses_are_three_errors(tmp_path: Path, cache: Path) -> None:
+def test_three_wrong_uses_are_three_errors(tmp_path: Path) -> None:
     wrong = PROGRAM.replace('get("fridge_open")', 'get("fridge_opne")')
     wrong = wrong.replace('"robot_place", "stove"', '"robot_place", "stoove"')
     wrong = wrong.replace('skill("boil_water")', 'skill("boil_whater")')
-    assert errors_in(wrong, tmp_path, cache) == [
+    assert errors_in(wrong, tmp_path) == [
         ('is_open: bool = codra.get("fridge_opne").value', "call-overload"),
         ('codra.set("robot_place", "stoove")', "call-overload"),
         ('with codra.skill("boil_whater") as skill, skill.acting():', "arg-type"),
     ]
 
 
-def test_every_other_wrong_use_is_one_error(tmp_path: Path, cache: Path) -> None:
+def test_every_other_wrong_use_is_one_error(tmp_path: Path) -> None:
     wrong = [
         'codra.set("kettle_water", "full")',
         'codra.set("fridge_open", 2)',
@@ -104,8 +95,11 @@ def test_every_other_wrong_use_is_one_error(tmp_path: Path, cache: Path) -> None
         'codra.agent("wall_switch").set("light", True)',
     ]
     program = PROGRAM + "".join(f"    {line}\n" for line in wrong)
-    assert [line for line, _ in errors_in(program, tmp_path, cache)] == wrong
+    assert [line for line, _ in errors_in(program, tmp_path)] == wrong
 
+
+PACKAGES = "compiled"
+"""The folder of compiled packages; mypy would take one of the name `generated` for that of this repository."""
 
 LONG = "state_of_the_third_drawer_from_above_in_the_laboratory_on_the_left"
 
@@ -116,10 +110,10 @@ def made(lines: list[str], folder: Path) -> None:
     (folder / "specs/drawers.yaml").write_text("\n".join(["codra: 1", "name: drawers", "context:", *lines, ""]))
     compilation = compile_paths([folder / "specs/drawers.yaml"], folder)
     for path, text in compilation.files.items():
-        (folder / "generated" / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / "generated" / path).write_text(text, "utf-8")
+        (folder / PACKAGES / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / PACKAGES / path).write_text(text, "utf-8")
     ruff = Path(sys.executable).with_name("ruff")
-    command = (ruff, "format", "--isolated", "--line-length", "120", "--diff", folder / "generated")
+    command = (ruff, "format", "--isolated", "--line-length", "120", "--diff", folder / PACKAGES)
     assert subprocess.run(command, check=False, capture_output=True).returncode == 0
 
 
@@ -130,25 +124,25 @@ def drawers(count: int) -> list[str]:
     ]
 
 
-def test_one_enum_with_a_long_name_is_typed(tmp_path: Path, cache: Path) -> None:
+def test_one_enum_with_a_long_name_is_typed(tmp_path: Path) -> None:
     made(drawers(1), tmp_path)
     program = f"""\
-from generated import drawers
+from {PACKAGES} import drawers
 
 
 def use(codra: drawers.Drawers) -> None:
     codra.set("{LONG}_0", "shut_0")
     codra.set("{LONG}_0", "shut")
 """
-    assert errors_in(program, tmp_path, cache, root=tmp_path) == [(f'codra.set("{LONG}_0", "shut")', "arg-type")]
+    assert errors_in(program, tmp_path) == [(f'codra.set("{LONG}_0", "shut")', "arg-type")]
 
 
-def test_many_enums_with_long_names_stay_readable_and_typed(tmp_path: Path, cache: Path) -> None:
+def test_many_enums_with_long_names_stay_readable_and_typed(tmp_path: Path) -> None:
     made([*drawers(MAX_ENUMS + 5), "  ready: {type: bool, source: main_execution}"], tmp_path)
-    text = (tmp_path / "generated/drawers/__init__.py").read_text("utf-8")
+    text = (tmp_path / PACKAGES / "drawers/__init__.py").read_text("utf-8")
     assert text.count("def get(") == MAX_ENUMS + 4
     program = f"""\
-from generated import drawers
+from {PACKAGES} import drawers
 
 
 def use(codra: drawers.Drawers) -> None:
@@ -157,6 +151,6 @@ def use(codra: drawers.Drawers) -> None:
     codra.set("{LONG}_0", "shut_1")
     codra.set("{LONG}_54", first + last)
 """
-    assert errors_in(program, tmp_path, cache, root=tmp_path) == [
+    assert errors_in(program, tmp_path) == [
         (f'codra.set("{LONG}_0", "shut_1")', "call-overload"),
     ]

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_server import as_text, run_python
+
 SPEC = """\
 codra: 1
 name: gate
@@ -101,11 +103,19 @@ stories:
 
 
 def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    unset = ("PYTHONPATH", "PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST", "FORCE_COLOR", "GITHUB_ACTIONS", "CI")
-    environment = {key: value for key, value in os.environ.items() if key not in unset} | {"COLUMNS": "100"}
+    return as_text(run_python(command, cwd, environment()))
+
+
+def run_without_imports(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run Python in a new process, which has imported nothing yet."""
     return subprocess.run(
-        [sys.executable, *command], cwd=cwd, env=environment, text=True, capture_output=True, check=False
+        [sys.executable, *command], cwd=cwd, env=environment(), text=True, capture_output=True, check=False
     )
+
+
+def environment() -> dict[str, str]:
+    unset = ("PYTHONPATH", "PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST", "FORCE_COLOR", "GITHUB_ACTIONS", "CI")
+    return {key: value for key, value in os.environ.items() if key not in unset} | {"COLUMNS": "100"}
 
 
 @pytest.fixture
@@ -191,7 +201,7 @@ def test_collecting_a_timeline_imports_neither_the_compiler_nor_the_runtime(proj
         "    assert not packages & set(heavy)\n",
         "utf-8",
     )
-    process = run("-m", "pytest", "-v", "-W", "error", "-k", "test_it", cwd=project)
+    process = run_without_imports("-m", "pytest", "-v", "-W", "error", "-k", "test_it", cwd=project)
     collected = run("-m", "pytest", "-q", "--collect-only", cwd=project)
 
     assert "1 passed, 2 deselected" in process.stdout, process.stdout
@@ -246,7 +256,7 @@ def test_a_project_that_does_not_use_codra_loads_only_the_plugin(tmp_path: Path)
         "    assert ours == ['codra_dsl', 'codra_dsl.integrations', testing, f'{testing}.plugin']\n",
         "utf-8",
     )
-    process = run("-m", "pytest", "-q", "-W", "error", "-p", "no:hypothesispytest", cwd=tmp_path)
+    process = run_without_imports("-m", "pytest", "-q", "-W", "error", "-p", "no:hypothesispytest", cwd=tmp_path)
 
     assert "1 passed" in process.stdout, process.stdout
 
@@ -256,6 +266,6 @@ def test_codra_works_without_pytest(project: Path) -> None:
         "import sys; sys.modules['pytest'] = None; sys.argv[:] = ['codra', 'lint', 'specs']\n"
         "from generated import gate; from codra_dsl.cli import main; main()"
     )
-    process = run("-c", script, cwd=project)
+    process = run_without_imports("-c", script, cwd=project)
 
     assert (process.stderr, process.returncode) == ("no findings\n", 0)

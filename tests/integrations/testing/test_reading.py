@@ -105,7 +105,7 @@ def test_a_mistake_is_reported_with_help(text: str, message: str) -> None:
 
 
 @given(st.data())
-@settings(max_examples=300)
+@settings(max_examples=75)
 def test_reading_a_damaged_timeline_never_raises(data: st.DataObject) -> None:
     text = data.draw(st.sampled_from([KITCHEN, LAB]))
     lines = text.splitlines()

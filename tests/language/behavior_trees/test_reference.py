@@ -16,7 +16,7 @@ chances = st.integers(0, 10**9).map(Random)
 trees = chances.map(lambda chance: RandomTree(chance, chance.randint(1, 4)))
 
 
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(chances)
 def test_random_trees_do_the_same_tick_by_tick(chance: Random) -> None:
     random_tree = RandomTree(chance, chance.choice([1, 1, 2, 2, 3, 4]))
@@ -53,7 +53,7 @@ class Endless(Action):
         Endless.running -= 1
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(chances)
 def test_a_halted_tree_leaves_no_action_running(chance: Random) -> None:
     Endless.running = 0

@@ -107,7 +107,7 @@ def hold(conditions: Sequence[Term], world: World) -> bool:
     return all(condition.evaluate(world) is True for condition in conditions)
 
 
-@settings(max_examples=200)
+@settings(max_examples=50)
 @given(st.lists(CONDITIONS, min_size=1, max_size=3))
 def test_conditions_over_numbers_can_hold_exactly_if_some_values_make_them_true(conditions: list[Node]) -> None:
     terms = [term(condition) for condition in conditions]
@@ -115,7 +115,7 @@ def test_conditions_over_numbers_can_hold_exactly_if_some_values_make_them_true(
     assert can_hold(conditions, (), TYPES) is expected
 
 
-@settings(max_examples=200)
+@settings(max_examples=50)
 @given(CONDITIONS, CONDITIONS)
 def test_a_condition_follows_from_another_exactly_if_no_values_make_only_the_other_true(one: Node, other: Node) -> None:
     stronger, weaker = term(one), term(other)
@@ -127,7 +127,7 @@ def asks_for_knowledge(condition: Node) -> bool:
     return "known(" in repr(term(condition))
 
 
-@settings(max_examples=200)
+@settings(max_examples=50)
 @given(CONDITIONS.filter(lambda condition: not asks_for_knowledge(condition)))
 def test_a_condition_always_holds_exactly_if_all_known_values_make_it_true(condition: Node) -> None:
     judged_term = term(condition)

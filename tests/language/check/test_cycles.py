@@ -224,7 +224,7 @@ def least_fixed_point(algorithms: list[tuple[str, list[Node]]]) -> set[str]:
     return reached_variables
 
 
-@settings(max_examples=150)
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.sampled_from(VARIABLES), st.lists(conditions(), max_size=2)), min_size=1, max_size=5))
 def test_cycles_are_reported_exactly_for_variables_outside_the_least_fixed_point(
     algorithms: list[tuple[str, list[Node]]],

@@ -44,7 +44,7 @@ def lower_text(text: str, types: dict[str, Type] | None = None) -> str:
     return to_python(typed)
 
 
-@settings(max_examples=400)
+@settings(max_examples=75)
 @given(CONDITIONS, worlds())
 def test_lowered_conditions_have_the_meaning_of_the_language(tree: Node, world: World) -> None:
     typed, problems = infer_condition(tree, TYPES, reads_context=True)

@@ -200,7 +200,7 @@ def test_every_rule_has_a_case() -> None:
     assert [rule.code for rule in RULES.values() if f"[{rule.code}]" not in all_cases_text] == []
 
 
-@settings(max_examples=150)
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(0, 200), st.sampled_from([*WORDS, "", "known", "3 m", "not"])), max_size=3))
 def test_a_spec_with_exchanged_words_is_checked_without_an_exception(exchanges: list[tuple[int, str]]) -> None:
     text = DOOR

@@ -82,7 +82,7 @@ def all_worlds(unknown: frozenset[str]) -> Iterator[World]:
         yield World(dict(zip(domains, values, strict=True)), dict.fromkeys(SMALL, 1.0))
 
 
-@settings(max_examples=300)
+@settings(max_examples=75)
 @given(st.lists(LOGIC, min_size=1, max_size=3), st.sets(st.sampled_from(sorted(SMALL))))
 def test_for_bools_and_enums_can_hold_agrees_with_trying_everything(conditions: list[Node], unknown: set[str]) -> None:
     unknown_names = frozenset(unknown)
@@ -92,7 +92,7 @@ def test_for_bools_and_enums_can_hold_agrees_with_trying_everything(conditions: 
     assert can_hold(conditions, unknown_names, SMALL) is expected
 
 
-@settings(max_examples=200)
+@settings(max_examples=50)
 @given(CONDITIONS, worlds())
 def test_a_condition_that_holds_in_some_world_can_hold(tree: Node, world: World) -> None:
     unknown = [variable for variable, value in world.values.items() if value is None]

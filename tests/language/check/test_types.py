@@ -21,7 +21,7 @@ def tree(text: str) -> Node:
     return parsed_tree
 
 
-@settings(max_examples=300)
+@settings(max_examples=75)
 @given(TREES)
 def test_every_parsed_condition_is_checked_and_sound_ones_can_be_lowered(node: Node) -> None:
     for reads_context in (True, False):

@@ -13,7 +13,7 @@ from tests.language.fuzzy.random_engines import engines
 from tests.language.fuzzy.test_bounds import assert_held, box_of, boxes, inside
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(engine=engines(), drawn=boxes, points=inside)
 def test_bounds_contain_every_value_of_any_engine(
     engine: Engine, drawn: list[tuple[float, float, bool]], points: list[list[float]]
@@ -22,7 +22,7 @@ def test_bounds_contain_every_value_of_any_engine(
         assert_held(loaded(engine), box_of(engine, drawn), points)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(engine=engines())
 def test_any_written_engine_is_read_back(engine: Engine) -> None:
     text = write_fll(engine)
@@ -33,7 +33,7 @@ def test_any_written_engine_is_read_back(engine: Engine) -> None:
         assert write_fll(engine_of(text)) == text
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     engine=engines(),
     row=st.lists(st.sampled_from([float("nan"), float("inf"), float("-inf"), 0.3]), min_size=3, max_size=3),

@@ -65,7 +65,7 @@ def assert_held(module: ModuleType, box: list[Bounds], points: list[list[float]]
 def test_bounds_contain_every_value_that_the_inputs_allow(name: str) -> None:
     engine, module = stored(name), loaded(stored(name))
 
-    @settings(max_examples=150, deadline=None)
+    @settings(max_examples=50, deadline=None)
     @given(boxes, inside)
     @example([(0.0, 1.0, False)] * 6, [[share] * 6 for share in (0.1, 0.3, 0.5, 0.7, 0.9)])
     def held(drawn: list[tuple[float, float, bool]], points: list[list[float]]) -> None:

@@ -13,6 +13,7 @@ from codra_dsl.language.fuzzy import compile_engine
 from codra_dsl.language.project import GENERATED_API
 from tests.language.fuzzy.engines import NAMES, engine_of, loaded, stored
 from tests.language.fuzzy.test_reading import GOOD
+from tests.type_checker import run_mypy
 
 ROOT = Path(__file__).parents[3]
 
@@ -54,8 +55,9 @@ def test_compiled_modules_pass_the_linter(modules: Path) -> None:
         assert done.returncode == 0, done.stdout
 
 
-def test_compiled_modules_have_types(modules: Path, tmp_path: Path) -> None:
-    run(Path(sys.executable).with_name("mypy"), "--strict", "--cache-dir", tmp_path / "cache", modules)
+def test_compiled_modules_have_types(modules: Path) -> None:
+    done = run_mypy(str(modules))
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.parametrize("name", NAMES)

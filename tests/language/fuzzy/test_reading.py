@@ -211,7 +211,7 @@ def test_findings_are_bounded() -> None:
     assert len(finding_texts("Engine: a\n" + "x\n" * 5000)) == MAX_FINDINGS
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(st.binary(max_size=300) | st.text(max_size=300).map(lambda text: text.encode("utf-8", "replace")))
 def test_any_bytes_can_be_read(data: bytes) -> None:
     read = read_fll(data, "fan.fll")
@@ -219,7 +219,7 @@ def test_any_bytes_can_be_read(data: bytes) -> None:
     assert (read.engine is None) == bool(read.findings)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(name=st.sampled_from(NAMES), seed=st.integers(0, 10_000))
 def test_a_damaged_engine_is_refused_with_places_or_works(name: str, seed: int) -> None:
     """Lines and words are removed, doubled and swapped. An accepted engine compiles, runs and can be written."""

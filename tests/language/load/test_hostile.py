@@ -122,7 +122,7 @@ def test_any_text_in_place_of_conditions_can_be_loaded(text: str) -> None:
     assert_in_text(loaded(spec)[1], spec)
 
 
-@settings(max_examples=300)
+@settings(max_examples=75)
 @given(st.integers(0, len(LAB_IN_ONE_FILE)), st.integers(0, 12), st.lists(st.sampled_from(SNIPPETS), max_size=3))
 def test_a_spec_with_any_change_can_be_loaded(at: int, length: int, inserted: list[str]) -> None:
     text = LAB_IN_ONE_FILE[:at] + "".join(inserted) + LAB_IN_ONE_FILE[at + length :]

@@ -12,6 +12,7 @@ import pytest
 
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal.reader import JournalReader
+from tests.command_server import as_text, run_python
 from tests.runtime.door import MODEL, Door
 from tests.runtime.journal.journals import messages, read, run_door
 
@@ -20,9 +21,8 @@ PATIENCE_S = 60.0
 
 
 def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", "-c", program, *map(str, arguments)]
-    environment = {"PYTHONPATH": str(ROOT)}
-    return subprocess.run(command, env=environment, check=False, text=True, capture_output=True, timeout=PATIENCE_S)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return as_text(run_python(("-W", "error", "-c", program, *map(str, arguments)), ROOT, environment))
 
 
 def values(path: Path) -> list[object]:

@@ -108,7 +108,7 @@ class Handshake(RuleBasedStateMachine):
 
 
 TestHandshake = Handshake.TestCase
-TestHandshake.settings = settings(max_examples=150, stateful_step_count=40)
+TestHandshake.settings = settings(max_examples=50, stateful_step_count=40)
 
 
 @pytest.fixture

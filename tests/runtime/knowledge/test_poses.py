@@ -135,14 +135,14 @@ class Tree:
         return f"n{a}", f"n{b}", float(self.chance.integers(-2, 8 * (HORIZON_S + 2))) / 8
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(seed=some.integers(0, 2**32 - 1))
 def test_every_transform_agrees_with_matrices_by_hand_after_any_interleaving(seed: int) -> None:
     tree, asked = Tree(seed), []
     for _ in range(25):
         tree.place_random_part()
         asked.append(tree.question())
-        for target, source, at_s in asked[-8:]:  # earlier transforms again, after further placements
+        for target, source, at_s in asked[-5:]:  # earlier transforms again, after further placements
             transform = tree.knowledge.transform(target, source, at_s)
             matrix, outcome = tree.pose_oracle.transform(target, source, at_s)
             np.testing.assert_allclose(np.array(transform.pose.matrix()), matrix, atol=1e-7)

@@ -300,7 +300,7 @@ STEPS = some.lists(
 
 
 @pytest.mark.parametrize("extrapolate_s", [0.0, 0.4])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(steps=STEPS)
 def test_comparisons_agree_with_the_poses_at_every_instant(
     extrapolate_s: float, steps: list[tuple[str, tuple[int, int, int], int]]

@@ -61,7 +61,7 @@ _STEPS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(_STEPS)
 def test_both_sides_have_the_same_history_for_every_order_of_writes(
     steps: list[tuple[str, float, float, float]],

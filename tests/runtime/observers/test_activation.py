@@ -167,7 +167,7 @@ def check_against_the_paper(seed: int, steps: Sequence[Step]) -> int:
     return most
 
 
-@settings(max_examples=120)
+@settings(max_examples=50)
 @given(st.integers(0, 10**6), STEPS)
 def test_running_observers_equal_algorithm_1_on_the_declarations(seed: int, steps: list[Step]) -> None:
     check_against_the_paper(seed, steps)

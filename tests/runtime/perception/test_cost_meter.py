@@ -69,7 +69,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @drawn(STEPS, st.sampled_from([takes(0.7, YES), takes(0.7, {}), takes(3.0, YES), raises]), st.booleans())
 def test_every_job_that_began_has_exactly_one_end(steps: list[tuple[str, float]], find: object, snapshot: bool) -> None:
     find = takes(1.2, YES, snapshot=True) if snapshot else find

@@ -527,7 +527,7 @@ def requests(draw: some.DrawFn) -> dict[str, object]:
     return {"codra": VERSION, "id": draw(some.integers(0, 99)), "ask": ask, **fields}
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(messages=some.lists(some.tuples(requests() | anything, some.floats(0, 2)), max_size=25))
 def test_each_request_has_one_answer_and_leaving_withdraws_all_declarations(
     messages: list[tuple[Any, float]],

@@ -239,7 +239,7 @@ Guards = st.recursive(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(Guards, Guards)
 def test_the_relation_of_two_guards_holds_on_a_robot(old: str, new: str) -> None:
     decided = related(old, new)
@@ -253,7 +253,7 @@ def test_the_relation_of_two_guards_holds_on_a_robot(old: str, new: str) -> None
             assert held or not holds, (old, new, scene)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(Guards, Guards)
 def test_equal_conditions_have_the_same_value_even_if_unknown(one: str, other: str) -> None:
     if is_equal(tree(one), tree(other), JOINED):
@@ -262,7 +262,7 @@ def test_equal_conditions_have_the_same_value_even_if_unknown(one: str, other: s
             assert first.evaluate(scene) is second.evaluate(scene), (one, other, scene)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(Guards)
 def test_a_wrapped_guard_is_the_same(text: str) -> None:
     assert related(text, f"not (not ({text}))") is Relation.SAME

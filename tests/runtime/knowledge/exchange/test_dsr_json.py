@@ -184,7 +184,7 @@ def parts(graph: DsrGraph) -> tuple[object, ...]:
     return nodes, sorted(graph.edges, key=lambda edge: edge.key), graph.extra, graph.model_extra
 
 
-@settings(max_examples=200)
+@settings(max_examples=50)
 @given(graph=graphs())
 def test_any_graph_is_read_as_it_was_written(graph: DsrGraph) -> None:
     text = dsr_text(graph)
@@ -259,7 +259,7 @@ def test_mistakes_in_a_file_are_reported_with_their_place_and_help(message: str)
     assert len(str(error.value)) < 400
 
 
-@settings(max_examples=300)
+@settings(max_examples=75)
 @given(data=some.data())
 def test_a_damaged_file_is_read_or_reported_and_never_raises_another_error(data: some.DataObject) -> None:
     content = bytearray(EVERY_TYPE.read_bytes()[:6000] if data.draw(some.booleans()) else EVERY_TYPE.read_bytes())
