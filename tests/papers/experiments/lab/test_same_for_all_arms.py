@@ -17,7 +17,7 @@ from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies.lab_robustness import ARMS
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
-SEED, DURATION_S = 3, 70.0
+SEED, DURATION_S = 3, 60.0
 
 
 def watched_by(arms: tuple[Arm, ...], folder: Path) -> LabRun:
@@ -98,7 +98,7 @@ def test_every_frame_that_was_rendered_was_perceived(run_of_all_arms: LabRun) ->
 
 def test_another_arm_does_not_change_the_outcome_of_an_arm(tmp_path: Path) -> None:
     def outcome(name: str, *arms: Arm) -> Outcome:
-        trial = Trial(name=name, spec=SPEC, seed=SEED, arms=arms, duration_s=DURATION_S)
+        trial = Trial(name=name, spec=SPEC, seed=SEED, arms=arms, duration_s=50.0)
         return run_trial(trial, tmp_path / name)
 
     outcome_alone, outcome_with_naive = outcome("alone", NEED), outcome("beside", NAIVE, NEED)

@@ -22,7 +22,7 @@ from codra_papers.experiments.studies.robustness.frames import detect_again
 from codra_papers.experiments.studies.robustness.mistakes import mistakes, mistakes_table, photographs
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
-DURATION_S = 60.0
+DURATION_S = 45.0
 TABLE_SEEDS, FURTHER_MACHINES = (301, 302), (311, 312)
 
 
