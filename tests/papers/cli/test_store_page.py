@@ -18,6 +18,8 @@ from tests.cli.test_commands import ROOT, codra, environment
 
 STORE = str(ROOT / "specs/store.yaml")
 TIMEOUT_S = 60.0
+expect.set_options(timeout=1000 * TIMEOUT_S)
+HEIGHTS = "all => all.map(each => each.getBoundingClientRect().height)"
 
 
 def _heed_interrupts() -> None:
@@ -79,6 +81,14 @@ def browser() -> Iterator[Browser]:
         launched_browser.close()
 
 
+@pytest.fixture(autouse=True)
+def _closed_pages(browser: Browser) -> Iterator[None]:
+    """Close the pages of a test after it, because a page of a run that goes on is drawn again and again."""
+    yield
+    for context in browser.contexts:
+        context.close()
+
+
 def copied_spec(folder: Path) -> Path:
     """Return a copy of the store's spec in a folder that also has the behavior trees."""
     shutil.copytree(ROOT / "specs/trees", folder / "trees")
@@ -106,8 +116,8 @@ def test_a_container_is_requested_by_a_click_and_the_robot_starts(browser: Brows
     page.locator("#provide").get_by_label("To").select_option("Area 3")
     number = click_to_order(page, "Request a container")
     orders, navigating = page.locator("#orders"), page.locator("#tasks tr").filter(has_text="Navigating")
-    expect(orders).to_contain_text(f"Order {number}: provideSupplyArea 3open", timeout=1000 * TIMEOUT_S)
-    expect(navigating).to_contain_text("under way for mission", timeout=1000 * TIMEOUT_S)
+    expect(orders).to_contain_text(f"Order {number}: provideSupplyArea 3open")
+    expect(navigating).to_contain_text("under way for mission")
 
     events = run.events("--kind", "knowledge")
 
@@ -123,7 +133,7 @@ def test_delivery_is_asked_for_and_the_order_is_taken_back_by_clicks(browser: Br
     number = click_to_order(page, "Ask for delivery")
     page.get_by_role("button", name=f"Take back order {number}").click()
     order = page.locator("#orders > *").filter(has_text=f"Order {number}")
-    expect(order).to_contain_text("cancelled", timeout=1000 * TIMEOUT_S)
+    expect(order).to_contain_text("cancelled")
 
     events = run.events("--kind", "knowledge")
 
@@ -186,12 +196,12 @@ def test_the_page_fits_any_screen_and_all_controls_have_names(browser: Browser, 
     for width in (320, 390, 1024, 1400):
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") == width
-        boxes = [control.bounding_box() for control in page.locator("button, select").all()]
-        take_back_count = page.get_by_role("button", name="Take back").count()
-        assert all(box is not None and box["height"] >= 44 for box in boxes), "large enough for a thumb"
+        heights = page.locator("button:not(.take-back), select").evaluate_all(HEIGHTS)
+        heights_of_take_back = page.locator(".take-back").evaluate_all(HEIGHTS)
+        assert min(heights + heights_of_take_back) >= 44, "large enough for a thumb"
 
     unlabelled_count = page.locator("select").evaluate_all("all => all.filter(each => each.labels.length === 0).length")
-    assert (len(boxes) - take_back_count, unlabelled_count) == (8, 0)
+    assert (len(heights), unlabelled_count) == (8, 0)
 
 
 def test_an_interrupted_run_leaves_a_complete_journal_and_a_page_that_shows_that_it_is_outdated(

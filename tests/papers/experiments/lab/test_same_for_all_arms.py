@@ -17,7 +17,7 @@ from codra_papers.experiments.lab.trials import Trial, run_trial
 from codra_papers.experiments.studies.lab_robustness import ARMS
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
-SEED, DURATION_S = 3, 60.0
+SEED, DURATION_S = 3, 70.0
 
 
 def watched_by(arms: tuple[Arm, ...], folder: Path) -> LabRun:
