@@ -30,6 +30,20 @@ _LENGTH = struct.Struct("!I")
 _EXIT_CODE = struct.Struct("!i")
 _PATIENCE_S = 240.0
 """A command that needs more time hangs."""
+_MODULES_OF_COMMANDS = {
+    "experiment": (
+        "codra_papers.experiments.campaign.provenance",
+        "codra_papers.experiments.campaign.results",
+        "codra_papers.experiments.studies.lab_robustness",
+        "codra_papers.experiments.studies.store_managers",
+    ),
+    "run": (
+        "codra_papers.experiments.lab.report",
+        "codra_papers.experiments.store.run",
+        "codra_papers.store.page.server",
+    ),
+}
+"""The modules that only one command needs. They are imported when this command is run for the first time."""
 
 _SETTINGS_OF_NEW_PROCESSES = ("PYTHON", "LANG", "LC_")
 """The start of the names of environment variables that Python reads only when a process starts."""
@@ -159,6 +173,9 @@ def _serve(connection: socket.socket) -> list[str]:
         if not header:
             sys.exit()
         request = json.loads(_receive(connection, *_LENGTH.unpack(header)))
+        for argument in request["arguments"]:
+            for module in _MODULES_OF_COMMANDS.get(argument, ()):
+                importlib.import_module(module)
         process_id = os.fork()
         if process_id == 0:
             connection.close()

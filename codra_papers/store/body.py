@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from math import pi, radians
 from typing import Protocol
 
@@ -73,7 +74,7 @@ LASER_POSES = {
 The laser at the tip of the fork sees the wheels of containers, not their frames."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Scan:
     """The rays of one laser at one instant.
 
@@ -91,6 +92,10 @@ class Scan:
 
     def points_m(self) -> Floats:
         """Return the points that the rays hit, in the robot's frame, from right to left; shape (points, 2)."""
+        return self._points_m
+
+    @cached_property
+    def _points_m(self) -> Floats:
         has_hit = self.ranges_m < self.farthest_m
         bearings, ranges = self.bearings_rad[has_hit] + self.mount.heading_rad, self.ranges_m[has_hit]
         points: Floats = np.stack(

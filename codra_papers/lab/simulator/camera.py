@@ -10,6 +10,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields
+from functools import lru_cache
 from math import ceil, radians, tan
 from operator import attrgetter
 from random import Random
@@ -309,11 +310,7 @@ class _Optics:
 
     def __init__(self, world: LabWorld) -> None:
         self._world = world
-        bank = default_rng(7).normal(0.0, world.laboratory.noise_greys, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
-        noise = np.round(bank)
-        self._brightening_noise, self._darkening_noise = (
-            np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise)
-        )
+        self._brightening_noise, self._darkening_noise = _noise_banks(world.laboratory.noise_greys)
         self._mounting = _mounting_error(world.seed)
         self._last_picture: Pixels | None = None
         self._last_light = 0.0
@@ -349,6 +346,17 @@ class _Optics:
         top = random.randrange(_NOISE_BANK_PX - INTRINSICS.height)
         left = random.randrange(_NOISE_BANK_PX - INTRINSICS.width)
         return slice(top, top + INTRINSICS.height), slice(left, left + INTRINSICS.width)
+
+
+@lru_cache(maxsize=2)
+def _noise_banks(noise_greys: float) -> tuple[Pixels, Pixels]:
+    """Return the noise that brightens pixels and the noise that darkens pixels."""
+    bank = default_rng(7).normal(0.0, noise_greys, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
+    noise = np.round(bank)
+    brightening, darkening = (np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise))
+    for shared_bank in (brightening, darkening):
+        shared_bank.setflags(write=False)
+    return brightening, darkening
 
 
 def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:

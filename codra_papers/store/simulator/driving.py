@@ -268,12 +268,14 @@ def _touches_body_in(scan: Scan, wish: Wish, senses: Senses) -> bool:
     bodies, points = bodies_m(scan), scan.points_m()
     gaps_now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
     is_near = gaps_now_m < TOUCH_M + FORESIGHT_S * _fastest_m_s(wish)
-    bodies, points, gaps_now_m = bodies[is_near], points[is_near], gaps_now_m[is_near]
+    is_near[is_near] = is_strange(points[is_near], senses.believed_pose, CONTAINER_PLACES_M)
+    if not is_near.any():
+        return False
+    bodies, gaps_now_m = bodies[is_near], gaps_now_m[is_near]
     is_touched = np.zeros(len(bodies), dtype=bool)
     for step in range(1, round(FORESIGHT_S / STEP_S) + 1):
         gaps_then_m = gaps_m(_points_relative_to(_pose_after(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
         is_touched |= (gaps_then_m < TOUCH_M) & (gaps_then_m < gaps_now_m - _ROUNDING)
-    is_touched[is_touched] = is_strange(points[is_touched], senses.believed_pose, CONTAINER_PLACES_M)
     return bool(is_touched.any()) and not is_seen_through(scan, bodies[is_touched]).all()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache, lru_cache
 from math import atan2, hypot, pi, radians, sin
 from random import Random
 
@@ -22,9 +23,9 @@ from codra_papers.store.body import (
     Side,
     Sighting,
 )
-from codra_papers.store.geometry import Box, Disc, Floats, Pose2D, Scene, wrapped
+from codra_papers.store.geometry import Box, Disc, Floats, Point, Pose2D, Scene, wrapped
 from codra_papers.store.simulator.people import PERSON_RADIUS_M
-from codra_papers.store.simulator.state import SHELL, StoreState
+from codra_papers.store.simulator.state import SHELL, Container, StoreState
 
 LASER_FARTHEST_M = 10.0
 LASER_NOISE_M = 0.01
@@ -48,7 +49,8 @@ def scan(seed: int, state: StoreState, side: Side) -> Scan:
     mount = LASER_POSES[side]
     eye = Pose2D(*state.robot.at.point_at(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
     rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
-    ranges = _ranges_m(_moving_obstacles(state, side), eye, bearings, LASER_FARTHEST_M)
+    obstacles = _moving_obstacles(state.people_m, state.containers_on_floor(), sees_wheels=side is Side.BACK)
+    ranges = _ranges_m(obstacles, eye, bearings, LASER_FARTHEST_M)
     entropy = (abs(seed), list(Side).index(side), state.step)
     random = default_rng(entropy if seed >= 0 else (*entropy, 1))  # `default_rng` takes no negative numbers
     noise = random.normal(0.0, LASER_NOISE_M, rays)
@@ -93,17 +95,20 @@ def believed_pose(seed: int, state: StoreState) -> Pose2D:
     return Pose2D(at.x_m + x_m, at.y_m + y_m, wrapped(at.heading_rad + turn_rad))
 
 
+@cache
 def _waves(seed: int) -> list[list[tuple[float, float, float]]]:
     random = Random(f"{seed} localisation")
     sizes = (LOCALISATION_WAVE_M, LOCALISATION_WAVE_M, 0.005)
     return [[(random.uniform(60.0, 400.0), random.uniform(0.0, 2 * pi), size) for _ in range(2)] for size in sizes]
 
 
-def _moving_obstacles(state: StoreState, side: Side) -> Scene:
-    """Return the moving obstacles of a laser: people, and containers (in front their frames, behind their wheels)."""
-    discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m]
-    containers = state.containers_on_floor()
-    if side is not Side.BACK:
+@lru_cache(maxsize=2)
+def _moving_obstacles(
+    people_m: tuple[tuple[str, Point], ...], containers: tuple[Container, ...], *, sees_wheels: bool
+) -> Scene:
+    """Return the moving obstacles of a laser: people, and the frames or the wheels of containers."""
+    discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in people_m]
+    if not sees_wheels:
         return Scene([container.box() for container in containers], discs)
     return Scene([], [*discs, *(wheel for container in containers for wheel in container.wheels())])
 

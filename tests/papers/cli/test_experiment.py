@@ -29,8 +29,8 @@ from tests.cli.test_commands import DOOR, MISSPELT, MONITER, ROOT, codra, enviro
 
 CONSOLE_SCRIPT = Path(sys.executable).with_name("codra")
 TINY_EXPERIMENT = "tiny:EXPERIMENT"
-RECORD_NAMES = ["seed 301.json", "seed 302.json", "seed 303.json"]
-TIMEOUT_S = 60.0
+RECORD_NAMES = ["seed 301.json", "seed 302.json"]
+TIMEOUT_S = 300.0
 
 
 def project_in(folder: Path) -> Path:
@@ -97,6 +97,11 @@ def lives(number: int) -> bool:
         return False
 
 
+def has_begun_trials(project: Path) -> bool:
+    """Return whether a program runs trials in a project: it has locked their folder and has temporary files there."""
+    return any((project / "runs/tiny/trials").glob(".*/*"))
+
+
 # A complete run
 
 
@@ -105,7 +110,7 @@ def test_a_run_prints_the_summary_and_the_paths_of_page_and_data(uninterrupted_p
 
     assert (
         uninterrupted_project / "stdout"
-    ).read_text() == f"In 3 trials {sum(frames.values())} frames were rendered.\n"
+    ).read_text() == f"In 2 trials {sum(frames.values())} frames were rendered.\n"
     assert (uninterrupted_project / "stderr").read_text() == "runs/tiny/report.html\nruns/tiny/results.json\n"
     assert {path.name for path in (uninterrupted_project / "runs/tiny").iterdir()} == {
         "report.html",
@@ -122,53 +127,33 @@ def test_the_data_has_the_published_form(uninterrupted_project: Path) -> None:
     jsonschema.Draft202012Validator(schema).validate(report)
     assert report["experiment"] == "tiny"
     assert report["command"] == "codra experiment tiny:EXPERIMENT --processes 2"
-    assert report["seeds"] == [301, 302, 303]
-    assert report["trials"]["seed 302"] == {"seed": 302, "duration_s": 20.0, "loops": 0, "error": None}
-    assert list(report["results"]["frames"]) == ["seed 301", "seed 302", "seed 303"]
+    assert report["seeds"] == [301, 302]
+    assert report["trials"]["seed 302"] == {"seed": 302, "duration_s": 8.0, "loops": 0, "error": None}
+    assert list(report["results"]["frames"]) == ["seed 301", "seed 302"]
     assert not jsonschema.Draft202012Validator(schema).is_valid(report | {"more": 1})
 
 
 def test_the_page_shows_a_frame_of_every_trial(uninterrupted_project: Path) -> None:
     page = (uninterrupted_project / "runs/tiny/report.html").read_text()
 
-    assert page.count("data:image/jpeg;base64,") == 3
+    assert page.count("data:image/jpeg;base64,") == 2
     assert "codra experiment tiny:EXPERIMENT --processes 2" in page
 
 
 def test_one_process_and_another_folder_give_the_same_results(uninterrupted_project: Path, project: Path) -> None:
     completed_process = codra(
-        "experiment", TINY_EXPERIMENT, "--processes", "1", "--out", "else", "--seeds", "2", cwd=project
+        "experiment", TINY_EXPERIMENT, "--processes", "1", "--out", "else", "--seeds", "1", cwd=project
     )
 
     assert (completed_process.returncode, completed_process.stderr) == (0, "else/report.html\nelse/results.json\n")
-    for name in RECORD_NAMES[:2]:
-        assert (project / "else/trials" / name).read_bytes() == records(uninterrupted_project)[name].read_bytes()
+    (record,) = (project / "else/trials").glob("*.json")
+    assert record.read_bytes() == records(uninterrupted_project)[record.name].read_bytes()
 
 
 # A run that is stopped
 
 
-def test_a_killed_run_leaves_no_process_and_continues_where_it_stopped(
-    uninterrupted_project: Path, project: Path
-) -> None:
-    process = started_process(project, "--processes", "1")
-    wait_for(lambda: len(records(project)) == 1 and len(children(process)) >= 1)
-    workers = children(process)
-    process.kill()
-    process.communicate()
-    wait_for(lambda: not any(map(lives, workers)))
-    before = {name: path.stat().st_ino for name, path in records(project).items()}
-
-    assert codra("experiment", TINY_EXPERIMENT, cwd=project).returncode == 0
-    assert {name: path.stat().st_ino for name, path in records(project).items() if name in before} == before
-    assert len(before) < 3
-    assert list(records(project)) == RECORD_NAMES
-    assert results(project)["results"] == results(uninterrupted_project)["results"]
-    for name, path in records(project).items():
-        assert path.read_bytes() == records(uninterrupted_project)[name].read_bytes()
-
-
-def test_an_interrupted_run_reports_the_kept_trials_and_leaves_no_process(
+def test_a_run_that_is_interrupted_and_then_killed_leaves_no_process_and_continues_where_it_stopped(
     uninterrupted_project: Path, project: Path
 ) -> None:
     process = started_process(project, "--processes", "1")
@@ -179,20 +164,33 @@ def test_an_interrupted_run_reports_the_kept_trials_and_leaves_no_process(
 
     assert (process.returncode, output) == (130, "")
     assert re.fullmatch(
-        r"codra: interrupted; [012] of 3 trials are kept: run the same command again to continue\n", errors
+        r"codra: interrupted; [01] of 2 trials are kept: run the same command again to continue\n", errors
     )
     wait_for(lambda: not any(map(lives, workers)))
     assert [path.name for path in (project / "runs/tiny").iterdir()] == ["trials"]
     assert not list((project / "runs/tiny/trials").glob(".*"))
+    before = {name: path.stat().st_ino for name, path in records(project).items()}
+    assert len(before) < 2
+
+    process = started_process(project, "--processes", "1")
+    wait_for(lambda: has_begun_trials(project) and len(children(process)) >= 2)  # the trial and the resource tracker
+    workers = children(process)
+    process.kill()
+    process.communicate()
+    wait_for(lambda: not any(map(lives, workers)))
 
     assert codra("experiment", TINY_EXPERIMENT, cwd=project).returncode == 0
+    assert {name: path.stat().st_ino for name, path in records(project).items() if name in before} == before
+    assert list(records(project)) == RECORD_NAMES
     assert results(project)["results"] == results(uninterrupted_project)["results"]
+    for name, path in records(project).items():
+        assert path.read_bytes() == records(uninterrupted_project)[name].read_bytes()
 
 
-@pytest.mark.parametrize("delay_s", [0.3, 0.8, 1.3, 1.8])
-def test_an_interrupt_at_the_start_ends_quietly_too(project: Path, delay_s: float) -> None:
+@pytest.mark.parametrize("library", ["numpy", "mujoco"])
+def test_an_interrupt_while_libraries_are_loaded_ends_quietly_too(project: Path, library: str) -> None:
     process = started_process(project)
-    time.sleep(delay_s)
+    wait_for(lambda: f"/{library}/" in Path(f"/proc/{process.pid}/maps").read_text())
     os.killpg(process.pid, signal.SIGINT)
     output, errors = process.communicate(timeout=TIMEOUT_S)
 
@@ -202,8 +200,10 @@ def test_an_interrupt_at_the_start_ends_quietly_too(project: Path, delay_s: floa
 
 def test_a_second_run_in_the_same_folder_is_refused(project: Path) -> None:
     process = started_process(project, "--processes", "1")
-    wait_for(lambda: len(children(process)) >= 1)
+    wait_for(lambda: has_begun_trials(project))
+    process.send_signal(signal.SIGSTOP)  # so that it does not end before the other program begins
     second_process = codra("experiment", TINY_EXPERIMENT, cwd=project)
+    process.send_signal(signal.SIGCONT)
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=TIMEOUT_S)
 
@@ -225,8 +225,8 @@ def test_a_terminal_shows_the_progress_of_the_trials(uninterrupted_project: Path
     process.communicate(timeout=TIMEOUT_S)
 
     assert process.returncode == 0
-    assert b"2/3" in shown_bytes
-    assert b"trials, 2 kept from before" in shown_bytes
+    assert b"1/2" in shown_bytes
+    assert b"trials, 1 kept from before" in shown_bytes
 
 
 # Refused requests and failures
@@ -258,7 +258,7 @@ def test_an_unknown_name_is_refused_with_a_suggestion_or_a_list(project: Path) -
         ([TINY_EXPERIMENT, "--spec", "none.yaml"], "'none.yaml' does not exist"),
         ([TINY_EXPERIMENT, "--out", "tiny.py"], "cannot write to 'tiny.py': File exists"),
         ([TINY_EXPERIMENT, "--trial", "seed 30"], "there is no trial 'seed 30': did you mean 'seed 30"),
-        ([TINY_EXPERIMENT, "--trial", "?"], "there is no trial '?': there are 3, such as 'seed 301'"),
+        ([TINY_EXPERIMENT, "--trial", "?"], "there is no trial '?': there are 2, such as 'seed 301'"),
         ([TINY_EXPERIMENT, "--processes", "0"], "--processes"),
         (["nowhere:EXPERIMENT"], "'nowhere:EXPERIMENT' cannot be imported: No module named 'nowhere'"),
         (["tiny:NOTHING"], "'tiny:NOTHING' cannot be imported: module 'tiny' has no attribute 'NOTHING'"),
@@ -346,7 +346,7 @@ def test_a_trial_alone_is_kept_and_no_report_is_written(project: Path) -> None:
     completed_process = codra("experiment", TINY_EXPERIMENT, "--trial", "seed 302", cwd=project)
 
     assert (completed_process.returncode, completed_process.stderr) == (0, "")
-    assert completed_process.stdout == "trial 'seed 302' (seed 302): 20.0 s, 0 loops\n"
+    assert completed_process.stdout == "trial 'seed 302' (seed 302): 8.0 s, 0 loops\n"
     assert [path.name for path in (project / "runs/tiny").iterdir()] == ["trials"]
     assert list(records(project)) == ["seed 302.json"]
 
@@ -380,6 +380,6 @@ def test_a_full_disk_is_reported_in_a_line(project: Path) -> None:
     assert (completed_process.returncode, completed_process.stdout) == (1, "")
     assert completed_process.stderr == (
         "codra: cannot write to 'runs/tiny': File too large; "
-        "0 of 3 trials are kept: run the same command again to continue\n"
+        "0 of 2 trials are kept: run the same command again to continue\n"
     )
     assert list((project / "runs/tiny/trials").iterdir()) == []

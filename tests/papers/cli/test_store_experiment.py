@@ -82,7 +82,7 @@ def test_a_trial_that_depends_on_the_search_is_run_alone_by_its_name(project: Pa
     completed_process = codra(*TINY_COMMAND, "--trial", "none-2", cwd=project_copy)
 
     assert completed_process.returncode == 0, completed_process.stderr
-    assert completed_process.stdout == "trial 'none-2' (seed 2): 12.0 s, 0 loops\n"
+    assert completed_process.stdout == "trial 'none-2' (seed 2): 6.0 s, 0 loops\n"
 
 
 def test_a_spec_without_loops_is_reported_in_a_line(project: Path) -> None:

@@ -10,6 +10,6 @@ DESIGN = Design(
     grid=(Thresholds(distance_m=1.5, battery_percent=15.0, load="full"),),
     tuning_seeds=(1,),
     first_seed=2,
-    duration_s=12.0,
+    duration_s=6.0,
 )
 EXPERIMENT = experiment(DESIGN, "tiny-store", 1)

@@ -41,7 +41,7 @@ Start = Callable[..., ContextManager[Any, Any]]
 
 @dataclass
 class Visit:
-    """A robot that handles a machine. Once a second, the machine's complete tags in view are counted."""
+    """A robot that handles a machine. Every two seconds, the complete tags in view are counted."""
 
     machine: str
     world: LabWorld = field(default_factory=lambda: LabWorld(1))
@@ -57,9 +57,9 @@ class Visit:
             getattr(self.robot, action)(self.machine)
 
     def complete_tags(self) -> list[dict[Part, int]]:
-        """Return, for each second, how many complete tags of each part are in view."""
+        """Return how many complete tags of each part are in view at each count."""
         geometry, counts = GeometricCamera(), []
-        for t_s in np.arange(self.start_s, self.clock.now_s()).tolist():
+        for t_s in np.arange(self.start_s, self.clock.now_s(), 2.0).tolist():
             complete_ids = {view.tag_id for view in geometry.tags_in_view(self.world.state(t_s)) if view.is_resolved()}
             counts.append(
                 {part: sum(tag.tag_id in complete_ids for tag in MACHINES[self.machine].tags_on(part)) for part in Part}

@@ -41,6 +41,10 @@ def share_is(term: str, x: float) -> float:
     return {"low": ramp(x, 0.5, 0.2), "medium": 1.0 - min(1.0, abs(x - 0.5) / 0.3), "high": ramp(x, 0.5, 0.8)}[term]
 
 
+XS = [(index + 0.5) / POINTS for index in range(POINTS)]
+SHARES = {term: [share_is(term, x) for x in XS] for term in ("low", "medium", "high")}
+
+
 def degree(variable: str, term: str, value: object) -> float:
     if isinstance(value, (bool, str)):
         return float(str(value).lower() == term)
@@ -65,10 +69,9 @@ def strength(rule: str, values: Values) -> float:
 
 def infer(rules: list[str], values: Values) -> float:
     """Mamdani's method: conclusions cut off at their rules' strengths, and the centre of gravity of all of them."""
-    clipped_conclusions = [(rule.split()[-1], strength(rule, values)) for rule in rules]
-    xs = [(index + 0.5) / POINTS for index in range(POINTS)]
-    ys = [max(min(strength_of_rule, share_is(term, x)) for term, strength_of_rule in clipped_conclusions) for x in xs]
-    return sum(x * y for x, y in zip(xs, ys, strict=True)) / sum(ys)
+    clipped_conclusions = [(SHARES[rule.split()[-1]], strength(rule, values)) for rule in rules]
+    ys = [max(min(most, shares[index]) for shares, most in clipped_conclusions) for index in range(POINTS)]
+    return sum(x * y for x, y in zip(XS, ys, strict=True)) / sum(ys)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from codra_dsl.runtime.journal import Event, Kind
 from codra_papers.experiments.store.curves import curves, draw_adaptation
-from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings, run_store
+from codra_papers.experiments.store.run import CompiledSpec, StoreRun, StoreRunSettings, run_store, store_text
 from codra_papers.store.simulator.situations import Situation, StoreSettings
 from generated import store
 from tests.cli.test_commands import ROOT, codra
@@ -22,6 +22,8 @@ LASTS_S = {
     Situation.ABSENT: 88.0,
 }
 """The duration of a run per situation, long enough for the seeds of the tests."""
+
+BEGINNING_S = 20.0
 
 TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering", "fetching")
 
@@ -63,13 +65,13 @@ class RecordedRun:
 
 
 SEEDS = {
-    Situation.ORDINARY: 4,
+    Situation.ORDINARY: 3,
     Situation.SECOND_ORDER: 7,
     Situation.PEOPLE_CLOSE: 7,
     Situation.HIDDEN: 6,
     Situation.ABSENT: 3,
 }
-"""For each situation, the seed of tests that use only one seed."""
+"""The seed of the run per situation. In the ordinary run, a person stands where the robot must turn for a while."""
 
 
 class RecordedRuns:
@@ -77,13 +79,13 @@ class RecordedRuns:
 
     def __init__(self, folders: pytest.TempPathFactory) -> None:
         self._folders = folders
-        self._runs: dict[tuple[Situation, int], RecordedRun] = {}
+        self._runs: dict[Situation, RecordedRun] = {}
 
-    def of(self, situation: Situation, seed: int | None = None) -> RecordedRun:
-        key = situation, SEEDS[situation] if seed is None else seed
-        if key not in self._runs:
-            self._runs[key] = RecordedRun(self._folders.mktemp("run"), *key, LASTS_S[situation])
-        return self._runs[key]
+    def of(self, situation: Situation) -> RecordedRun:
+        if situation not in self._runs:
+            folder = self._folders.mktemp("run")
+            self._runs[situation] = RecordedRun(folder, situation, SEEDS[situation], LASTS_S[situation])
+        return self._runs[situation]
 
 
 @pytest.fixture(scope="module")
@@ -91,11 +93,10 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> RecordedRuns:
     return RecordedRuns(tmp_path_factory)
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_an_ordinary_order_is_delivered(runs: RecordedRuns, seed: int) -> None:
-    """With seed 3, a person stands for a while at the place where the robot must turn."""
-    run = runs.of(Situation.ORDINARY, seed)
+def test_an_ordinary_order_is_delivered_and_the_result_says_so(runs: RecordedRuns) -> None:
+    run = runs.of(Situation.ORDINARY)
 
+    assert store_text(run.run).startswith("150.0 s\norders              1 done\nmissions completed  1 (delivery)\n")
     assert run.written_values("order_1.state") == ["open", "done"]
     assert run.run.score.deliveries == ("delivery",)
     assert run.run.score.bumps == 0
@@ -114,10 +115,9 @@ def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instea
     assert ordered_s < fetched_s[1] < full_s < run.instant_s("course", "chosen", action="deliver") < full_s + 5.0
 
 
-@pytest.mark.parametrize("seed", [4, 7])
-def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(runs: RecordedRuns, seed: int) -> None:
+def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(runs: RecordedRuns) -> None:
     """P2's second situation: `start` weighs most. The order stays open."""
-    run = runs.of(Situation.PEOPLE_CLOSE, seed)
+    run = runs.of(Situation.PEOPLE_CLOSE)
     values = curves(run.events, ["safety", *(f"weight_of_{action}" for action in ("pick", "deliver", "start", "dock"))])
     switched_s = [event.instant_s for event in run.events if (event.name, event.what) == ("course", "chosen")][-1]
     last_values = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
@@ -146,11 +146,8 @@ def test_an_aborted_pick_up_is_tried_again_from_the_start_and_delivered_once_the
     assert run.courses()[:4] == ["start", "pick", "start", "pick"]
 
 
-@pytest.mark.parametrize("seed", [6, 8])
-def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(
-    runs: RecordedRuns, seed: int
-) -> None:
-    task_results = runs.of(Situation.HIDDEN, seed).task_results()
+def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(runs: RecordedRuns) -> None:
+    task_results = runs.of(Situation.HIDDEN).task_results()
 
     assert [task_result for task_result in task_results if task_result.startswith("detecting")] == [
         *("detecting lost", "detecting found", "detecting found"),
@@ -158,9 +155,8 @@ def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_seco
     assert "fetching fetched" in task_results
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(runs: RecordedRuns, seed: int) -> None:
-    run = runs.of(Situation.ABSENT, seed)
+def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(runs: RecordedRuns) -> None:
+    run = runs.of(Situation.ABSENT)
 
     assert [task_result for task_result in run.task_results() if task_result.startswith(("detecting", "fetching"))] == [
         *("detecting lost", "detecting lost", "fetching not_found"),
@@ -172,15 +168,17 @@ def test_without_a_container_the_base_gets_a_notice_and_the_robot_returns(runs: 
 
 
 @pytest.mark.parametrize("situation", LASTS_S)
-def test_the_same_seed_gives_the_same_journal_byte_for_byte(
+def test_the_same_seed_begins_with_the_same_events_however_long_the_run(
     runs: RecordedRuns, tmp_path: Path, situation: Situation
 ) -> None:
-    repeated_run = RecordedRun(tmp_path, situation, SEEDS[situation], LASTS_S[situation])
+    events = RecordedRun(tmp_path, situation, SEEDS[situation], BEGINNING_S).events
+    first_events = [event for event in runs.of(situation).events if event.instant_s < BEGINNING_S]
 
-    assert repeated_run.journal.read_bytes() == runs.of(situation).journal.read_bytes()
+    assert [event for event in events if event.instant_s < BEGINNING_S] == first_events
+    assert len(first_events) > 1000
 
 
-def test_the_command_gives_the_same_journal_as_the_program(runs: RecordedRuns, tmp_path: Path) -> None:
+def test_the_command_gives_the_same_journal_as_the_program_byte_for_byte(runs: RecordedRuns, tmp_path: Path) -> None:
     journal = tmp_path / "run.mcap"
     duration = f"{LASTS_S[Situation.PEOPLE_CLOSE]:g}s"
     words = (

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +21,8 @@ from codra_dsl.runtime.loops.fuzzy.sampled import NORMS_OF_SAMPLES, Norm, Sample
 
 Degrees = Sequence[Bounds | None]
 Value = Bounds | Callable[[Bounds], Bounds]
+
+_MAX_CACHED_INTEGRALS = 1024
 
 _ROUNDING = 1e-9
 """The result of a sum is widened by this share of the largest number in the sum."""
@@ -62,7 +65,23 @@ def integral(
     output: Integral, degrees: Degrees, memberships: Sequence[Callable[[Bounds], Bounds]] | None = None
 ) -> Bounds:
     """Return the bounds of an integral; `memberships` must be given if they depend on inputs."""
-    envelope = _envelope(output, degrees, _samples(output, memberships))
+    if memberships is None:
+        return _plain_integral(output, tuple(degrees))
+    return _integral(output, degrees, _samples(output, memberships))
+
+
+@lru_cache(maxsize=_MAX_CACHED_INTEGRALS)
+def _plain_integral(output: Integral, degrees: tuple[Bounds | None, ...]) -> Bounds:
+    """Return `_integral` for the output's own terms.
+
+    One scene is analysed with many values of an unknown input, or with many changes of one input. Most outputs do not
+    read this input, so their degrees remain the same.
+    """
+    return _integral(output, degrees, [(samples, samples) for samples in output.terms] if output.is_plain else None)
+
+
+def _integral(output: Integral, degrees: Degrees, terms: list[tuple[Samples, Samples]] | None) -> Bounds:
+    envelope = _envelope(output, degrees, terms)
     if envelope is None:
         return ANYTHING
     lows, highs = envelope
@@ -74,10 +93,8 @@ def integral(
 
 
 def _samples(
-    output: Integral, memberships: Sequence[Callable[[Bounds], Bounds]] | None
+    output: Integral, memberships: Sequence[Callable[[Bounds], Bounds]]
 ) -> list[tuple[Samples, Samples]] | None:
-    if memberships is None:
-        return [(samples, samples) for samples in output.terms] if output.is_plain else None
     points = output.points.tolist()
     rows = [[membership(Bounds(x, x)) for x in points] for membership in memberships]
     if not all(is_degree(degree) for row in rows for degree in row):

@@ -22,7 +22,7 @@ from codra_papers.experiments.studies.robustness.frames import detect_again
 from codra_papers.experiments.studies.robustness.mistakes import mistakes, mistakes_table, photographs
 
 SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
-DURATION_S = 60.0
+DURATION_S, DURATION_OF_FURTHER_RUNS_S = 60.0, 20.0
 TABLE_SEEDS, FURTHER_MACHINES = (301, 302), (311, 312)
 
 
@@ -37,10 +37,11 @@ class Judged:
 def judged_runs(tmp_path_factory: pytest.TempPathFactory) -> Judged:
     """Return four short runs, two of them in the tables, and the report on them."""
     settings = Settings(spec=SPEC, seeds=2, folder=tmp_path_factory.mktemp("robustness"))
-    trials = [trial for trial in EXPERIMENT.trials(settings) if trial.seed in TABLE_SEEDS + FURTHER_MACHINES]
+    durations_s = dict.fromkeys(TABLE_SEEDS, DURATION_S) | dict.fromkeys(FURTHER_MACHINES, DURATION_OF_FURTHER_RUNS_S)
     outcomes = {
-        trial.name: run_trial(replace(trial, duration_s=DURATION_S), settings.folder / TRIALS / trial.name)
-        for trial in trials
+        trial.name: run_trial(replace(trial, duration_s=durations_s[trial.seed]), settings.folder / TRIALS / trial.name)
+        for trial in EXPERIMENT.trials(settings)
+        if trial.seed in durations_s
     }
     return Judged(settings=settings, outcomes=outcomes, document=EXPERIMENT.judge(settings, outcomes))
 

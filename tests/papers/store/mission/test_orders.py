@@ -47,7 +47,7 @@ def test_orders_are_served_in_their_order_and_then_the_robot_waits_at_the_start(
 
 
 def test_an_order_without_a_container_fails_with_a_notice_and_the_next_one_is_served() -> None:
-    served_shop = Served(Situation.ABSENT, 240.0)
+    served_shop = Served(Situation.ABSENT, 120.0)
     knowledge = served_shop.store.knowledge
 
     assert served_shop.states() == ["failed"]
