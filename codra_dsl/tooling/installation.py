@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import distribution as installed_distribution
 from pathlib import Path
 
-from codra_dsl import __version__
+import codra_dsl
 
 DSL, PAPERS = "codra-dsl", "codra-papers"
 """The product, and the distribution with the worlds and experiments of the papers."""
@@ -42,7 +42,7 @@ def requirement_from_origin(origin: str | None, distribution: str = DSL, extras:
     direct_url = json.loads(origin) if origin else {}
     url = direct_url.get("url", "")
     if not url.startswith(("https://", "ssh://", "file://")):
-        return f"{name}=={__version__}"
+        return f"{name}=={codra_dsl.__version__}"
     vcs = direct_url.get("vcs_info")
     address = f"{vcs['vcs']}+{url}@{vcs['commit_id']}" if vcs else url
     subdirectory = f"#subdirectory={direct_url['subdirectory']}" if direct_url.get("subdirectory") else ""
