@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 __all__ = ["__version__"]
 
 __version__: str
-"""The version of the installed distribution `codra-dsl`; `0+unknown` if codra is not installed."""
+"""The version of the installed distribution `codra-dsl`; `0.0.0.dev0` if codra is not installed."""
 
 if not TYPE_CHECKING:
 
@@ -18,5 +18,5 @@ if not TYPE_CHECKING:
         try:
             globals()[name] = version("codra-dsl")
         except PackageNotFoundError:
-            globals()[name] = "0+unknown"
+            globals()[name] = "0.0.0.dev0"
         return globals()[name]
