@@ -132,7 +132,7 @@ release: | tagged $(READY)
 tagged:
 	@test -z "$$(git status --porcelain)" || \
 	    { echo 'release: there are uncommitted changes: commit them, and move the tag' >&2; exit 1; }
-	@git describe --exact-match --match 'v[0-9]*' HEAD >/dev/null 2>&1 || \
+	@git describe --tags --exact-match --match 'v[0-9]*' HEAD >/dev/null 2>&1 || \
 	    { echo 'release: the commit has no tag of a version: git tag -a v0.2.0 -m v0.2.0' >&2; exit 1; }
 
 # The components of an environment in which only the built wheel is installed, with the versions of the lock file.

@@ -32,6 +32,7 @@ html_theme = "furo"
 html_title = project
 html_copy_source = False
 html_use_index = False
+html_show_copyright = False
 html_show_sphinx = False
 
 
