@@ -135,12 +135,15 @@ tagged:
 	@git describe --tags --exact-match --match 'v[0-9]*' HEAD >/dev/null 2>&1 || \
 	    { echo 'release: the commit has no tag of a version: git tag -a v0.2.0 -m v0.2.0' >&2; exit 1; }
 
-# The components of an environment in which only the built wheel is installed, with the versions of the lock file.
+# The components of an environment in which only the built wheels are installed, with the versions of the lock file.
+# `direct_url.json` would bring the paths of this machine into the lists.
 sbom: $(READY)
-	sed -n 's/^\([^ ].*\) \\$$/\1/p' $(LOCK) >build/constraints.txt
 	$(PYTHON) -m venv --clear --without-pip build/sbom
+	sed -n 's/^\([^ ].*\) \\$$/\1/p' $(LOCK) >build/sbom/constraints.txt
 	for wheel in dist/codra_dsl-*.whl "$$(echo dist/codra_papers-*.whl)[lab,store]"; do \
-	    $(BIN)/python -m pip --python build/sbom install --quiet --constraint build/constraints.txt "$$wheel" && \
+	    $(BIN)/python -m pip --python build/sbom install --quiet --no-compile \
+	        --constraint build/sbom/constraints.txt "$$wheel" && \
+	    rm build/sbom/lib/python*/site-packages/codra_*.dist-info/direct_url.json && \
 	    $(BIN)/cyclonedx-py environment --output-reproducible --output-file \
 	        "$$(echo "$$wheel" | sed 's/-py3.*/.cdx.json/')" build/sbom/bin/python || exit 1; \
 	done
