@@ -1,4 +1,4 @@
-"""Settings of the documentation's site, which `make docs` builds with Sphinx. A repository browser reads the same pages.
+"""Settings of the site that `make docs` builds with Sphinx from the pages of this repository.
 
 A link to a missing page or anchor stops the build.
 """
