@@ -4,9 +4,11 @@
 unexport PYTHONDONTWRITEBYTECODE
 
 PYTHON ?= python3
+PYTHONS := 3.11 3.12 3.13
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+LOCK := requirements.lock
 RAFCON := .venv-rafcon
 RAFCON_READY := $(RAFCON)/.ready
 FUZZYLITE := .venv-fuzzylite
@@ -49,7 +51,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases mutants fuzz kills signals whys crowd clients bench wheel clean check prerequisites browser
+.PHONY: demo rafcon test lint cases mutants fuzz kills signals whys crowd clients bench release tagged sbom docs lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -111,17 +113,66 @@ clients: $(READY)
 bench: $(READY) $(FUZZYLITE_READY)
 	$(BIN)/python benchmarks/bench.py
 
-wheel: $(READY)
-	$(BIN)/python -m build --wheel --no-isolation
-	$(BIN)/python -m build --wheel --no-isolation --outdir dist codra_papers
+# The pages as a site with search, in build/docs. A link to a missing page or anchor is an error.
+docs: $(READY)
+	rm -rf build/docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --conf-dir docs . build/docs
+	cp build/docs/README.html build/docs/index.html
+
+# Source distributions and wheels of the tagged commit, what they contain (SBOM), and checksums, in dist/. The wheels are
+# built from the source distributions, and the tests of the source distribution can be collected.
+release: | tagged $(READY)
+	rm -rf dist build/release
+	$(BIN)/python -m build --no-isolation --outdir dist .
+	$(BIN)/python -m build --no-isolation --outdir dist codra_papers
+	$(MAKE) sbom
+	mkdir -p build/release && tar -xzf dist/codra_dsl-*.tar.gz -C build/release --strip-components 1
+	cd build/release && $(abspath $(BIN))/python -m pytest --collect-only --quiet --quiet >/dev/null
+	cd dist && sha256sum * >SHA256SUMS && cat SHA256SUMS
+
+tagged:
+	@test -z "$$(git status --porcelain)" || \
+	    { echo 'release: there are uncommitted changes: commit them, and move the tag' >&2; exit 1; }
+	@git describe --tags --exact-match --match 'v[0-9]*' HEAD >/dev/null 2>&1 || \
+	    { echo 'release: the commit has no tag of a version: git tag -a v0.2.0 -m v0.2.0' >&2; exit 1; }
+
+# The components of an environment in which only the built wheels are installed, with the versions of the lock file.
+# `direct_url.json` would bring the paths of this machine into the lists.
+sbom: $(READY)
+	$(PYTHON) -m venv --clear --without-pip build/sbom
+	sed -n 's/^\([^ ].*\) \\$$/\1/p' $(LOCK) >build/sbom/constraints.txt
+	for wheel in dist/codra_dsl-*.whl "$$(echo dist/codra_papers-*.whl)[lab,store]"; do \
+	    $(BIN)/python -m pip --python build/sbom install --quiet --no-compile \
+	        --constraint build/sbom/constraints.txt "$$wheel" && \
+	    rm build/sbom/lib/python*/site-packages/codra_*.dist-info/direct_url.json && \
+	    $(BIN)/cyclonedx-py environment --output-reproducible --output-file \
+	        "$$(echo "$$wheel" | sed 's/-py3.*/.cdx.json/')" build/sbom/bin/python || exit 1; \
+	done
+
+# Renews the versions and hashes of everything that $(VENV) installs, for all supported versions of Python.
+lock: $(READY)
+	echo '.[dev,docs,release] ./codra_papers[lab,store]' | tr ' ' '\n' | \
+	    $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-annotate \
+	    --no-header --no-emit-package codra-dsl --no-emit-package codra-papers --output-file $(LOCK) -
+
+# The tests on each supported version of Python, in environments of their own.
+pythons: browser $(RAFCON_READY)
+	@for version in $(PYTHONS); do \
+	    python$$version -c '' 2>/dev/null || { echo "pythons: python$$version is not on the PATH" >&2; missing=1; }; \
+	done; test -z "$$missing"
+	for version in $(PYTHONS); do \
+	    $(MAKE) VENV=.venv-$$version PYTHON=python$$version .venv-$$version/.ready && \
+	    .venv-$$version/bin/pytest --numprocesses $$(($$(nproc) + 1)) --dist loadfile || exit 1; \
+	done
 
 clean:
-	rm -rf $(VENV) $(RAFCON) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PYTHONS:%=.venv-%) $(RAFCON) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-$(READY): pyproject.toml codra_papers/pyproject.toml | prerequisites
+$(READY): pyproject.toml codra_papers/pyproject.toml $(LOCK) | prerequisites
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[dev]' --editable './codra_papers[lab,store]'
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement $(LOCK)
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable . --editable ./codra_papers
 	touch $@
 
 # RAFCON's core on top of what $(VENV) has: its other requirements draw its windows, and its pins are old.

@@ -30,6 +30,8 @@ PYTHON_ARGUMENTS = {"codra": ("-m", "codra_dsl"), "pytest": ("-m", "pytest"), "p
 
 RAFCON_PYTHON = ROOT / ".venv-rafcon/bin/python"
 FENCE = re.compile(r"^```(?P<info>[^\n`]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\((?!\w+:)(?P<path>[^)\s#]*)(?:#(?P<anchor>[^)\s]+))?\)")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "mermaid"}
 
 
@@ -105,3 +107,26 @@ def test_every_block_of_a_page_does_what_the_page_states(page: Path, tmp_path: P
     assert all(block.kind in KINDS for block in page_blocks), "an unknown kind of block would not be run"
     for block in page_blocks:
         follow(block, tmp_path)
+
+
+def prose(page: Path) -> str:
+    """Return a page without its blocks and without code in its lines."""
+    return re.sub(r"`[^`\n]*`", "", FENCE.sub("", page.read_text(encoding="utf-8")))
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors that repository browsers and the site give to the headings of a page."""
+    headings = HEADING.findall(FENCE.sub("", page.read_text(encoding="utf-8")))
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", [*ROOT.glob("*.md"), *PAGES[1:]], ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_of_a_page_leads_to_a_file_and_to_a_heading(page: Path) -> None:
+    dead_links = [
+        link[0]
+        for link in LINK.finditer(prose(page))
+        for target in [page.parent / link["path"] if link["path"] else page]
+        if not target.exists() or (link["anchor"] and link["anchor"] not in anchors(target))
+    ]
+
+    assert dead_links == []

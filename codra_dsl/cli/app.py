@@ -14,7 +14,6 @@ from typing import Annotated
 
 import typer
 
-from codra_dsl import __version__
 from codra_dsl.cli.compile import compile_command
 from codra_dsl.cli.console import ExitCode, say
 from codra_dsl.cli.diff import diff_command
@@ -58,6 +57,8 @@ app.add_typer(journal_commands, name="journal")
 
 def _print_version(is_requested: bool) -> None:
     if is_requested:
+        from codra_dsl import __version__
+
         typer.echo(f"codra {__version__}")
         raise typer.Exit
 

@@ -8,12 +8,14 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import distribution as installed_distribution
 from pathlib import Path
 
-from codra_dsl import __version__
+import codra_dsl
 
 DSL, PAPERS = "codra-dsl", "codra-papers"
 """The product, and the distribution with the worlds and experiments of the papers."""
 
 _SOURCE_FOLDER = Path(__file__).parents[2]
+_FILE_PREFIX = "codra_dsl-"
+"""The beginning of the names of wheels and source distributions of the product."""
 _PAPERS_FOLDER = "codra_papers"
 """The folder of the second distribution within the sources of the first."""
 
@@ -42,7 +44,7 @@ def requirement_from_origin(origin: str | None, distribution: str = DSL, extras:
     direct_url = json.loads(origin) if origin else {}
     url = direct_url.get("url", "")
     if not url.startswith(("https://", "ssh://", "file://")):
-        return f"{name}=={__version__}"
+        return f"{name}=={codra_dsl.__version__}"
     vcs = direct_url.get("vcs_info")
     address = f"{vcs['vcs']}+{url}@{vcs['commit_id']}" if vcs else url
     subdirectory = f"#subdirectory={direct_url['subdirectory']}" if direct_url.get("subdirectory") else ""
@@ -56,14 +58,21 @@ def _origin_text(distribution: str) -> str | None:
     except PackageNotFoundError:
         if distribution == DSL:  # codra is run from source
             return json.dumps({"url": _SOURCE_FOLDER.as_uri(), "dir_info": {}})
-        return _papers_origin_text(_origin_text(DSL))
+        return papers_origin_text(_origin_text(DSL))
 
 
-def _papers_origin_text(origin: str | None) -> str | None:
-    """Return the origin of the second distribution, which is in a folder of the sources of the first."""
+def papers_origin_text(origin: str | None) -> str | None:
+    """Return the origin of the second distribution, given the origin of the first; None if it is unknown.
+
+    In sources, it is a folder of the first. In a release, it is a file beside the first, with the same version.
+    """
     direct_url = json.loads(origin) if origin else {}
+    address, _, file_name = direct_url.get("url", "").rpartition("/")
     if "vcs_info" in direct_url:
         return json.dumps({**direct_url, "subdirectory": _PAPERS_FOLDER})
     if "dir_info" in direct_url:
         return json.dumps({**direct_url, "url": f"{direct_url['url'].rstrip('/')}/{_PAPERS_FOLDER}"})
+    if file_name.startswith(_FILE_PREFIX):
+        papers_file_name = file_name.replace(_FILE_PREFIX, f"{_PAPERS_FOLDER}-")
+        return json.dumps({"url": f"{address}/{papers_file_name}", "archive_info": {}})
     return None

@@ -14,7 +14,6 @@ from json.encoder import encode_basestring_ascii as json_text
 from operator import attrgetter
 from typing import Any
 
-from codra_dsl import __version__
 from codra_dsl.generation.build_plan import BuildPlan, Edge, Node, NodeKind
 from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_places, node_id, variable_entry
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
@@ -87,7 +86,6 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     return object_of(
         format=json.dumps(MANIFEST_FORMAT),
         format_version=str(FORMAT_VERSION),
-        codra=json.dumps(__version__),
         name=json.dumps(plan.name),
         spec=json.dumps(plan.checked.spec.file),
         model=json.dumps(model_digest(plan)),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
-from codra_dsl import __version__
+import codra_dsl
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 
 FORMAT = "codra-journal"
@@ -35,7 +35,7 @@ class RunHeader:
     seed: int
     start_s: float
     summary: SpecSummary
-    codra: str = __version__
+    codra: str = field(default_factory=lambda: codra_dsl.__version__)
     python: str = ".".join(map(str, sys.version_info[:3]))
 
     @classmethod

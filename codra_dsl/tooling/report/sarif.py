@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from urllib.parse import quote
 
-from codra_dsl import __version__
+import codra_dsl
 from codra_dsl.language.diagnostics import Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
 from codra_dsl.tooling.report.explain import Page, as_text, family_of, page_of
 from codra_dsl.tooling.report.findings import as_json, number_findings, related_places, shown_findings, visible_text
@@ -54,7 +54,11 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
         _result_object(diagnostic, index_by_code[diagnostic.code], occurrence, places)
         for diagnostic, occurrence in number_findings(kept_findings)
     ]
-    driver = {"name": "codra", "version": __version__, "rules": [_rule_object(rule) for rule in rules.values()]}
+    driver = {
+        "name": "codra",
+        "version": codra_dsl.__version__,
+        "rules": [_rule_object(rule) for rule in rules.values()],
+    }
     run = {
         "tool": {"driver": driver},
         "invocations": [_invocation(len(findings) - len(kept_findings))],

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from codra_dsl import __version__
 from codra_dsl.language.load.yaml.names import is_identifier
-from codra_dsl.tooling.installation import pip_install, requirement_from_origin
+from codra_dsl.tooling.installation import papers_origin_text, pip_install, requirement_from_origin
 from codra_dsl.tooling.scaffold import (
     ImproperNameError,
     conflicts,
@@ -96,6 +96,41 @@ def test_a_hint_names_a_folder_or_an_address_from_which_pip_can_install(distribu
     assert name == f"{distribution}[viz]"
     folder = Path(address.removeprefix("file://"))
     assert f'name = "{distribution}"' in (folder / "pyproject.toml").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("origin", "papers_origin"),
+    [
+        (None, None),
+        (
+            {"url": "file:///home/me/codra/", "dir_info": {"editable": True}},
+            {"url": "file:///home/me/codra/codra_papers", "dir_info": {"editable": True}},
+        ),
+        (
+            {"url": "https://example.org/codra.git", "vcs_info": {"vcs": "git", "commit_id": COMMIT}},
+            {
+                "url": "https://example.org/codra.git",
+                "vcs_info": {"vcs": "git", "commit_id": COMMIT},
+                "subdirectory": "codra_papers",
+            },
+        ),
+        (
+            {"url": "file:///codra_dsl/dist/codra_dsl-0.2.0-py3-none-any.whl", "archive_info": {"hash": "sha256=12"}},
+            {"url": "file:///codra_dsl/dist/codra_papers-0.2.0-py3-none-any.whl", "archive_info": {}},
+        ),
+        (
+            {"url": "https://example.org/v0.2.0/codra_dsl-0.2.0.tar.gz", "archive_info": {}},
+            {"url": "https://example.org/v0.2.0/codra_papers-0.2.0.tar.gz", "archive_info": {}},
+        ),
+        ({"url": "https://example.org/codra/archive/main.zip", "archive_info": {}}, None),
+    ],
+)
+def test_the_papers_come_from_the_same_clone_repository_or_release(
+    origin: dict[str, object] | None, papers_origin: dict[str, object] | None
+) -> None:
+    text = papers_origin_text(origin and json.dumps(origin))
+
+    assert (text and json.loads(text)) == papers_origin
 
 
 def test_the_hooks_require_the_same_codra_as_the_requirements() -> None:

@@ -1,0 +1,151 @@
+"""Versions, releases and the lock file: what is built from a commit, and with what."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[1]
+PROJECTS = ("", "codra_papers")
+FILES = (
+    ".git_archival.txt",
+    ".gitattributes",
+    ".gitignore",
+    "LICENSE",
+    "Makefile",
+    "README.md",
+    "pyproject.toml",
+    "codra_papers/pyproject.toml",
+)
+
+
+def git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-c", "user.name=N", "-c", "user.email=n@example.org", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.fixture
+def repository(tmp_path: Path) -> Path:
+    """A repository with the files that determine versions, and one commit without a tag."""
+    folder = tmp_path / "repository"
+    for file in FILES:
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / file, folder / file)
+    git(folder, "init", "--quiet")
+    commit(folder)
+    return folder
+
+
+def commit(folder: Path) -> None:
+    git(folder, "add", "--all")
+    git(folder, "commit", "--quiet", "--allow-empty", "--message=A change")
+
+
+def versions(folder: Path) -> list[str]:
+    """Return the versions of both distributions."""
+    command = [sys.executable, "-m", "hatchling", "version"]
+    return [
+        subprocess.run(command, cwd=folder / project, capture_output=True, text=True, check=True).stdout.strip()
+        for project in PROJECTS
+    ]
+
+
+# Versions
+
+
+def test_the_tag_of_a_commit_is_the_version_of_both_distributions(repository: Path) -> None:
+    git(repository, "tag", "v1.4.0")
+    git(repository, "tag", "not-a-version")
+
+    assert versions(repository) == ["1.4.0", "1.4.0"]
+
+
+def test_a_commit_after_a_tag_has_a_version_between_this_release_and_the_next(repository: Path) -> None:
+    git(repository, "tag", "v1.4.0")
+    commit(repository)
+
+    assert [version.partition("+g")[0] for version in versions(repository)] == ["1.4.1.dev1", "1.4.1.dev1"]
+
+
+def test_a_commit_without_a_tag_before_it_has_a_version_before_every_release(repository: Path) -> None:
+    assert [version.partition("+g")[0] for version in versions(repository)] == ["0.0.0.dev1", "0.0.0.dev1"]
+
+
+def test_sources_without_git_have_the_version_of_their_archive_or_none(repository: Path, tmp_path: Path) -> None:
+    git(repository, "tag", "v1.4.0")
+    git(repository, "archive", "--output", str(tmp_path / "sources.tar"), "HEAD")
+    shutil.unpack_archive(tmp_path / "sources.tar", tmp_path / "sources")
+    shutil.rmtree(repository / ".git")
+
+    assert versions(tmp_path / "sources") == ["1.4.0", "1.4.0"]
+    assert versions(repository) == ["0.0.0.dev0", "0.0.0.dev0"]
+
+
+# Releases
+
+
+def refusal(folder: Path) -> str:
+    """Return what `make release` says before it sets anything up."""
+    process = subprocess.run(["make", "release"], cwd=folder, capture_output=True, text=True, check=False)
+    assert (process.returncode, process.stdout) == (2, "")
+    return process.stderr.partition("\n")[0]
+
+
+def test_a_release_without_a_tag_is_refused(repository: Path) -> None:
+    git(repository, "tag", "not-a-version")
+
+    assert refusal(repository) == "release: the commit has no tag of a version: git tag -a v0.2.0 -m v0.2.0"
+
+
+@pytest.mark.parametrize("file", ["README.md", "new"])
+def test_a_release_of_uncommitted_changes_is_refused(file: str, repository: Path) -> None:
+    git(repository, "tag", "v1.4.0")
+    (repository / file).write_text("changed")
+
+    assert refusal(repository) == "release: there are uncommitted changes: commit them, and move the tag"
+
+
+# The lock file
+
+LOCK = (ROOT / "requirements.lock").read_text("utf-8")
+PINS = [Requirement(line.removesuffix(" \\")) for line in LOCK.splitlines() if not line.startswith(" ")]
+
+
+def requirements() -> Iterator[Requirement]:
+    """Yield what both distributions and their extras require of others."""
+    for project in PROJECTS:
+        metadata = tomllib.loads((ROOT / project / "pyproject.toml").read_text("utf-8"))["project"]
+        for lines in (metadata["dependencies"], *metadata["optional-dependencies"].values()):
+            yield from (Requirement(line) for line in lines if not line.startswith("codra-"))
+
+
+def test_the_lock_file_satisfies_every_requirement() -> None:
+    pinned_versions: dict[str, list[str]] = {}
+    for pin in PINS:
+        (specifier,) = pin.specifier
+        pinned_versions.setdefault(canonicalize_name(pin.name), []).append(specifier.version)
+
+    unsatisfied = [
+        str(requirement)
+        for requirement in requirements()
+        for version in pinned_versions.get(canonicalize_name(requirement.name), ["missing"])
+        if version == "missing" or version not in requirement.specifier
+    ]
+    assert unsatisfied == [], "make lock"
+
+
+def test_the_lock_file_has_a_hash_of_every_distribution_and_names_no_host() -> None:
+    entries = re.split(r"\n(?=\S)", LOCK.rstrip())
+
+    assert len(entries) == len(PINS)
+    assert [entry for entry in entries if " \\\n    --hash=sha256:" not in entry] == []
+    assert "//" not in LOCK
