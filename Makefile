@@ -81,7 +81,7 @@ cases: $(READY)
 # Property tests alone, with new examples for each seed: what fails is printed, and kept as an @example of its test.
 SEEDS ?= $(shell seq 1 20)
 explore: $(READY)
-	@failed=; for seed in $(SEEDS); do \
+	@failed=; for seed in $(SEEDS); do echo "seed $$seed"; \
 	    $(BIN)/pytest -m hypothesis --hypothesis-seed=$$seed --examples-factor=4 --quiet --maxfail=10 \
 	        --numprocesses $$(nproc) --dist loadfile || failed="$$failed $$seed"; \
 	done; \
@@ -90,7 +90,7 @@ explore: $(READY)
 # One expression of the product is changed, 400 times: do the tests that belong to its module notice?
 SEED ?= 1
 mutation: $(READY)
-	$(BIN)/python -m tests.campaigns.mutation --count 400 --seed $(SEED) --workers $$(nproc)
+	$(BIN)/python -m tests.campaigns.mutation 400 $(SEED) $$(nproc)
 
 # One token of a valid spec is deleted, misspelt or retyped, 4,000 times: is it found, and how near?
 mutants: $(READY)

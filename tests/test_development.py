@@ -58,7 +58,7 @@ def test_without_examples():
     OUTPUT.write_text("ran")
 
 
-@settings(max_examples=10)
+@settings(max_examples=100)
 @given(number=strategies.integers())
 def test_property(number):
     with OUTPUT.open("a") as output:
@@ -77,7 +77,7 @@ class Machine(RuleBasedStateMachine):
 
 
 TestMachine = Machine.TestCase
-TestMachine.settings = settings(max_examples=10, stateful_step_count=2)
+TestMachine.settings = settings(max_examples=100, stateful_step_count=2)
 """
 
 
@@ -87,7 +87,7 @@ def project_with_properties(folder: Path) -> Path:
     shutil.copy(ROOT / "tests" / "conftest.py", folder / "tests")
     (folder / "tests" / "test_a.py").write_text(_PROPERTIES, "utf-8")
     (folder / "tests" / "test_b.py").write_text(f"import robot\n{_PROPERTIES}", "utf-8")
-    (folder / "robot.py").write_text("LIMITS = (12345, -777, 424242)\n", "utf-8")
+    (folder / "robot.py").write_text(f"LIMITS = {tuple(range(1000, 1500))}\n", "utf-8")
     git = ("git", "-c", "user.name=a", "-c", "user.email=a@b")
     subprocess.run((*git, "init", "--quiet"), cwd=folder, check=True)
     subprocess.run((*git, "commit", "--quiet", "--allow-empty", "--message=first"), cwd=folder, check=True)
@@ -121,7 +121,7 @@ def test_in_ci_the_commit_determines_the_examples_and_the_printed_option_draws_t
 def test_the_number_of_examples_is_multiplied_in_property_tests_and_state_machines(tmp_path: Path) -> None:
     project = project_with_properties(tmp_path)
 
-    header, (examples, _) = run_properties(project, "--examples-factor=3", "--hypothesis-seed=5")
+    header, (examples, _) = run_properties(project, "--examples-factor=0.3", "--hypothesis-seed=5")
 
     assert header.endswith("--hypothesis-seed=5")
     assert len(examples.splitlines()) == 30

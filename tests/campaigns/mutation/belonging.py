@@ -18,7 +18,7 @@ ROOM_BY_PATH = {
     "codra_dsl/runtime/knowledge": "knowledge",
     "codra_dsl/runtime/loops": "loops",
 }
-_OTHER_TESTS = ("tests/integrations/rafcon/", "tests/papers/", "tests/campaigns/")
+_LEFT_OUT = ("tests/integrations/rafcon/", "tests/papers/", "tests/campaigns/")
 
 
 def modules(root: Path) -> Iterator[tuple[str, str]]:
@@ -31,11 +31,9 @@ def modules(root: Path) -> Iterator[tuple[str, str]]:
 
 def imports_by_test(root: Path) -> dict[str, set[str]]:
     """Return the modules that each test file imports, without tests of the papers and of RAFCON."""
-    paths = {path.relative_to(root).as_posix(): path for path in sorted((root / "tests").rglob("test_*.py"))}
+    tests = sorted(path.relative_to(root).as_posix() for path in (root / "tests").rglob("test_*.py"))
     return {
-        test: imported_modules(path.read_text("utf-8"))
-        for test, path in paths.items()
-        if not test.startswith(_OTHER_TESTS)
+        test: imported_modules((root / test).read_text("utf-8")) for test in tests if not test.startswith(_LEFT_OUT)
     }
 
 
@@ -44,10 +42,13 @@ def tests_of(file: str, imports: Mapping[str, set[str]]) -> Iterator[list[str]]:
 
     The first are those of the module's name, and those of its folder that import it; for the compiler, the cases are
     next. Then come the others of its folder, those elsewhere that import the module, and those that import its package.
+    If no folder mirrors that of the module, the nearest one above counts.
     """
     module, stem = module_of(file), PurePosixPath(file).stem
     packages = {module.rpartition(".")[0], ".".join(module.split(".")[:3])}
-    folder = _nearest_folder(file, imports)
+    folders = {PurePosixPath(test).parent.as_posix() for test in imports}
+    mirrored = PurePosixPath(mirrored_folder(file) or "tests")
+    folder = next(path.as_posix() for path in (mirrored, *mirrored.parents) if path.as_posix() in folders)
     in_folder = [test for test in imports if PurePosixPath(test).parent.as_posix() == folder]
     named = [test for test in imports if test.startswith(folder) and test.endswith(f"/test_{stem}.py")]
     importing = [test for test in imports if module in imports[test]]
@@ -61,10 +62,3 @@ def tests_of(file: str, imports: Mapping[str, set[str]]) -> Iterator[list[str]]:
     ):
         yield [test for test in dict.fromkeys(stage) if test not in seen]
         seen.update(stage)
-
-
-def _nearest_folder(file: str, imports: Mapping[str, set[str]]) -> str:
-    """Return the folder of tests that mirrors the module's folder, or the nearest one above that has tests."""
-    folders = {PurePosixPath(test).parent for test in imports}
-    mirrored = PurePosixPath(mirrored_folder(file) or "tests")
-    return next(path for path in (mirrored, *mirrored.parents) if path in folders).as_posix()

@@ -50,8 +50,8 @@ class Change:
 def changes(source: bytes) -> Iterator[Change]:
     """Yield all changes of a module in the order of its syntax tree.
 
-    Annotations, decorators, assertions, texts and code for type checkers stay as they are: no run depends on them, or
-    the complete output of the cases has them. The parts of f-strings stay because Python states no positions of them.
+    Annotations, decorators, assertions, texts and code for type checkers stay as they are, and the parts of f-strings,
+    whose positions are unknown before Python 3.12.
     """
     line_starts = [0, *(match.end() for match in re.finditer(b"\n", source))]
 
