@@ -18,6 +18,7 @@ ROOM_BY_PATH = {
     "codra_dsl/runtime/knowledge": "knowledge",
     "codra_dsl/runtime/loops": "loops",
 }
+_COMPILER = "codra_dsl.compiler"
 _LEFT_OUT = ("tests/integrations/rafcon/", "tests/papers/", "tests/campaigns/")
 
 
@@ -41,11 +42,13 @@ def tests_of(file: str, imports: Mapping[str, set[str]]) -> Iterator[list[str]]:
     """Yield the test files that belong to a module, the nearest first; no file is repeated.
 
     The first are those of the module's name, and those of its folder that import it; for the compiler, the cases are
-    next. Then come the others of its folder, those elsewhere that import the module, and those that import its package.
-    If no folder mirrors that of the module, the nearest one above counts.
+    next. Then come the others of its folder, those elsewhere that import the module, and at last, one by one, those
+    that import its package, or the compiler if the module is a part of it. If no folder mirrors that of the module, the
+    nearest one above counts.
     """
     module, stem = module_of(file), PurePosixPath(file).stem
-    packages = {module.rpartition(".")[0], ".".join(module.split(".")[:3])}
+    is_of_runtime = file.startswith("codra_dsl/runtime")
+    packages = {module.rpartition(".")[0], ".".join(module.split(".")[:3]), *([] if is_of_runtime else [_COMPILER])}
     folders = {PurePosixPath(test).parent.as_posix() for test in imports}
     mirrored = PurePosixPath(mirrored_folder(file) or "tests")
     folder = next(path.as_posix() for path in (mirrored, *mirrored.parents) if path.as_posix() in folders)
@@ -55,10 +58,10 @@ def tests_of(file: str, imports: Mapping[str, set[str]]) -> Iterator[list[str]]:
     seen = set[str]()
     for stage in (
         named + [test for test in importing if test in in_folder],
-        [] if file.startswith("codra_dsl/runtime") else ["tests/test_cases.py"],
+        [] if is_of_runtime else ["tests/test_cases.py"],
         in_folder,
         importing,
-        [test for test in imports if packages & imports[test]],
+        *([test] for test in imports if packages & imports[test]),
     ):
         yield [test for test in dict.fromkeys(stage) if test not in seen]
         seen.update(stage)

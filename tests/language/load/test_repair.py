@@ -182,6 +182,13 @@ def test_a_blank_after_the_colon_of_a_function_is_reported_with_the_function_to_
     assert finding.help == "write house.perception:look, without a blank"
 
 
+def test_a_bracket_that_is_not_closed_on_a_later_line_is_reported_where_it_opens() -> None:
+    text = SPEC.replace("[door_open, lamp]}", "[door_open,\n    lamp")
+    finding = next(finding for finding in findings_of(text) if "never closed" in finding.message)
+
+    assert (finding.message, marked(text, finding.place)) == ("the '[' here is never closed", "[")
+
+
 def test_an_empty_item_is_reported_at_its_dash() -> None:
     text = SPEC.replace('- lamp == "lit"', "-")
     (finding,) = findings_of(text)
