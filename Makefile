@@ -51,7 +51,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases mutants fuzz kills signals whys crowd clients bench release tagged sbom docs lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants fuzz kills signals whys crowd clients bench release tagged sbom docs lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -80,6 +80,20 @@ check: browser lint
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
 cases: $(READY)
 	$(BIN)/pytest tests/test_cases.py tests/tooling/report/test_explain.py --renew-cases
+
+# Property tests alone, with new examples for each seed: what fails is printed, and kept as an @example of its test.
+SEEDS ?= $(shell seq 1 20)
+explore: $(READY)
+	@failed=; for seed in $(SEEDS); do echo "seed $$seed"; \
+	    $(BIN)/pytest -m hypothesis --hypothesis-seed=$$seed --examples-factor=4 --quiet --maxfail=10 \
+	        --numprocesses $$(nproc) --dist loadfile || failed="$$failed $$seed"; \
+	done; \
+	if test -n "$$failed"; then echo "seeds with failures:$$failed" >&2; exit 1; fi
+
+# One expression of the product is changed, 400 times: do the tests that belong to its module notice?
+SEED ?= 1
+mutation: $(READY)
+	$(BIN)/python -m tests.campaigns.mutation 400 $(SEED) $$(nproc)
 
 # One token of a valid spec is deleted, misspelt or retyped, 4,000 times: is it found, and how near?
 mutants: $(READY)

@@ -91,6 +91,13 @@ def test_results_that_are_too_old_when_the_last_confirming_one_arrives_are_repor
     )
 
 
+def test_a_result_that_expires_exactly_when_the_last_confirming_one_arrives_is_too_old() -> None:
+    confirmed = ("{near: found}", "{near: {enter: found, confirm: 3 of 3}}")
+
+    assert rules(confirmed, ("valid_for: 3 s", "valid_for: 4 s")) == ["stale-before-renewed"]
+    assert rules(confirmed, ("valid_for: 3 s", "valid_for: 4.1 s")) == []
+
+
 def test_on_event_together_with_a_periodic_variable_has_no_effect() -> None:
     edits = [("steady: {type: bool}", "steady: {type: bool, refresh: on_event}")]
     (finding,) = finding_summaries(*edits)

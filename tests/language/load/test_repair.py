@@ -174,6 +174,21 @@ def test_a_colon_in_a_text_needs_quotes_not_a_comma() -> None:
     assert rules_of(SPEC.replace('label: "Door"', "label: The door: front")) == ["torn-at-colon"]
 
 
+def test_a_blank_after_the_colon_of_a_function_is_reported_with_the_function_to_write() -> None:
+    text = SPEC.replace("house.perception:look", "house.perception: look")
+    (finding,) = findings_of(text)
+
+    assert (finding.rule.name, marked(text, finding.place)) == ("torn-at-colon", "house.perception: look")
+    assert finding.help == "write house.perception:look, without a blank"
+
+
+def test_a_bracket_that_is_not_closed_on_a_later_line_is_reported_where_it_opens() -> None:
+    text = SPEC.replace("[door_open, lamp]}", "[door_open,\n    lamp")
+    finding = next(finding for finding in findings_of(text) if "never closed" in finding.message)
+
+    assert (finding.message, marked(text, finding.place)) == ("the '[' here is never closed", "[")
+
+
 def test_an_empty_item_is_reported_at_its_dash() -> None:
     text = SPEC.replace('- lamp == "lit"', "-")
     (finding,) = findings_of(text)

@@ -1,0 +1,1 @@
+"""Change one expression of the product, and check whether its tests notice."""
