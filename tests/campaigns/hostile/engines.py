@@ -30,6 +30,7 @@ _PAGES = tuple(
     for page in ("docs/reference/fuzzy.md", "docs/reference/adaptation.md")
     for block in re.findall(r"```text[^\n]*\n(Engine:.*?)```", (ROOT / page).read_text("utf-8"), re.DOTALL)
 )
+_SMALL_FILES = tuple(text for text in (*_FILES, *_PAGES) if len(text) < 3000)
 _MAX_COMPUTED = 2_000
 """The largest number of points times rules for which an engine is also computed."""
 
@@ -153,7 +154,7 @@ class _Grammar:
 
 def _make(chance: Random) -> Files:
     kind = chance.random()
-    text = _Grammar(chance).engine() if kind < 0.6 else chance.choice((*_FILES, *_PAGES))
+    text = _Grammar(chance).engine() if kind < 0.7 else chance.choice(_FILES if kind > 0.98 else _SMALL_FILES)
     if kind > 0.3:
         text = damaged(chance, text)
     if chance.random() < 0.01:

@@ -56,12 +56,14 @@ class Kind:
     Attributes:
         make: returns an input; equal random generators give equal inputs.
         read: reads an input in a folder, which is also the current folder. Any exception is a crash.
-        changes: the parts of paths, relative to the folder, that a reader may write in addition to OUT.
+        changes: the folders, relative to the folder of the input, in which a reader may write in addition to OUT.
+        prepare: computes once what all inputs share.
     """
 
     make: Callable[[Random], Files]
     read: Callable[[Path], Answer]
     changes: tuple[str, ...] = ()
+    prepare: Callable[[], object] = tuple
 
 
 class InternalError(AssertionError):

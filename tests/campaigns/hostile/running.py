@@ -116,6 +116,7 @@ class Campaign:
         return self.kinds[name].make(Random(f"{self.seed}/{name}/{number}"))
 
     def _outcomes(self, name: str, numbers: Sequence[int], workers: int) -> Iterator[Outcome]:
+        self.kinds[name].prepare()
         pending = deque(numbers[start : start + BATCH] for start in range(0, len(numbers), BATCH))
         running: dict[Connection, tuple[BaseProcess, deque[int]]] = {}
         while pending or running:
@@ -182,6 +183,7 @@ class Campaign:
         problems += [f"{cpu_s:.1f} s of the processor"] if cpu_s > MAX_CPU_S else []
         problems += [f"{peak_bytes / 1e6:.0f} MB"] if peak_bytes > MAX_BYTES else []
         os.chdir(self.folder)
+        tempfile.tempdir = None
         with contextlib.suppress(OSError):
             shutil.rmtree(root)
         return Outcome(number, answer, cpu_s, peak_bytes, "; ".join(problems))
