@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from random import Random
 from typing import Any
 
@@ -173,14 +174,14 @@ def damaged_json(chance: Random, document: Any) -> str:
         other_holder, other_key = chance.choice(holders)
         kind = chance.random()
         if kind < 0.5:
-            holder[key] = chance.choice(HOSTILE_VALUES)
+            holder[key] = deepcopy(chance.choice(HOSTILE_VALUES))  # a shared list would change for later inputs
         elif kind < 0.7:
-            holder[key] = json.loads(json.dumps(other_holder[other_key]))
+            holder[key] = deepcopy(other_holder[other_key])
         elif kind < 0.85:
             holder.pop(key)
         elif isinstance(holder, dict):
             new_key = chance.choice((*NAMES, *NUMBERS[:20], "", "a" * 2000, str(other_key)))
-            holder[new_key] = holder[key]
+            holder[new_key] = deepcopy(holder[key])
         else:
             holder[key:key] = [holder[key]] * chance.choice((1, 100))
     text = json.dumps(document, ensure_ascii=chance.random() < 0.5, indent=chance.choice((None, 1)))

@@ -1,4 +1,4 @@
-"""Repositories of git as files: loose objects, packs with their indexes, and references, also those that git refuses."""
+"""Repositories of git as files: loose objects, packs, indexes and references, also those that git refuses."""
 
 from __future__ import annotations
 

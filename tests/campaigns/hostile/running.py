@@ -29,7 +29,7 @@ MAX_BYTES = 300e6
 HANG_S = 300
 """The real time after which a process that reads one input is killed."""
 
-ADDRESS_SPACE_BYTES = 3 << 30
+ADDRESS_SPACE_BYTES = 2 << 30
 BATCH = 100
 WARM_UP = 5
 """The number of inputs at the start of each batch that perform lazy imports; they are not counted."""
