@@ -355,17 +355,13 @@ def _git_process(arguments: Sequence[str], folder: Path) -> Iterator[subprocess.
                 process.stdin.close()
 
 
-def _run_git(
-    arguments: Sequence[str], folder: Path, input_data: bytes = b""
-) -> subprocess.CompletedProcess[bytes]:
+def _run_git(arguments: Sequence[str], folder: Path, input_data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     with _started_git(arguments, folder, subprocess.PIPE) as process:
         output, error_output = process.communicate(input_data)
     return subprocess.CompletedProcess(arguments, process.returncode, output, error_output)
 
 
-def _started_git(
-    arguments: Sequence[str], folder: Path, stderr: int = subprocess.DEVNULL
-) -> subprocess.Popen[bytes]:
+def _started_git(arguments: Sequence[str], folder: Path, stderr: int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
     """Start git with limits on its time and memory, where the system can set them for another process."""
     try:
         process = subprocess.Popen(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -73,7 +74,7 @@ def _attributes(chance: Random, names: tuple[str, ...]) -> dict[str, Any]:
     attributes = {}
     for name in chance.sample(names, chance.randrange(len(names))):
         code = chance.choice(sorted(_VALUES))
-        attributes[name] = {"type": code, "value": chance.choice(_VALUES[code])}
+        attributes[name] = {"type": code, "value": deepcopy(chance.choice(_VALUES[code]))}
     return attributes
 
 

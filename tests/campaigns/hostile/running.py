@@ -21,7 +21,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from random import Random
 
-from tests.campaigns.hostile.reading import Answer, Files, Kind, captured, changed_files, write
+from tests.campaigns.hostile.reading import OUT, Answer, Files, Kind, captured, changed_files, write
 from tests.campaigns.hostile.watch import Watch
 
 MAX_CPU_S = 5.0
@@ -156,14 +156,14 @@ class Campaign:
         signal.alarm(0)
 
     def _read(self, name: str, number: int, watch: Watch) -> Outcome:
-        kind, root = self.kinds[name], self.folder / f"{name}-{number}"
+        kind, root = self.kinds[name], self.folder / f"{name}-{number}-{os.getpid()}"
         files = self.files(name, number)
         root.mkdir()
         write(files, root)
-        tempfile.tempdir = str(root / "out")
+        tempfile.tempdir = os.environ["XDG_CACHE_HOME"] = str(root / OUT)
         os.chdir(root)
         Path("/proc/self/clear_refs").write_text("5")  # the peak memory begins anew
-        watch.arm(root, root / "out", [root / part for part in kind.changes], is_recording=number >= 0)
+        watch.arm(root, root / OUT, [root / part for part in kind.changes], is_recording=number >= 0)
         start_s, answer, failure = _cpu_s(), REFUSED, ""
         try:
             with captured():

@@ -29,6 +29,7 @@ CHANGES = {
     "os.truncate",
     "os.utime",
 }
+CHANGES_OF_TARGETS = ("os.chmod", "os.truncate", "os.utime")
 FORBIDDEN = (
     "socket.",
     "subprocess.",
@@ -96,7 +97,8 @@ class Watch:
         if event == "open":
             return self._opened(*arguments)
         if event in CHANGES or event.startswith("shutil."):
-            return None if self._may_change(_changed_path(arguments)) else f"{event} {arguments[0]!r:.200}"
+            path = _changed_path(event, arguments)
+            return None if _is_below(path, (self.out, *self.further_outs)) else f"{event} {arguments[0]!r:.200}"
         if event == "import" and str(arguments[0]).split(".")[0] in (
             "antigravity",
             "turtle",
@@ -122,12 +124,17 @@ class Watch:
         return _is_within(path, (self.out, *self.further_outs))
 
 
-def _changed_path(arguments: tuple[object, ...]) -> object:
-    """Return the path that an event changes; its last argument may be the descriptor of the folder of this path."""
-    folder = arguments[-1]
+def _changed_path(event: str, arguments: tuple[object, ...]) -> str:
+    """Return the real path that an event changes; its last argument may be the descriptor of the folder of this path.
+
+    If the path is a link, the system changes the link itself, except for the events in CHANGES_OF_TARGETS.
+    """
+    folder, path = arguments[-1], Path(os.fsdecode(arguments[0]))  # type: ignore[arg-type]
     if isinstance(folder, int) and folder >= 0 and len(arguments) > 1:
-        return Path(f"/proc/self/fd/{folder}").readlink() / os.fsdecode(arguments[0])  # type: ignore[arg-type]
-    return arguments[0]
+        path = Path(f"/proc/self/fd/{folder}").readlink() / path
+    if event in CHANGES_OF_TARGETS:
+        return os.path.realpath(path)
+    return str(Path(os.path.realpath(path.parent), path.name))
 
 
 def _is_within(path: object, folders: Sequence[str]) -> bool:
@@ -135,6 +142,10 @@ def _is_within(path: object, folders: Sequence[str]) -> bool:
         real_path = os.path.realpath(os.fsdecode(path))  # type: ignore[arg-type]
     except ValueError:
         return True  # a path with a null character: the system refuses it
+    return _is_below(real_path, folders)
+
+
+def _is_below(real_path: str, folders: Sequence[str]) -> bool:
     return any(real_path == folder or real_path.startswith(folder + os.sep) for folder in folders)
 
 
