@@ -99,7 +99,7 @@ mutation: $(READY)
 mutants: $(READY)
 	$(BIN)/python -m tests.campaigns.mutants 4000
 
-# Ten thousand hostile inputs under an audit hook: nothing may crash, hang, be run, or be written elsewhere.
+# Ten thousand hostile inputs of each kind, under an audit hook and limits: nothing may crash, hang, be run, or be written elsewhere.
 fuzz: $(READY)
 	$(BIN)/python -m tests.campaigns.hostile 10000
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import resource
 import shlex
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -37,6 +38,10 @@ MAX_LISTED_BYTES = 64 * 1024 * 1024
 MAX_DEPTH = 100
 _MAX_WORDS = 1_000_000
 _MAX_LINE_BYTES = 1 << 16
+
+_MAX_GIT_CPU_S = 10
+_MAX_GIT_DATA_BYTES = 256 * 1024 * 1024
+"""The maximum heap of a git process. A pack of 2 KB can describe an object that git would unpack for ever."""
 
 _GIT = (
     *("git", "--no-pager", "--no-replace-objects", "--literal-pathspecs"),
@@ -336,18 +341,7 @@ def _words_in_including_files(files: Iterable[Path]) -> set[bytes]:
 @contextmanager
 def _git_process(arguments: Sequence[str], folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     """Run git while its output is read. If an exception ends the reading, or the output is not read, git is stopped."""
-    try:
-        process = subprocess.Popen(
-            (*_GIT, *arguments),
-            cwd=folder,
-            env=_environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-    except (OSError, ValueError) as error:
-        raise _unrunnable(error) from error
-    with process:
+    with _started_git(arguments, folder) as process:
         try:
             yield process
         except BrokenPipeError as error:
@@ -362,17 +356,29 @@ def _git_process(arguments: Sequence[str], folder: Path) -> Iterator[subprocess.
 
 
 def _run_git(arguments: Sequence[str], folder: Path, input_data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    with _started_git(arguments, folder, subprocess.PIPE) as process:
+        output, error_output = process.communicate(input_data)
+    return subprocess.CompletedProcess(arguments, process.returncode, output, error_output)
+
+
+def _started_git(arguments: Sequence[str], folder: Path, stderr: int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
+    """Start git with limits on its time and memory, where the system can set them for another process."""
     try:
-        return subprocess.run(
+        process = subprocess.Popen(
             (*_GIT, *arguments),
             cwd=folder,
             env=_environment(),
-            input=input_data,
-            capture_output=True,
-            check=False,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
         )
     except (OSError, ValueError) as error:
         raise _unrunnable(error) from error
+    if hasattr(resource, "prlimit"):
+        with suppress(ProcessLookupError):
+            resource.prlimit(process.pid, resource.RLIMIT_DATA, (_MAX_GIT_DATA_BYTES, _MAX_GIT_DATA_BYTES))
+            resource.prlimit(process.pid, resource.RLIMIT_CPU, (_MAX_GIT_CPU_S, _MAX_GIT_CPU_S))
+    return process
 
 
 def _unrunnable(error: OSError | ValueError) -> RevisionError:

@@ -1,18 +1,25 @@
-"""Reading any spec never runs code, opens files outside of the project, starts processes, or crashes."""
+"""Reading any input never runs code, opens files outside of the project, starts processes, or crashes."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from random import Random
 
 import pytest
 
+from codra_dsl.cli import app as command_app
+from tests.campaigns.hostile.kinds import KINDS
+from tests.campaigns.hostile.reading import Answer, Kind, command
+from tests.campaigns.hostile.running import Campaign
 from tests.command_server import as_text, run_codra, run_python
 
 ROOT = Path(__file__).parents[2]
-COUNT = 200
+COUNT = 15
 ENVIRONMENT = {"PYTHONPATH": str(ROOT), "HOME": "/nonexistent"}
 
 WATCHED = """
@@ -81,9 +88,9 @@ def test_commands_that_read_specs_never_run_code_or_open_files_outside_or_start_
     assert not (tmp_path / "owned").exists()
 
 
-def test_hostile_inputs_only_give_findings() -> None:
+def test_inputs_of_each_kind_are_accepted_or_refused(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "tests.campaigns.hostile", str(COUNT), "1"],
+        [sys.executable, "-m", "tests.campaigns.hostile", str(COUNT), "--workers", "1", "--keep", str(tmp_path)],
         cwd=ROOT,
         env={**ENVIRONMENT, "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
@@ -92,3 +99,84 @@ def test_hostile_inputs_only_give_findings() -> None:
     )
 
     assert done.returncode == 0, done.stdout + done.stderr
+    rows = [line.split() for line in done.stdout.splitlines()[1:]]
+    assert {name: (inputs, failures) for name, inputs, *_, failures in filter(None, rows)} == dict.fromkeys(
+        KINDS, (str(COUNT), "0")
+    )
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_an_input_follows_from_seed_kind_and_number(name: str, tmp_path: Path) -> None:
+    campaign = Campaign(KINDS, tmp_path, seed=1)
+    first_files = [campaign.files(name, number) for number in range(8)]
+
+    assert [campaign.files(name, number) for number in range(8)] == first_files
+    assert campaign.files(name, 0) != campaign.files(name, 1)
+
+
+def _raise(_: Path) -> Answer:
+    raise ValueError("a defect")
+
+
+def _end_process(_: Path) -> Answer:
+    os._exit(3)
+
+
+def _read_outside(_: Path) -> Answer:
+    Path("/etc/passwd").read_bytes()
+    return Answer(is_accepted=True)
+
+
+def _write_elsewhere(root: Path) -> Answer:
+    (root / "elsewhere").write_bytes(b"")
+    return Answer(is_accepted=True)
+
+
+def _start_process(_: Path) -> Answer:
+    subprocess.run(["true"], check=True)
+    return Answer(is_accepted=True)
+
+
+def _fail_internally(_: Path) -> Answer:
+    command_app._run_app = lambda: 70
+    return command("lint", "spec.yaml")
+
+
+def _use_memory(_: Path) -> Answer:
+    return Answer(is_accepted=(bytearray(b"x") * 400_000_000).isascii())
+
+
+@pytest.mark.parametrize(
+    ("read", "failure"),
+    [
+        (_raise, "ValueError"),
+        (_end_process, "the process ended: exit code 3"),
+        (_read_outside, "open '/etc/passwd'"),
+        (_write_elsewhere, "changed 'elsewhere'"),
+        (_start_process, "subprocess.Popen"),
+        (_fail_internally, "exit 70"),
+        (_use_memory, " MB"),
+    ],
+)
+def test_a_reader_that_breaks_a_promise_is_a_failure_and_its_input_is_kept(
+    read: Callable[[Path], Answer], failure: str, tmp_path: Path
+) -> None:
+    inputs, keep = tmp_path / "inputs", tmp_path / "keep"
+    inputs.mkdir()
+    kinds = {"good": Kind(_make_one, _accept), "bad": Kind(_make_one, read)}
+
+    good, bad = Campaign(kinds, inputs, seed=1, keep=keep).run(range(7, 9), workers=1)
+
+    assert [outcome.answer.is_accepted for outcome in good.outcomes] == [True, True]
+    assert [outcome.failure for outcome in good.outcomes] == ["", ""]
+    assert [failure in outcome.failure for outcome in bad.failures()] == [True, True]
+    assert sorted(path.name for path in keep.iterdir()) == ["bad-1-7", "bad-1-8"]
+    assert (keep / "bad-1-7/input/spec.yaml").read_bytes() == b"codra: 1"
+
+
+def _make_one(_: Random) -> dict[str, bytes]:
+    return {"spec.yaml": b"codra: 1"}
+
+
+def _accept(root: Path) -> Answer:
+    return Answer(is_accepted=(root / "spec.yaml").read_bytes() == b"codra: 1")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import resource
 import subprocess
 import zlib
 from pathlib import Path, PurePosixPath
@@ -12,6 +13,7 @@ import pytest
 
 from codra_dsl.tooling import revisions
 from codra_dsl.tooling.revisions import Repository, RevisionError
+from tests.campaigns.hostile.git_objects import REF_DELTA, Objects, pack_record
 
 FILE, FOLDER = b"100644", b"40000"
 DOOR = b"codra: 1\nname: door\ninclude: [parts.txt]\n"
@@ -142,3 +144,24 @@ def test_too_many_words_of_including_files_are_refused(
 
     with pytest.raises(RevisionError, match="too much YAML"):
         extract(top, commit(top, tree(top, (FILE, b"a.yaml", store(top, b"blob", DOOR + words)))), tmp_path / "target")
+
+
+def test_an_object_that_is_described_by_itself_takes_little_memory(top: Path, tmp_path: Path) -> None:
+    """Two deltas in a pack, each the base of the other: git would unpack them until memory ends."""
+    objects = Objects()
+    spec, other = objects.blob(DOOR), objects.blob(b"other")
+    revision = objects.commit(objects.tree([(FILE, b"door.yaml", spec)])).hex()
+    del objects.contents[spec], objects.contents[other]
+    delta = b"\x05\x05\x90\x05"
+    circle = [(spec, pack_record(REF_DELTA, delta, base=other)), (other, pack_record(REF_DELTA, delta, base=spec))]
+    for file, data in objects.pack_files(circle).items():
+        (top / ".git" / file).write_bytes(data)
+    soft_limit, hard_limit = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (3 << 30, hard_limit))  # so that a failure of this test is bounded
+    try:
+        with pytest.raises(RevisionError, match="some files of the revision are missing here"):
+            extract(top, revision, tmp_path / "target")
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft_limit, hard_limit))
+
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 400_000  # KB, the largest of all processes so far

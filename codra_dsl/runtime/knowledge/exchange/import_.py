@@ -217,7 +217,10 @@ class _Importer:
         if edge_type.model.motion is None:
             return ""
         if self._edge_pose(edge) is None:
-            return "it has no pose: rt_translation and rt_rotation_euler_xyz must have three finite numbers each"
+            return (
+                "it has no pose: rt_translation and rt_rotation_euler_xyz must have three finite numbers each, "
+                "and rt_timestamps only numbers"
+            )
         ancestor: str | None = origin
         while ancestor is not None:
             if ancestor == target:

@@ -35,7 +35,10 @@ def pose_of(attributes: Mapping[str, DsrValue], unit_m: float) -> Pose | None:
         attributes: the attributes of the edge.
         unit_m: the unit of translations, in metres.
     """
-    start = 3 * _newest_index(attributes.get(STAMPS))
+    newest_index = _newest_index(attributes.get(STAMPS))
+    if newest_index is None:
+        return None
+    start = 3 * newest_index
     translation, angles_rad = (_three_numbers(attributes.get(name), start) for name in (TRANSLATION, ROTATION))
     if translation is None or angles_rad is None:
         return None
@@ -68,9 +71,12 @@ def _euler_rad(pose: Pose) -> tuple[float, float, float]:
     return (math.atan2(-f, i), math.atan2(c, cosine), math.atan2(-b, a))
 
 
-def _newest_index(stamps: DsrValue | None) -> int:
+def _newest_index(stamps: DsrValue | None) -> int | None:
+    """Return the index of the greatest stamp, 0 without stamps; None if a stamp is unknown."""
     if stamps is None or not isinstance(stamps.value, tuple) or not stamps.value:
         return 0
+    if any(stamp is None or math.isnan(stamp) for stamp in stamps.value):
+        return None
     return stamps.value.index(max(stamps.value))
 
 

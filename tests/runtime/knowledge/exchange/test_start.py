@@ -257,12 +257,22 @@ def test_an_edge_whose_label_leaves_a_choice_states_its_type() -> None:
         (
             (DsrEdge(origin=1, label="RT", target=2, attributes={"rt_translation": number(3, (1.0, 2.0))}),),
             "edge world -RT-> robot: it has no pose: rt_translation and rt_rotation_euler_xyz "
-            "must have three finite numbers each",
+            "must have three finite numbers each, and rt_timestamps only numbers",
         ),
         (
             (rt(1, 2, rt_timestamps=number(9, (1, 2))),),
             "edge world -RT-> robot: it has no pose: rt_translation and rt_rotation_euler_xyz "
-            "must have three finite numbers each",
+            "must have three finite numbers each, and rt_timestamps only numbers",
+        ),
+        (
+            (rt(1, 2, rt_timestamps=number(3, (1.0, None))),),
+            "edge world -RT-> robot: it has no pose: rt_translation and rt_rotation_euler_xyz "
+            "must have three finite numbers each, and rt_timestamps only numbers",
+        ),
+        (
+            (rt(1, 2, rt_timestamps=number(3, (math.nan, 1.0))),),
+            "edge world -RT-> robot: it has no pose: rt_translation and rt_rotation_euler_xyz "
+            "must have three finite numbers each, and rt_timestamps only numbers",
         ),
     ],
 )

@@ -1,7 +1,4 @@
-"""Hostile projects, by seed and number: half of them are YAML, and many have the right shape.
-
-An input is a mapping from paths to bytes; `spec.yaml` is compiled.
-"""
+"""Hostile specs: half of them are YAML, and many have the right shape. `spec.yaml` is compiled."""
 
 from __future__ import annotations
 
@@ -9,114 +6,16 @@ import json
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+from tests.campaigns.hostile.damage import damaged, encoded
+from tests.campaigns.hostile.reading import OUT, Answer, Files, Kind, command
+from tests.campaigns.hostile.texts import GOOD_NAMES, NAMES, TEXTS
+from tests.campaigns.hostile.yaml_forms import yaml_text
 from tests.campaigns.mutants.mutation import LETTERS, TOKEN, projects
 
-Files = Mapping[str, bytes]
+PROJECT = b"[tool.codra]\n"
 
-TEXTS = (
-    '"); __import__("os").system("touch /tmp/owned"); ("',
-    "'''",
-    '"""',
-    "\\",
-    "\\N{BULLET}",
-    "{{ 7 * 7 }}",
-    "{% for x in y %}",
-    "{# #}",
-    "%(name)s",
-    "$(instance)",
-    "$(missing)",
-    "${HOME}",
-    "`id`",
-    "$(touch /tmp/owned)",
-    "::error file=x::y",
-    "</script><script>alert(1)</script>",
-    "\x1b[2J\x1b]0;owned\x07",
-    "\u202e\u2066evil",
-    "\u0000",
-    "\x85\u2028\u2029",
-    "a\nb\r\nc",
-    "\ud7ff\ue000\ufeff",
-    "𝔸𝔹ℂ",
-    "ｃｌａｓｓ",
-    "no",
-    "0o17",
-    "1e999",
-    "-.inf",
-    ".nan",
-    "2026-11-21",
-    "1:30",
-    "~",
-    "<<",
-    "!!python/object/apply:os.system [id]",
-    "&a [*a]",
-    "../../../etc/passwd",
-    "/etc/passwd",
-    "file:///etc/passwd",
-    "x" * 2000,
-    "(" * 300,
-    "not " * 300 + "a",
-    "a < " * 300 + "a",
-    "((((((a))))) and b) or not (c in (1, 2, 3",
-    "1 m/s/s/s/s/s/s/s/s",
-    "9" * 400,
-    "0." + "0" * 400 + "1 mm",
-    "a if b else " * 100 + "c",
-    "known(known(a))",
-    "age(a) < age(b)",
-    "a == a == a != a",
-    "min(" + ", ".join("a" * 200) + ")",
-)
-GOOD_NAMES = ("a", "b", "c", "door", "lamp", "near", "x1", "Open", "self", "observer", "value", "print", "os", "lab")
-NAMES = (
-    *(
-        "a",
-        "b",
-        "c",
-        "door",
-        "lamp",
-        "A",
-        "Door",
-        "self",
-        "observer",
-        "value",
-        "known",
-        "age",
-        "class",
-        "None",
-        "print",
-    ),
-    *(
-        "__import__",
-        "__init__",
-        "__class__",
-        "exec",
-        "import",
-        "os",
-        "sys",
-        "context",
-        "instance",
-        "min",
-        "abs",
-        "true",
-    ),
-    *(
-        "null",
-        "match",
-        "type",
-        "_",
-        "x1",
-        "1x",
-        "a-b",
-        "a b",
-        "",
-        "main_execution",
-        "observer_",
-        "ä",
-        "lab",
-        "__main__",
-    ),
-)
 CALLS = (
     "os:system",
     "antigravity:fly",
@@ -147,11 +46,10 @@ CONDITIONS = (
 SECTIONS = ("context", "resources", "perception", "skills", "observers", "agents", "templates", "use")
 
 
-def hostile(seed: int, number: int) -> Files:
-    """Return an input; equal arguments give equal inputs."""
-    chance = random.Random(f"{seed}/{number}")
+def _make(chance: random.Random) -> Files:
     maker: Callable[[random.Random], Files] = chance.choices(MAKERS, WEIGHTS)[0]
-    return maker(chance)
+    arguments = chance.choices(_COMMANDS, _COMMAND_WEIGHTS)[0]
+    return {"pyproject.toml": PROJECT, "command": " ".join(arguments).encode(), **maker(chance)}
 
 
 def _spliced(chance: random.Random) -> Files:
@@ -271,6 +169,20 @@ def _grown(chance: random.Random) -> Files:
     return {"spec.yaml": json.dumps(spec, ensure_ascii=chance.random() < 0.5).encode("utf-8", "surrogatepass")}
 
 
+def _formed(chance: random.Random) -> Files:
+    """Return a spec of mostly the right shape in all forms of YAML: anchors, aliases, merges, tags, block scalars."""
+    spec = _Grower(chance, chance.choice((0.0, 0.01, 0.05))).spec()
+    text = yaml_text(chance, spec)
+    return {"spec.yaml": encoded(chance, damaged(chance, text, (0, 0, 1, 2)))}
+
+
+def _damaged(chance: random.Random) -> Files:
+    """Return a valid spec with damage to one of its files."""
+    files = dict(chance.choice(_PROJECTS))
+    file = chance.choice(sorted(files))
+    return {**_encoded(files), file: encoded(chance, damaged(chance, files[file]))}
+
+
 def _bytes(chance: random.Random) -> Files:
     """Return a valid spec with some bytes flipped, cut off, or replaced by noise."""
     data = bytearray(chance.choice(_PROJECTS)["spec.yaml"].encode())
@@ -343,5 +255,30 @@ def _projects() -> tuple[dict[str, str], ...]:
 
 
 _PROJECTS = _projects()
-MAKERS = (_spliced, _grown, _bytes, _noise, _bomb, _including)
-WEIGHTS = (30, 55, 4, 3, 4, 4)
+MAKERS = (_spliced, _grown, _formed, _damaged, _bytes, _noise, _bomb, _including)
+WEIGHTS = (20, 40, 15, 12, 4, 3, 3, 3)
+
+_COMMANDS = (
+    ("compile", "spec.yaml", "--out", OUT, "--no-cache"),
+    ("lint", "spec.yaml", "--no-cache"),
+    *(
+        ("lint", "spec.yaml", "--no-cache", "--format", name)
+        for name in ("json", "sarif", "junit", "github", "concise")
+    ),
+    ("lint", "spec.yaml", "--diff"),
+    ("lint", ".", "--no-cache"),
+    *(("graph", "spec.yaml", "--format", name) for name in ("json", "dot", "svg", "mermaid")),
+)
+_COMMAND_WEIGHTS = (40, 10, 3, 3, 3, 3, 3, 10, 4, 5, 5, 5, 5)
+
+
+def _read(root: Path) -> Answer:
+    """Run a command on a spec; if it compiles, its package is up to date afterwards."""
+    arguments = (root / "command").read_text().split()
+    answer = command(*arguments)
+    if arguments[0] == "compile" and answer.is_accepted:
+        assert command(*arguments, "--check").is_accepted, "the package is not up to date after compiling"
+    return answer
+
+
+SPECS = Kind(_make, _read)
