@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, common_root, existing, say, write_result
+from codra_dsl.cli.console import ExitCode, common_root, existing, harmless_text, say, write_result
 from codra_dsl.cli.journal import JournalFile
 from codra_dsl.regular_files import real_path
 
@@ -93,7 +93,8 @@ def replay_command(
     make_knowledge = _declared_knowledge if dsr is None else partial(_knowledge_from_dsr, dsr, dsr_unit_m)
     replay_result = _load_and_replay(header, events, package, spec, make_knowledge, journal)
     is_text = format_ is ReplayFormat.TEXT
-    write_result(_replay_result_text(replay_result, header) if is_text else _replay_result_json(replay_result))
+    text = harmless_text(_replay_result_text(replay_result, header)) if is_text else _replay_result_json(replay_result)
+    write_result(text)
     raise typer.Exit(ExitCode.CLEAN if replay_result.difference is None else ExitCode.FAILED)
 
 

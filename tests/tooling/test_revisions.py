@@ -142,3 +142,15 @@ def test_too_many_words_of_including_files_are_refused(
 
     with pytest.raises(RevisionError, match="too much YAML"):
         extract(top, commit(top, tree(top, (FILE, b"a.yaml", store(top, b"blob", DOOR + words)))), tmp_path / "target")
+
+
+def test_only_some_of_very_many_branches_are_suggestions(top: Path) -> None:
+    name = commit(top, tree(top))
+    lines = [f"{name} refs/heads/feature_{number:06d}\n" for number in range(10_000)]
+    lines.append(f"{name} refs/heads/zebra\n")
+    (top / ".git/packed-refs").write_text("# pack-refs with: peeled fully-peeled sorted\n" + "".join(lines))
+
+    with pytest.raises(RevisionError, match="did you mean 'feature_000012'"):
+        Repository(top).commit("feature_00012")
+    with pytest.raises(RevisionError, match="name a file, a folder, a branch"):
+        Repository(top).commit("zebrra")
