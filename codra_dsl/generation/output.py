@@ -346,16 +346,18 @@ def _replace(files: Mapping[str, str], out: Path) -> None:
 
 
 def _remove(paths: Iterable[str], out: Path) -> None:
-    """Remove orphans, and folders that become empty."""
+    """Remove orphans, and folders that become empty. Another run may remove the same files meanwhile."""
     for path in paths:
-        (out / path).unlink()
+        with suppress(FileNotFoundError):
+            (out / path).unlink()
         folder = (out / path).parent
-        while folder != out and not _folder_entries(folder):
-            shutil.rmtree(folder / _CACHE, ignore_errors=True)
-            if any(folder.iterdir()):
-                break
-            folder.rmdir()
-            folder = folder.parent
+        with suppress(FileNotFoundError):
+            while folder != out and not _folder_entries(folder):
+                shutil.rmtree(folder / _CACHE, ignore_errors=True)
+                if any(folder.iterdir()):
+                    break
+                folder.rmdir()
+                folder = folder.parent
 
 
 def _inaccessible_finding(error: OSError, out: Path, verb: str) -> Diagnostic:
