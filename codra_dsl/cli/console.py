@@ -25,7 +25,6 @@ __all__ = [
     "ExitCode",
     "common_root",
     "existing",
-    "harmless_text",
     "made_folder",
     "one_plan",
     "pip_install",
