@@ -102,6 +102,9 @@ def _run_app() -> int:
             raise
         say(f"codra: {_system_error_text(error)}")
         return ExitCode.FAILED
+    except MemoryError:
+        say("codra: there is not enough memory")
+        return ExitCode.FAILED
     except Exception as error:  # noqa: BLE001 - reported as a bug of codra
         say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
         say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
@@ -137,7 +140,9 @@ def _last_place(error: Exception) -> str:
 
 
 def _replace_closed_streams() -> None:
-    """Replace each closed output stream by a stream that discards everything. In Python, a closed stream is None."""
+    """Replace each closed stream by an empty one, or one that discards everything. In Python, it would be None."""
+    if sys.stdin is None:
+        sys.stdin = Path(os.devnull).open(encoding="utf-8")  # noqa: SIM115
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:

@@ -257,10 +257,25 @@ def counts_text(diagnostics: Sequence[Diagnostic]) -> str:
     return ", ".join(count_texts) or "no findings"
 
 
-def say(text: str) -> None:
-    """Write a message to standard error, after flushing standard output."""
+def say(text: str, *, is_rendered: bool = False) -> None:
+    """Write a message to standard error, after flushing standard output.
+
+    Args:
+        text: the message. It may contain names from files of strangers.
+        is_rendered: whether the text is the result of `View.render` or of a similar function, and may have colours.
+    """
     sys.stdout.flush()
-    print(text, file=sys.stderr)
+    print(text_for_log(text) if is_rendered else harmless_text(text), file=sys.stderr)
+
+
+def harmless_text(text: str) -> str:
+    """Return a text with names from files of strangers, such as journals, for a terminal or the log of a CI system.
+
+    Characters that a terminal would obey are replaced, and lines that GitHub Actions would obey are changed.
+    """
+    from codra_dsl.tooling.report.findings import visible_lines
+
+    return text_for_log(visible_lines(text))
 
 
 def write_result(result: str | bytes, output: Path | None = None) -> None:

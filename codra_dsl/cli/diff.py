@@ -214,6 +214,7 @@ def _side_on_disk(name: str, path: Path, relative_paths: Sequence[PurePosixPath]
 def _side_in_revision(name: str, base_path: Path, relative_paths: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
     """Extract a revision to a temporary folder, and return it as a side. Closing the stack removes this folder."""
     from codra_dsl.language.project import project_of
+    from codra_dsl.tooling.report.findings import visible_text
     from codra_dsl.tooling.revisions import Repository
 
     real_path = Path(os.path.realpath(base_path))
@@ -228,7 +229,7 @@ def _side_in_revision(name: str, base_path: Path, relative_paths: Sequence[PureP
     extracted_paths = [folder / _path_in_repository(Path(os.path.normpath(path)), top) for path in paths]
     for path, file_kind in kind_by_unread_path.items():
         if any((folder / path).is_relative_to(compared_path) for compared_path in extracted_paths):
-            say(f"codra: {name}:{path} is not read, because it is {file_kind}")
+            say(f"codra: {name}:{visible_text(str(path))} is not read, because it is {file_kind}")
     existing_paths = tuple(path for path in extracted_paths if path.exists())
     root = _root_of(existing_paths, folder) if existing_paths else folder
     root_in_repository = root.relative_to(folder).as_posix()
@@ -352,7 +353,7 @@ def _report_errors(side: _Side, version: Version, colour: Colour) -> None:
             replace(error, place=replace(error.place, span=span)) for error, span in zip(errors, spans, strict=True)
         ]
         text = findings.render_concise(shown_errors, palette)
-        say(f"{text}{side.name} has errors: unreadable parts are not compared")
+        say(f"{text}{side.name} has errors: unreadable parts are not compared", is_rendered=True)
 
 
 # The verdict

@@ -78,7 +78,8 @@ def graph_command(
     planning_result = plan_paths(paths, root)
     if planning_result.diagnostics:
         view = View(root=root, format=Format.FULL, colour=color)
-        say(f"{view.render(planning_result.diagnostics, sys.stderr)}{counts_text(planning_result.diagnostics)}")
+        text = view.render(planning_result.diagnostics, sys.stderr)
+        say(f"{text}{counts_text(planning_result.diagnostics)}", is_rendered=True)
     if is_failure(planning_result.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
     graph = _select_part(graph_of(planning_result.plans), select or (), exclude or ())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, existing, say, write_result
+from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, text_for_log, write_result
 from codra_dsl.regular_files import real_path
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def recover_command(file: JournalFile, *, output: OutputOption = None) -> None:
     except OSError as error:
         say(f"codra: cannot read '{file}' or write '{target}': {error.strerror or error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    write_result(f"{target}: {_recovery_text(recovery)}\n")
+    write_result(harmless_text(f"{target}: {_recovery_text(recovery)}\n"))
 
 
 @journal_commands.command("show")
@@ -114,18 +114,20 @@ def show_command(
             ):
                 lines.append(_event_text(event))
             if len(lines) == _LINES_PER_WRITE:
-                write_result("".join(lines))
+                write_result(text_for_log("".join(lines)))
                 lines.clear()
-        write_result("".join(lines))
+        write_result(text_for_log("".join(lines)))
         report_damage(reader, end_s)
 
 
 def _event_text(event: Event) -> str:
     from codra_dsl.runtime.journal.encoding import json_text
     from codra_dsl.runtime.why.values import instant_text
+    from codra_dsl.tooling.report.findings import visible_text
 
     details = {key: detail for key, detail in event.details.items() if detail != ""}
-    return f"{instant_text(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}\n"
+    text = f"{instant_text(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}"
+    return f"{visible_text(text)}\n"
 
 
 def _recovery_text(recovery: Recovery) -> str:

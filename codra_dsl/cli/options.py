@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from codra_dsl.cli.console import Colour, FailOn, Format
+from codra_dsl.language.project import project_of
+from codra_dsl.regular_files import leads_into, real_path
 
 __all__ = [
     "ColourOption",
@@ -55,12 +57,16 @@ ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; N
 def _check_writable(output: Path | None) -> Path | None:
     """Refuse a path that cannot be written, before any work is done.
 
-    An existing YAML file is refused as well, because it may be a spec, which would be overwritten.
+    An existing YAML file is refused as well, because it may be a spec, which would be overwritten. A link that leads
+    out of the project is refused, because it may be part of the change that is checked.
     """
     if output is None:
         return None
-    if output.suffix in (".yaml", ".yml") and output.exists():
+    if {output.suffix, real_path(output).suffix} & {".yaml", ".yml"} and output.exists():
         raise typer.BadParameter(f"'{output}' exists and may be a spec: choose a name with another ending")
+    project = project_of(output.parent) if output.is_symlink() else None
+    if project is not None and not leads_into(output, project):
+        raise typer.BadParameter(f"'{output}' is a link that leads out of the project: choose another name")
     if output.is_dir():
         raise typer.BadParameter(f"'{output}' is a folder: name a file")
     if not output.parent.is_dir():

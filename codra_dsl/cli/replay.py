@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, common_root, existing, say, write_result
+from codra_dsl.cli.console import ExitCode, common_root, existing, harmless_text, say, write_result
 from codra_dsl.cli.journal import JournalFile
 from codra_dsl.regular_files import real_path
 
@@ -91,10 +91,12 @@ def replay_command(
         header, events = reader.header(), tuple(reader.events())
         report_damage(reader, events[-1].instant_s if events else header.start_s)
     make_knowledge = _declared_knowledge if dsr is None else partial(_knowledge_from_dsr, dsr, dsr_unit_m)
-    replay_result = _load_and_replay(header, events, package, spec, make_knowledge, journal)
+    replay_result, is_journal_complete = _load_and_replay(header, events, package, spec, make_knowledge, journal)
     is_text = format_ is ReplayFormat.TEXT
-    write_result(_replay_result_text(replay_result, header) if is_text else _replay_result_json(replay_result))
-    raise typer.Exit(ExitCode.CLEAN if replay_result.difference is None else ExitCode.FAILED)
+    text = harmless_text(_replay_result_text(replay_result, header)) if is_text else _replay_result_json(replay_result)
+    write_result(text)
+    is_clean = replay_result.difference is None and is_journal_complete
+    raise typer.Exit(ExitCode.CLEAN if is_clean else ExitCode.FAILED)
 
 
 def _create_journal(path: Path | None) -> Journal | None:
@@ -129,7 +131,8 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
     spec: Path | None,
     make_knowledge: KnowledgeFactory,
     journal: Path | None,
-) -> Replayed:
+) -> tuple[Replayed, bool]:
+    """Return the result of the replay, and whether the journal of derived events is complete, if there is one."""
     import tempfile
 
     from codra_dsl.integrations.inspection.loading import load_package
@@ -169,16 +172,17 @@ def _replay(
     module: ModuleType,
     knowledge: KnowledgeModel | None,
     derived_journal: Journal | None,
-) -> Replayed:
+) -> tuple[Replayed, bool]:
     from codra_dsl.cli.worlds import Progress
     from codra_dsl.runtime.replay import replay
 
     progress = Progress()
     replay_result = replay(header, events, module.MODEL, _manager_class(module), derived_journal, knowledge, progress)
     progress.clear()
-    if derived_journal is not None and derived_journal.failure is not None:
-        say(f"codra: '{derived_journal.path}' is incomplete: {derived_journal.failure}")
-    return replay_result
+    if derived_journal is None or derived_journal.failure is None:
+        return replay_result, True
+    say(f"codra: '{derived_journal.path}' is incomplete: {derived_journal.failure}")
+    return replay_result, False
 
 
 def _default_package(header: RunHeader) -> Path:

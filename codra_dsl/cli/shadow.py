@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, existing, say, write_result
+from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.context.shadow import ShadowReport
@@ -41,7 +41,7 @@ def shadow_command(
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         say(f"codra: the decisions in '{file}' cannot be read: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    write_result(f"{report}\n" if format_ is ShadowFormat.TEXT else _json(report))
+    write_result(harmless_text(f"{report}\n") if format_ is ShadowFormat.TEXT else _json(report))
 
 
 def _json(report: ShadowReport) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import ExitCode, existing, say, write_result
+from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.checkpoints import Checkpoints
@@ -26,12 +26,18 @@ class WhyFormat(StrEnum):
 
 
 def complete_variable(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the context-variables that begin with a text, if a readable journal was given before."""
+    """Return the context-variables that begin with a text, if a readable journal was given before.
+
+    A journal may come from anybody, and shells evaluate completions. So only names that a spec can declare are
+    returned.
+    """
+    from codra_dsl.language.load.yaml.names import is_identifier
     from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 
     try:
         with JournalReader(Path(str(ctx.params.get("journal")))) as reader:
-            return [name for name in reader.header().summary.variables if name.startswith(incomplete)]
+            names = reader.header().summary.variables
+            return [name for name in names if name.startswith(incomplete) and is_identifier(name)]
     except (JournalError, OSError, ValueError):
         return []
 
@@ -93,7 +99,8 @@ def why_command(
             )
             raise typer.BadParameter(message, param_hint="--at")
         explanation = _explain(header, checkpoints, variable, end_s if at_s is None else at_s, journal)
-    write_result(f"{explanation}\n" if format_ is WhyFormat.TEXT else _explanation_json(explanation))
+    is_text = format_ is WhyFormat.TEXT
+    write_result(harmless_text(f"{explanation}\n") if is_text else _explanation_json(explanation))
 
 
 def _explain(header: RunHeader, checkpoints: Checkpoints, variable: str, at_s: float, journal: Path) -> Why:
@@ -104,7 +111,7 @@ def _explain(header: RunHeader, checkpoints: Checkpoints, variable: str, at_s: f
         return explain(header.summary, checkpoints.latest_events, variable, at_s)
     except UnknownNameError as error:
         _refuse_undeclared_variable(variable, header)
-        raise typer.BadParameter(str(error), param_hint="VARIABLE") from error
+        raise typer.BadParameter(harmless_text(str(error)), param_hint="VARIABLE") from error
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
@@ -115,7 +122,8 @@ def _refuse_undeclared_variable(name: str, header: RunHeader) -> None:
     if not header.summary.nodes and name not in header.summary.variables:
         similar_names = difflib.get_close_matches(name, header.summary.variables, n=1)
         hint = f": did you mean '{similar_names[0]}'?" if similar_names else ""
-        raise typer.BadParameter(f"the spec has no context-variable '{name}'{hint}", param_hint="VARIABLE")
+        message = harmless_text(f"the spec has no context-variable '{name}'{hint}")
+        raise typer.BadParameter(message, param_hint="VARIABLE")
 
 
 def _explanation_json(explanation: Why) -> str:

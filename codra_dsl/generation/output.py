@@ -15,6 +15,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -22,11 +23,14 @@ from pathlib import Path
 from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, Place, Severity, Span, rules
 from codra_dsl.language.project import MANIFEST, MANIFEST_FORMAT, covers
-from codra_dsl.regular_files import read_regular_file
+from codra_dsl.regular_files import read_beginning, read_regular_file
 
 _CACHE = "__pycache__"
 _ENTRY = "__init__.py"
 _STAGING_PREFIX = ".codra-"
+
+_BYTECODE_FLAGS = slice(4, 8)
+_UNCHECKED_HASH = 0b01
 
 _MAX_BYTES = 64 * 1024 * 1024
 """The maximum size of a file that is read to show it or to compare its digest."""
@@ -193,7 +197,12 @@ def _foreign_folder_finding(folder: Path, out: Path) -> Diagnostic:
 
 
 def _is_ours_or_new(out: Path) -> bool:
-    """Return whether an output folder is missing, is empty, or contains our `__init__.py` or a package of ours."""
+    """Return whether an output folder is missing, is empty, or contains our `__init__.py` or a package of ours.
+
+    A link is never ours: it can be part of a repository, and lead to a folder whose files would be removed.
+    """
+    if out.is_symlink():
+        return False
     if not out.exists():
         return True
     if not out.is_dir():
@@ -229,7 +238,8 @@ def _drift_of_file(path: str, text: str, out: Path) -> Drift | None:
 
 def _drift(path: str, change: Change, out: Path, expected_text: str) -> Drift:
     shown_path = f"{out.name}/{path}"
-    diff = _difference(_read_text(out / path), expected_text, shown_path)
+    is_text = not path.endswith(".pyc")
+    diff = _difference(_read_text(out / path), expected_text, shown_path) if is_text else ""
     return Drift(path=shown_path, change=change, diff=diff)
 
 
@@ -248,7 +258,7 @@ def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> lis
     """Return the orphans: files in the folder and in packages of ours that this run does not generate, sorted."""
     packages = {path.split("/")[0] for path in files if "/" in path}
     prefixes = tuple(covered)
-    existing_files: list[str] = []
+    existing_files = list(_unchecked_bytecode(out, out))
     for entry in _folder_entries(out):
         if not entry.is_dir() or entry.is_symlink():
             existing_files += [entry.name]
@@ -260,11 +270,30 @@ def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> lis
 def _files_below(folder: Path, out: Path) -> Iterator[str]:
     pending_folders = [folder]  # not a recursion: there may be more folders in folders than Python can call
     while pending_folders:
-        for entry in _folder_entries(pending_folders.pop()):
+        parent = pending_folders.pop()
+        yield from _unchecked_bytecode(parent, out)
+        for entry in _folder_entries(parent):
             if entry.is_dir() and not entry.is_symlink():
                 pending_folders.append(entry)
             else:
                 yield entry.relative_to(out).as_posix()
+
+
+def _unchecked_bytecode(folder: Path, out: Path) -> Iterator[str]:
+    """Yield the bytecode of a folder that Python runs without comparing it with the source (PEP 552).
+
+    Such a file can be part of a repository, and Python would run it instead of the output. Bytecode that Python itself
+    writes is always compared. A `__pycache__` that is a link is yielded as well.
+    """
+    cache = folder / _CACHE
+    if cache.is_symlink():
+        yield cache.relative_to(out).as_posix()
+        return
+    for file in sorted(cache.glob("*.pyc")):
+        with suppress(OSError):  # Python cannot read the file either
+            flags = read_beginning(file, _BYTECODE_FLAGS.stop)[_BYTECODE_FLAGS]
+            if int.from_bytes(flags, "little") == _UNCHECKED_HASH:
+                yield file.relative_to(out).as_posix()
 
 
 def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
@@ -317,16 +346,18 @@ def _replace(files: Mapping[str, str], out: Path) -> None:
 
 
 def _remove(paths: Iterable[str], out: Path) -> None:
-    """Remove orphans, and folders that become empty."""
+    """Remove orphans, and folders that become empty. Another run may remove the same files meanwhile."""
     for path in paths:
-        (out / path).unlink()
+        with suppress(FileNotFoundError):
+            (out / path).unlink()
         folder = (out / path).parent
-        while folder != out and not _folder_entries(folder):
-            shutil.rmtree(folder / _CACHE, ignore_errors=True)
-            if any(folder.iterdir()):
-                break
-            folder.rmdir()
-            folder = folder.parent
+        with suppress(FileNotFoundError):
+            while folder != out and not _folder_entries(folder):
+                shutil.rmtree(folder / _CACHE, ignore_errors=True)
+                if any(folder.iterdir()):
+                    break
+                folder.rmdir()
+                folder = folder.parent
 
 
 def _inaccessible_finding(error: OSError, out: Path, verb: str) -> Diagnostic:

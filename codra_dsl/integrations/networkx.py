@@ -35,8 +35,10 @@ _JSON_KINDS_KEY = "json"
 _XML_TEXT_PATTERN = re.compile(r"[\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]+")
 """The texts that XML can write and return unchanged."""
 
-_READ_ERRORS = (ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, Warning)
-"""The exceptions of networkx for files that are not GraphML."""
+_READ_ERRORS = (
+    *(ParseError, networkx.NetworkXError, LookupError, TypeError, ValueError, AttributeError, RecursionError, Warning),
+)
+"""The exceptions of networkx and of the JSON reader for files that are not GraphML."""
 
 
 class _DsrData(NamedTuple):

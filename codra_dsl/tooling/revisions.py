@@ -63,6 +63,9 @@ _SMALLER_MESSAGE = "compare a project in a smaller folder"
 _TOO_MUCH_MESSAGE = "too much YAML to compare: give the specs that matter as PATH"
 _ANCESTOR_STEPS = re.compile(r"[~^].*")
 _MAX_SHOWN_NAME = 200
+_MAX_SUGGESTED_REFS = 10_000
+"""The maximum number of branches and tags that are compared with a misspelt name."""
+
 _WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
 
 
@@ -200,7 +203,7 @@ class Repository:
         )
 
     def _similar_revision_name(self, name: str) -> str | None:
-        git_result = _run_git(("for-each-ref", "--format=%(refname:short)"), self.top)
+        git_result = _run_git(("for-each-ref", f"--count={_MAX_SUGGESTED_REFS}", "--format=%(refname:short)"), self.top)
         names = ["HEAD", *os.fsdecode(git_result.stdout).split()]
         remote_branch = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
         return remote_branch or suggest(name, names)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import py_compile
 import resource
 import socket
 import sys
 from collections.abc import Callable, Iterator
+from importlib.util import cache_from_source
 from multiprocessing.queues import Queue
 from pathlib import Path
+from py_compile import PycInvalidationMode
 
 import pytest
 from typer.testing import CliRunner
@@ -218,3 +221,98 @@ def make_nested_folders(folder: Path, name: str, count: int) -> None:
         descriptor = inner
     os.close(os.open("note.txt", os.O_CREAT | os.O_WRONLY, dir_fd=descriptor))
     os.close(descriptor)
+
+
+@pytest.mark.parametrize("target", ["empty", "missing"])
+def test_an_output_folder_that_is_a_link_is_refused(
+    project: Path, target: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (project.parent / "empty").mkdir()
+    (project / "generated").symlink_to(f"../{target}")
+
+    for command in (["compile", "specs"], ["compile", "specs", "--check"]):
+        code, text = codra(capfd, *command)
+
+        assert code == 1
+        assert "generated:1:1: error[CDR6002]: 'generated' is a link, so nothing is written there" in text
+    assert list((project.parent / "empty").iterdir()) == []
+    assert not (project.parent / "missing").exists()
+
+
+def test_bytecode_that_python_would_run_instead_of_the_output_is_reported_and_removed(
+    project: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert codra(capfd, "compile", "specs")[0] == 0
+    source = project / "generated/door/__init__.py"
+    for mode in (PycInvalidationMode.TIMESTAMP, PycInvalidationMode.CHECKED_HASH):
+        py_compile.compile(str(source), invalidation_mode=mode)
+        assert codra(capfd, "compile", "specs", "--check")[0] == 0, mode
+    planted = Path(py_compile.compile(str(source), invalidation_mode=PycInvalidationMode.UNCHECKED_HASH))
+
+    code, text = codra(capfd, "compile", "specs", "--check")
+
+    assert code == 1
+    assert f"error[CDR6003]: 'generated/door/__pycache__/{planted.name}' does not match the specs: orphan" in text
+    assert codra(capfd, "compile", "specs")[0] == 0
+    assert not planted.exists()
+    assert source.exists()
+
+
+def test_a_cache_of_bytecode_that_is_a_link_is_removed_and_its_target_is_kept(
+    project: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert codra(capfd, "compile", "specs")[0] == 0
+    (project.parent / "elsewhere").mkdir()
+    source = project / "generated/door/__init__.py"
+    planted = project.parent / "elsewhere" / Path(cache_from_source(str(source))).name
+    py_compile.compile(str(source), str(planted), invalidation_mode=PycInvalidationMode.UNCHECKED_HASH)
+    (project / "generated/door/__pycache__").symlink_to("../../../elsewhere")
+
+    assert codra(capfd, "compile", "specs", "--check")[0] == 1
+    assert codra(capfd, "compile", "specs")[0] == 0
+    assert codra(capfd, "compile", "specs", "--check")[0] == 0
+    assert planted.exists()
+
+
+def test_a_report_overwrites_no_spec_and_follows_no_link_out_of_the_project(
+    project: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (project.parent / "mine.txt").write_text("mine")
+    (project / "inside.txt").write_text("")
+    (project / "spec.sarif").symlink_to("specs/door.yaml")
+    (project / "outside.sarif").symlink_to("../mine.txt")
+    (project / "inside.sarif").symlink_to("inside.txt")
+
+    for name, reason in (("spec", "may be a spec"), ("outside", "is a link that leads out of the project")):
+        code, text = codra(capfd, "lint", "specs", "--format", "sarif", "--output", f"{name}.sarif")
+
+        assert (code, reason in " ".join(text.split())) == (2, True)
+    assert codra(capfd, "lint", "specs", "--format", "sarif", "--output", "inside.sarif")[0] == 0
+    assert (project.parent / "mine.txt").read_text() == "mine"
+    assert (project / "specs/door.yaml").read_text() == DOOR
+    assert "sarif" in (project / "inside.txt").read_text()
+
+
+@pytest.mark.usefixtures("project")
+def test_a_closed_standard_input_is_an_empty_spec(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", None)
+
+    code, text = codra(capfd, "lint", "-")
+    sys.stdin.close()
+
+    assert code == 1
+    assert "-:1:1: error[CDR2001]" in text
+
+
+@pytest.mark.usefixtures("project")
+def test_too_little_memory_is_no_bug_of_codra(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("codra_dsl.cli.fixes.common_root", refuse)
+
+    assert codra(capfd, "lint", "specs") == (1, "codra: there is not enough memory\n")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import resource
 import shutil
 from pathlib import Path
 
 import pytest
 
 from tests.cli.projects import run_program, run_project
-from tests.cli.test_commands import ROOT, codra
+from tests.cli.test_commands import ROOT, codra, environment
 
 SPEC = """\
 codra: 1
@@ -204,6 +205,20 @@ def test_a_replay_with_the_compiled_package_is_equal(project: Path, tmp_path: Pa
     assert (process.returncode, process.stderr) == (0, "codra: the replay runs the package 'generated/door'\n")
     assert process.stdout.startswith("equal: ")
     assert (tmp_path / "again.mcap").read_bytes() == (project / "run.mcap").read_bytes()
+
+
+def test_a_replay_whose_journal_cannot_be_written_completely_fails(project: Path) -> None:
+    def limit_files() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
+
+    command = [sys.executable, "-m", "codra_dsl", "replay", "run.mcap", "--journal", "short.mcap"]
+    process = subprocess.run(
+        command, cwd=project, env=environment(), text=True, capture_output=True, check=False, preexec_fn=limit_files
+    )
+
+    assert "equal: " in process.stdout
+    assert "codra: 'short.mcap' is incomplete: OSError: " in process.stderr
+    assert process.returncode == 1
 
 
 def test_a_replay_calls_no_perception_function(project: Path, tmp_path: Path) -> None:

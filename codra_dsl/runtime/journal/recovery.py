@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,21 +38,25 @@ def recover(path: Path, target: Path) -> Recovery:
 
     Args:
         path: the other journal, torn or not; it is not changed.
-        target: the file to write; an existing file is replaced.
+        target: the file to write; an existing regular file is replaced.
 
     Raises:
         JournalError: if the file is not a journal.
-        OSError: if the journal cannot be read, or the target cannot be written.
+        OSError: if the journal cannot be read, or the target cannot be written or is not a regular file.
     """
-    temporary_path = target.with_name(f"{target.name}.part")
-    try:
-        with JournalReader(path, skips_large_chunks=True) as reader, temporary_path.open("w+b") as stream:
-            reader.header()
-            message_count, first_ns, last_ns = _copy(reader, McapFile(stream, reader.metadata, reader.files))
-        temporary_path.replace(target)
-    except BaseException:
-        temporary_path.unlink(missing_ok=True)
-        raise
+    if target.exists() and not target.is_file():
+        raise OSError(errno.EINVAL, f"'{target}' is not a regular file")
+    with JournalReader(path, skips_large_chunks=True) as reader:
+        reader.header()
+        temporary_path = target.with_name(f"{target.name}.{os.getpid()}.part")
+        stream = temporary_path.open("x+b")  # neither follows a link nor overwrites a file
+        try:
+            with stream:
+                message_count, first_ns, last_ns = _copy(reader, McapFile(stream, reader.metadata, reader.files))
+            temporary_path.replace(target)
+        except BaseException:
+            temporary_path.unlink(missing_ok=True)
+            raise
     return Recovery(
         message_count=message_count,
         start_s=first_ns / 1e9,

@@ -53,7 +53,9 @@ def write_new_files(texts: Mapping[str, str], folder: Path) -> None:
             with (folder / path).open("x", encoding="utf-8", newline="\n") as file:
                 created_paths.append(folder / path)
                 file.write(text)
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, OSError) and error.filename is None:  # writing to an open file names no file
+            error.filename = str(created_paths[-1] if created_paths else folder)
         for created_path in reversed(created_paths):
             created_path.rmdir() if created_path.is_dir() else created_path.unlink()
         raise

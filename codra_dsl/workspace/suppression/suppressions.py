@@ -10,8 +10,9 @@ silences the finding for every use, and a comment at the line of a use silences 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import (
@@ -42,6 +43,9 @@ _CODE = re.compile(r"[^,\s](?:[^,]*[^,\s])?")
 _WORD = re.compile(r"\w")
 _UNDECIDED_RULE = "undecided-conditions"
 _IGNORE_VERB = "ignore"
+_MAX_CODES = 1000
+"""The maximum number of codes in a comment; further codes silence nothing."""
+
 _MISTAKEN_VERBS = frozenset(
     {"ignored", "ignores", "ignroe", "noqa", "disable", "disabled", "suppress", "allow", "skip"}
 )
@@ -272,6 +276,7 @@ def _read_suppressions(file: str, text: str) -> Iterator[Suppression]:
     source = accept(text, file, Findings())
     if source is None:
         return
+    following_lines = _following_lines(source)
     for start, end in xml_comments(source.text) if _is_xml(file) else comments(source.text):
         comment_match = _SUPPRESSION_COMMENT.match(source.text, start, end)
         if comment_match is None:
@@ -280,45 +285,57 @@ def _read_suppressions(file: str, text: str) -> Iterator[Suppression]:
         if verb == _IGNORE_VERB or (
             (verb in _MISTAKEN_VERBS or comment_match["rest"]) and "CDR" in source.text[start:end].upper()
         ):
-            yield _create_suppression(source, comment_match, end, is_suppression=verb == _IGNORE_VERB)
+            is_suppression = verb == _IGNORE_VERB
+            yield _create_suppression(source, comment_match, end, following_lines, is_suppression=is_suppression)
 
 
 def _is_xml(file: str) -> bool:
     return file.casefold().endswith(".xml")
 
 
-def _create_suppression(source: Source, comment_match: re.Match[str], end: int, *, is_suppression: bool) -> Suppression:
+def _create_suppression(
+    source: Source,
+    comment_match: re.Match[str],
+    end: int,
+    following_lines: Sequence[int | None],
+    *,
+    is_suppression: bool,
+) -> Suppression:
     start = comment_match.start()
     end += len(XML_END) if source.text.startswith(XML_END, end) else 0
     codes_start = comment_match.start("codes")
     code_matches = _CODE.finditer(comment_match["codes"] or "") if is_suppression else ()
     codes = tuple(
         Code(code_match[0], source.span(codes_start + code_match.start(), codes_start + code_match.end()))
-        for code_match in code_matches
+        for code_match in islice(code_matches, _MAX_CODES)
     )
     span = source.span(start, end)
     line_start = source.line_starts[span.line - 1]
     line_end = source.text.find("\n", end)
     text_after = source.text[end : line_end if line_end >= 0 else len(source.text)]
     is_on_own_line = not source.text[line_start:start].strip() and not text_after.strip()
-    removal_start = len(source.text[:start].rstrip(" \t"))
+    removal_start = line_start + len(source.text[line_start:start].rstrip(" \t"))
     return Suppression(
         span=span,
         codes=codes,
         has_reason=_WORD.search(comment_match["reason"] or "") is not None,
-        line=_next_line(source, span.line) if is_on_own_line else span.line,
+        line=following_lines[span.line - 1] if is_on_own_line else span.line,
         removal=Edit(_line_span(source, span.line) if is_on_own_line else source.span(removal_start, end), ""),
     )
 
 
-def _next_line(source: Source, line: int) -> int | None:
-    """Return the number of the first line after `line` that is neither empty nor a comment; None if there is none."""
-    starts = (*source.line_starts[line:], len(source.text))
-    for later_line in range(line + 1, len(source.line_starts) + 1):
-        content = source.text[starts[later_line - line - 1] : starts[later_line - line]].strip()
+def _following_lines(source: Source) -> list[int | None]:
+    """Return for each line the number of the first later line that is neither empty nor a comment; None without one."""
+    following_lines: list[int | None] = []
+    following_line, end = None, len(source.text)
+    for line in range(len(source.line_starts), 0, -1):
+        following_lines.append(following_line)
+        start = source.line_starts[line - 1]
+        content = source.text[start:end].strip()
         if content and not content.startswith(("#", XML_START)):
-            return later_line
-    return None
+            following_line = line
+        end = start
+    return following_lines[::-1]
 
 
 def _line_span(source: Source, line: int) -> Span:

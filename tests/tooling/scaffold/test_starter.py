@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import shlex
 from pathlib import Path
 
@@ -173,3 +174,16 @@ def test_a_file_that_appears_in_the_meantime_is_not_overwritten(tmp_path: Path) 
         write_new_files(texts, tmp_path)
 
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"b": "mine"}
+
+
+def test_the_file_that_a_full_disk_does_not_take_is_named(tmp_path: Path) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as error:
+            write_new_files({"a": "", "b": "x" * 101}, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    assert error.value.filename == str(tmp_path / "b")
+    assert list(tmp_path.iterdir()) == []

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
@@ -227,3 +229,33 @@ def test_settings_raise_severities_and_ignore_codes(tmp_path: Path) -> None:
 
 def test_errors_in_settings_are_among_the_findings(tmp_path: Path) -> None:
     assert codes(lint(KITCHEN, tmp_path, "selct = []")) == ["CDR7102", "CDR0021"]
+
+
+def test_the_work_for_many_comments_grows_with_their_number(tmp_path: Path) -> None:
+    """Each comment on a line of its own is followed by all others, and then by the line that it is about."""
+    call_count = 0
+
+    def count(_: FrameType, event: str, __: object) -> None:
+        nonlocal call_count
+        call_count += event == "c_call"
+
+    def work(comment_count: int) -> int:
+        nonlocal call_count
+        call_count = 0
+        before = sys.getprofile()
+        sys.setprofile(count)
+        try:
+            assert lint(above(*[COMMENT] * comment_count), tmp_path) == ()
+        finally:
+            sys.setprofile(before)
+        return call_count
+
+    work(1)
+    assert work(400) < 3 * work(200)
+
+
+def test_of_very_many_codes_in_a_comment_the_first_ones_count(tmp_path: Path) -> None:
+    text = with_comment(f"# codra: ignore[CDR7102, {'CDR7115, ' * 5000}] too many")
+
+    assert codes(lint(text, tmp_path)) == ["CDR7901"] * 999
+    assert "CDR7102" in codes(lint(text.replace("CDR7102, ", "").replace("CDR7115, ]", "CDR7102]"), tmp_path))
