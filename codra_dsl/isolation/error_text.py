@@ -28,9 +28,9 @@ def message_of(error: BaseException, max_characters: int) -> str:
     return _call_safely(str, error, "its message cannot be shown", max_characters)
 
 
-def type_name(error: BaseException) -> str:
-    """Return the name of the type of any exception."""
-    name: str = vars(type)["__name__"].__get__(type(error))  # a metaclass can replace `type(error).__name__`
+def type_name(value: object) -> str:
+    """Return the name of the type of any object, or its beginning."""
+    name: str = vars(type)["__name__"].__get__(type(value))  # a metaclass can replace `type(value).__name__`
     return _encodable(name[:MAX_SHOWN_CHARACTERS])
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from typing import Any, Generic, Self, TypeVar
 
 from codra_dsl.isolation.error_text import loggable, shown
@@ -145,7 +145,7 @@ class CallbackQueue(Generic[ChangeT]):
 class Subscriptions:
     """The subscriptions to variables and to expectations of skills. Callers hold the context manager's lock."""
 
-    def __init__(self, clock: Clock, lock: threading.RLock) -> None:
+    def __init__(self, clock: Clock, lock: AbstractContextManager[object]) -> None:
         """Start without subscriptions.
 
         Args:

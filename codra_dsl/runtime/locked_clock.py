@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import heapq
 import math
-import threading
 from collections.abc import Callable, Mapping
-from threading import get_ident
+from operator import attrgetter
+from typing import Any
 
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, Work
 
@@ -24,40 +24,55 @@ class LockedClock(Clock):
         on_late_event: called when an event happens more than `PUNCTUALITY_TOLERANCE_S` after its time.
     """
 
-    def __init__(self, clock: Clock, lock: threading.RLock) -> None:
+    def __init__(self, clock: Clock, lock: Any) -> None:
         self.step_count = 0
         self.work_count = 0
         self.on_late_event: Callable[[], None] = _no_op
         self._outer_clock = clock
         self._read_outer_now_s = clock.now_s
         self._lock = lock
+        self._is_owned: Callable[[], bool] = lock._is_owned
+        self._release: Callable[..., None] = lock.__exit__
+        self._is_step = False  # whether the thread that has the lock is in a step
         self._timers: list[tuple[float, int, Timer]] = []
         self._event_count = 0
-        self._step_depth = 0
-        self._stepping_thread: int | None = None
         self._step_instant_s = -math.inf
         self._running_work_number: int | None = None
 
     def __enter__(self) -> None:
-        self._lock.acquire()
-        if not self._step_depth:
-            now_s = self._read_outer_now_s()
-            if now_s > self._step_instant_s:  # noqa: PLR1730 - every step runs this, and `max` takes longer
-                self._step_instant_s = now_s
-            self._stepping_thread = get_ident()
-        self._step_depth += 1
+        self._acquire(True)
 
-    def __exit__(self, *_: object) -> None:
-        self._step_depth -= 1
-        if not self._step_depth:
-            self._stepping_thread = None
-        self._lock.release()
+    __exit__ = property(attrgetter("_release"))
+    """The release of the lock itself: at the start of a Python method, a signal handler may raise."""
+
+    def without_step(self) -> WithoutStep:
+        """Return a context manager that holds the lock for code that only reads, and therefore is not a step."""
+        return WithoutStep(self._acquire, self._release)
+
+    def _acquire(self, is_step: bool) -> None:
+        """Take the lock, and begin a step if `is_step` and the thread is not in a step.
+
+        A signal handler may raise after the lock was taken. Then the `with` statement does not begin, and would not
+        release the lock.
+        """
+        was_owned = self._is_owned()
+        try:
+            self._lock.acquire()
+            if not was_owned:
+                self._is_step = False
+            if is_step and not self._is_step:
+                now_s = self._read_outer_now_s()
+                if now_s > self._step_instant_s:  # noqa: PLR1730 - every step runs this, and `max` takes longer
+                    self._step_instant_s = now_s
+                self._is_step = True
+        except BaseException:
+            if was_owned or self._is_owned():
+                self._lock.release()
+            raise
 
     def now_s(self) -> float:
         """Return the present instant; within a step, the instant at which the step began."""
-        if self._stepping_thread is not None and self._stepping_thread == get_ident():
-            return self._step_instant_s
-        return self._read_outer_now_s()
+        return self._step_instant_s if self._is_owned() and self._is_step else self._read_outer_now_s()
 
     def sleep(self, duration_s: float) -> None:
         """Let time pass."""
@@ -86,7 +101,7 @@ class LockedClock(Clock):
         work_number = self.work_count
 
         def run_as_numbered_work(work: Work) -> Outcome:
-            if self._stepping_thread != get_ident():
+            if not self._is_owned():
                 return run(work)  # in a separate thread
             outer_work_number, self._running_work_number = self._running_work_number, work_number
             try:
@@ -122,16 +137,24 @@ class LockedClock(Clock):
             now_s = self._outer_clock.now_s()
             is_late = now_s > instant_s + PUNCTUALITY_TOLERANCE_S
             self._step_instant_s = max(self._step_instant_s, now_s if is_late else instant_s)
-            self._stepping_thread = get_ident()
-            self._step_depth += 1
-            try:
-                if is_late:
-                    self.on_late_event()
-                self.step_count += 1
-                timer.fire()
-            finally:
-                self._step_depth -= 1
-                self._stepping_thread = None
+            self._is_step = True
+            if is_late:
+                self.on_late_event()
+            self.step_count += 1
+            timer.fire()
+
+
+class WithoutStep:
+    """Holds the lock of a `LockedClock` for code that only reads."""
+
+    def __init__(self, acquire: Callable[[bool], None], release: Callable[..., None]) -> None:
+        self._acquire = acquire
+        self._release = release
+
+    def __enter__(self) -> None:
+        self._acquire(False)
+
+    __exit__ = property(attrgetter("_release"))
 
 
 def _no_op() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import signal
 import subprocess
 import sys
 import threading
@@ -206,7 +207,7 @@ def test_cancelled_real_events_need_no_memory_until_their_instants(wall: WallClo
         wall.call_at(far_s, lambda: None).cancel()
     wall.call_at(wall.now_s(), happened.set)
     assert happened.wait(60.0)
-    cancelled_timers = [thing for thing in gc.get_objects() if isinstance(thing, Timer) and thing.is_cancelled]
+    cancelled_timers = [thing for thing in gc.get_objects() if type(thing) is Timer and thing.is_cancelled]
     assert len(cancelled_timers) < 2_000
     assert not any(timer.is_cancelled for timer in kept_timers)
 
@@ -320,3 +321,47 @@ def test_the_last_event_of_an_instant_runs_after_events_that_others_of_the_insta
     clock.sleep(2.0)
 
     assert happened == ["first", "what it brings about", "last", "the very last", "later"]
+
+
+class _HandlerError(BaseException):
+    """Raised by a signal handler. As it is no `Exception`, no other code catches it."""
+
+
+def test_a_signal_handler_that_raises_never_leaves_the_lock_of_a_step_taken(wall: WallClock) -> None:
+    lock = threading.RLock()
+    clock = LockedClock(wall, lock)
+    without_step = clock.without_step()
+
+    def interrupt(*_: object) -> None:
+        raise _HandlerError
+
+    def take_steps() -> None:
+        signal.setitimer(signal.ITIMER_REAL, 1e-4)
+        while True:
+            with clock, clock, without_step:
+                clock.now_s()
+            with without_step:
+                pass
+
+    old_handler = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for _ in range(300):
+            with pytest.raises(_HandlerError):
+                take_steps()
+            assert not lock._is_owned()  # type: ignore[attr-defined]
+    finally:
+        signal.signal(signal.SIGALRM, old_handler)
+
+
+def test_code_that_only_reads_is_not_a_step_and_a_step_within_it_has_the_present_instant() -> None:
+    sim = SimClock()
+    clock = LockedClock(sim, threading.RLock())
+    with clock:
+        first_s = clock.now_s()
+    sim._now_s = 5.0  # a step within code that holds the lock, without events in between
+    with clock.without_step():
+        assert clock.now_s() == 5.0
+        with clock:
+            sim._now_s = 7.0
+            assert clock.now_s() == 5.0
+    assert (first_s, clock.now_s()) == (0.0, 7.0)

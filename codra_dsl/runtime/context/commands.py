@@ -110,7 +110,7 @@ class Commands:
         """Set the skills that a main execution expects next; all other skills are no longer expected."""
         with self._clock:
             self._check_open()
-            expected_skills = list(skills)
+            expected_skills = list(dict.fromkeys(skills))
             self._record_input("expect", caller, skills=expected_skills)
             self._hold_expected(expected_skills, caller)
 
@@ -348,7 +348,7 @@ class Commands:
         name, now_s = model.name, self._clock.now_s()
         if evidence_s is None:
             evidence_s = now_s
-        elif not evidence_s <= now_s:
+        elif not -math.inf < evidence_s <= now_s:
             raise ValueError(f"evidence for {name!r} cannot be from {evidence_s}: the present instant is {now_s}")
         start_s = evidence_s if start_s is None else start_s
         if content is None:

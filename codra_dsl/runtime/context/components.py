@@ -32,7 +32,7 @@ class Components:
     """The parts of a context manager.
 
     Attributes:
-        lock: held during each change.
+        lock: held by code that only reads; `clock` holds it during each change.
         unlocked_clock: the clock of real or simulated time; it holds no lock while its events run.
         clock: a clock with the same time, whose events are steps under the lock.
         skills: the skills by name.
@@ -49,9 +49,9 @@ class Components:
         find: Callable[[Algorithm], Function],
     ) -> None:
         """Create and connect all parts. The arguments and the errors are those of `ContextManager`."""
-        self.lock = new_lock()
         self.unlocked_clock = clock
-        self.clock = LockedClock(clock, self.lock)
+        self.clock = LockedClock(clock, new_lock())
+        self.lock = self.clock.without_step()
         self.skills = {skill.name: skill for skill in model.skills}
         self.event_writer = EventWriter(record, self.clock, self.clock.position)
         self.clock.on_late_event = lambda: self.event_writer.write_input("clock", "late")

@@ -27,6 +27,15 @@ class DecisionRequest:
     wait_up_to_s: float = 0.0
     shadow: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse a limit that is NaN.
+
+        Raises:
+            ValueError: if there is one.
+        """
+        if any(map(math.isnan, (self.max_age_s, self.since_s, self.wait_up_to_s))):
+            raise ValueError("`max_age_s`, `since_s` and `wait_up_to_s` of a decision must not be NaN")
+
     def is_met(self, reading: Reading[Value], now_s: float) -> bool:
         """Return whether a reading answers the request at an instant."""
         return reading.known and reading.start_s >= self.since_s and reading.age_s(now_s) <= self.max_age_s

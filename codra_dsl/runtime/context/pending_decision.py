@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import StrEnum
 from typing import Any
@@ -88,15 +89,19 @@ class PendingDecision:
     def poll(self) -> DecisionState:
         """Continue if context can answer now or the wait is over; return the state."""
         if self.state is DecisionState.WAITING and (self._is_wait_over() or self._remaining_s() <= 0):
-            self._commands.resume(self._decision)
-            self.state = self._state_after_wait()
+            self._end_wait()
         return self.state
 
     def wait(self, longest_s: float) -> DecisionState:
-        """Wait until the state changes, for at most `longest_s`; return the state."""
+        """Wait until the state changes, for at most `longest_s`; return the state.
+
+        If `longest_s` is infinite, the decision does not wait any more after this call, even if the clock was closed.
+        """
         if self.poll() is DecisionState.WAITING:
             self._clock.wait_until(self._is_wait_over, min(longest_s, self._remaining_s()))
-        return self.poll()
+        if self.poll() is DecisionState.WAITING and longest_s == math.inf:  # the clock was closed
+            self._end_wait()
+        return self.state
 
     def record_result(self, value: object) -> None:
         """Report the value that the main execution acquired by its own look; None if the look gave no value.
@@ -122,6 +127,10 @@ class PendingDecision:
         if self.state in (DecisionState.WAITING, DecisionState.LOOKING):
             self.state = DecisionState.DONE
             self._commands.conclude(self._decision, None, raised=why)
+
+    def _end_wait(self) -> None:
+        self._commands.resume(self._decision)
+        self.state = self._state_after_wait()
 
     def _state_after_wait(self) -> DecisionState:
         return DecisionState.ANSWERED if self._decision.is_answered else DecisionState.LOOKING

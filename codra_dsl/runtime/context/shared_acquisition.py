@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
 from typing import Protocol
+
+from codra_dsl.runtime.forks import new_lock
 
 Callback = Callable[[], None]
 
@@ -18,7 +19,7 @@ class SharedAcquisition:
     def __init__(self, take: Callback, give_back: Callback) -> None:
         self._take = take
         self._give_back = give_back
-        self._lock = threading.RLock()
+        self._lock = new_lock()
         self._user_count = 0
 
     def begin(self) -> None:

@@ -31,6 +31,13 @@ from mcap.records import (
 )
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 
+from codra_dsl.runtime.journal.limits import value_count
+
+MAX_COMPRESSION = 24
+"""The records of a chunk are at most this many times larger than the chunk in the file. Readers accept 32."""
+
+_INDEX_ENTRY_BYTES = 16
+
 RECORD_HEADER = struct.Struct("<BQ")
 _INDEXED_MESSAGE_FIELDS = struct.Struct("<HIQ")
 _FOOTER_FIELDS = struct.Struct("<BQQQ")
@@ -101,14 +108,14 @@ def make_chunk(records: bytes, offset: int) -> tuple[bytes, WrittenChunk]:
     """
     entries = _index_messages(records)
     times_ns = [log_ns for channel_entries in entries.values() for log_ns, _ in channel_entries]
-    compressed_records = zstandard.compress(records)
+    compression, stored_records = _compress(records, index_bytes=_INDEX_ENTRY_BYTES * len(times_ns))
     fields: dict[str, Any] = {
-        "compression": "zstd",
+        "compression": compression,
         "message_start_time": min(times_ns),
         "message_end_time": max(times_ns),
         "uncompressed_size": len(records),
     }
-    content = bytearray(record_bytes(Chunk(**fields, data=compressed_records, uncompressed_crc=zlib.crc32(records))))
+    content = bytearray(record_bytes(Chunk(**fields, data=stored_records, uncompressed_crc=zlib.crc32(records))))
     chunk_length, index_offsets = len(content), dict[int, int]()
     for channel_id, channel_entries in entries.items():
         index_offsets[channel_id] = offset + len(content)
@@ -119,9 +126,21 @@ def make_chunk(records: bytes, offset: int) -> tuple[bytes, WrittenChunk]:
         chunk_length=chunk_length,
         message_index_offsets=index_offsets,
         message_index_length=len(content) - chunk_length,
-        compressed_size=len(compressed_records),
+        compressed_size=len(stored_records),
     )
     return bytes(content), WrittenChunk(index, {channel_id: len(found) for channel_id, found in entries.items()})
+
+
+def _compress(records: bytes, index_bytes: int) -> tuple[str, bytes]:
+    """Return the compression of a chunk, and its data.
+
+    Readers refuse a file whose content is too large for its size. Therefore records that would become too small, for
+    example because they repeat a long text, are not compressed.
+    """
+    compressed_records = zstandard.compress(records)
+    file_bytes = len(compressed_records) + index_bytes
+    is_accepted = len(records) <= MAX_COMPRESSION * file_bytes and value_count(records) <= file_bytes
+    return ("zstd", compressed_records) if is_accepted else ("", records)
 
 
 def make_end(

@@ -9,6 +9,7 @@ from typing import BinaryIO
 from codra_dsl.runtime.journal.encoding import json_text, message_of
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.fields import JsonSchema
+from codra_dsl.runtime.journal.limits import MAX_MESSAGE_VALUES, MAX_RECORD_BYTES, MEBIBYTE, value_count
 from codra_dsl.runtime.journal.mcap_file import ChannelDeclaration, McapFile
 from codra_dsl.runtime.journal.run_header import FORMAT, RunHeader
 from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, run_schema, schema_of, topic_metadata, topic_of
@@ -19,11 +20,21 @@ SUMMARY_FILE = "outline.json"
 MAX_CHANNELS = 60_000
 """The maximum number of channels; MCAP allows 65,535."""
 
+MAX_MESSAGE_BYTES = MAX_RECORD_BYTES - MEBIBYTE
+"""The maximum size of a message; the rest of its chunk declares its channel."""
+
+MAX_UNCHECKED_BYTES = MAX_MESSAGE_VALUES
+"""A message of this size cannot exceed a limit, because each of its values has at least one byte."""
+
 _MAX_NS = 2**63 - 1
 
 
 class TooManyTopicsError(OSError):
     """The events have more subjects than the number of topics that a file can have."""
+
+
+class TooLargeEventError(OSError):
+    """An event is larger than readers accept."""
 
 
 class JournalWriter:
@@ -108,7 +119,10 @@ class JournalWriter:
         evidence_s = details.get("evidence_s") if topic.has_evidence_time else None
         stamp_s = evidence_s[-1] if isinstance(evidence_s, (list, tuple)) and evidence_s else evidence_s
         publish_ns = _nanoseconds(stamp_s) if isinstance(stamp_s, float) else log_ns
-        return channel, log_ns, publish_ns, message_of(event)
+        message = message_of(event)
+        if len(message) > MAX_UNCHECKED_BYTES:
+            _check_size(message)
+        return channel, log_ns, publish_ns, message
 
     def _can_encode(self, event: Event) -> bool:
         """Return whether an event can be encoded. If it can, a signal handler raised an earlier error."""
@@ -124,6 +138,14 @@ class JournalWriter:
         schema_name, schema = schema_of(kind, name, self._header.summary)
         metadata = topic_metadata(kind, name, self._header.summary)
         return ChannelDeclaration(topic_of(kind, name), schema_name, _schema_text(schema), metadata)
+
+
+def _check_size(message: bytes) -> None:
+    if len(message) > MAX_MESSAGE_BYTES or value_count(message) > MAX_MESSAGE_VALUES:
+        raise TooLargeEventError(
+            f"an event has {len(message):,} bytes and about {value_count(message):,} values: "
+            f"readers accept {MAX_MESSAGE_BYTES:,} bytes and {MAX_MESSAGE_VALUES:,} values"
+        )
 
 
 def _schema_text(schema: JsonSchema) -> bytes:

@@ -5,6 +5,7 @@ Histories grow, but a version of the graph never changes: its readers see only t
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right, insort_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -93,7 +94,7 @@ class History:
             raise NotOfTypeError(f"{self.subject}: {error}") from None
         if evidence_s is None:
             evidence_s = now_s
-        elif not evidence_s <= now_s:
+        elif not -math.inf < evidence_s <= now_s:
             raise ValueError(f"evidence for {self.subject} cannot be from {evidence_s}: the present instant is {now_s}")
         else:
             evidence_s = float(evidence_s)

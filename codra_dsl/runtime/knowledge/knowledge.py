@@ -12,7 +12,6 @@ map.
 
 from __future__ import annotations
 
-import threading
 import weakref
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -25,6 +24,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.errors import AgentTakenError, unknown_name_error
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.geometry import Transform
 from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, raise_closed_error
@@ -91,9 +91,7 @@ class Knowledge:
         # Every write holds this lock. With a context manager, this is the lock of the steps, also for the context.
         self._step_clock: Clock = clock if context_link is None else context_link.clock
         self._step_now_s = self._step_clock.now_s
-        self._write_lock: AbstractContextManager[object] = (
-            threading.RLock() if context_link is None else context_link.clock
-        )
+        self._write_lock: AbstractContextManager[object] = new_lock() if context_link is None else context_link.clock
         self._state = State.empty(self._step_now_s())
         self._past_states: deque[State] = deque(maxlen=MAX_PAST_INSTANTS - 1)
         self._readings_in_commit: Sequence[Reading[Value]] = ()
@@ -101,7 +99,7 @@ class Knowledge:
         self._watches = Watches()
         self.on_change: Callable[[Collection[ChangeSubject]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
-        self._handles_lock = threading.Lock()
+        self._handles_lock = new_lock()
         self._held_handles: dict[int, AgentHandle] = {}  # handles that a subscription keeps alive
         self._write(GRAPH_WRITER, lambda change_set: change_set.insert_initial_graph(self.model))
 

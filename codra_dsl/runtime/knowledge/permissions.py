@@ -5,13 +5,13 @@ P2 fixes at design time which agent writes what; these permissions enforce that 
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
 from codra_dsl.runtime.errors import NotASourceError
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.knowledge.declarations import Writer
 
 MAX_REFUSALS = 10_000
@@ -97,7 +97,7 @@ class Audit:
     def __init__(self) -> None:
         self.total_count = 0
         self._refusals: deque[Refusal] = deque(maxlen=MAX_REFUSALS)
-        self._lock = threading.Lock()
+        self._lock = new_lock()
 
     def add(self, refusal: Refusal) -> None:
         """Add a refusal."""

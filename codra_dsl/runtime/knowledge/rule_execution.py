@@ -6,7 +6,6 @@ on the world and not on the runtime.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from enum import StrEnum
@@ -14,6 +13,7 @@ from typing import Generic, Self, TypeVar
 
 from codra_dsl.logic import Term
 from codra_dsl.runtime.callbacks import Subscription
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.knowledge.declarations import Absence, Path, Pattern, RuleModel
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.watches import Change
@@ -76,7 +76,7 @@ class RuleExecution(Generic[TransactionT_co]):
         self._subscription: Subscription | None = None
         self._has_held = False
         self._is_over = False
-        self._lock = threading.Lock()
+        self._lock = new_lock()
 
     def __enter__(self) -> Self:
         if self.state is not None:

@@ -11,14 +11,14 @@ the time for ending it is over. Because the tree is halted completely, it needs 
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from codra_dsl.isolation.error_text import described
 from codra_dsl.runtime.behavior_trees import Result, Tree
 from codra_dsl.runtime.behavior_trees.node import Leaves
-from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.clock import Clock, is_interrupt
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.knowledge import Knowledge
 from codra_dsl.runtime.loops.declarations import Repeat, TreeModel
 
@@ -85,7 +85,7 @@ class Execution:
         self._result = Result.IDLE
         self._ending_branch: _EndingBranch | None = None
         self._is_idle_until_switch = False
-        self._report_lock = threading.Lock()
+        self._report_lock = new_lock()
 
     @property
     def branch(self) -> str:
@@ -139,7 +139,9 @@ class Execution:
         """Call a function that runs actions of the robot; return False if it raised an exception."""
         try:
             run()
-        except Exception as error:  # noqa: BLE001 - the robot's actions may raise any exception
+        except BaseException as error:  # the robot's actions may raise any exception
+            if is_interrupt(error):
+                raise
             self._record_event(self.model.name, "failed", {"message": described(error)})
             return False
         return True

@@ -23,12 +23,13 @@ from codra_dsl.isolation.error_text import described, loggable
 from codra_dsl.runtime.behavior_trees import Robot
 from codra_dsl.runtime.behavior_trees.node import Leaves
 from codra_dsl.runtime.callbacks import Subscription
-from codra_dsl.runtime.clock import Clock, Timer, Work
+from codra_dsl.runtime.clock import Clock, Timer, Work, is_interrupt
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.package_files import package_folder, places_in
 from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, shared_declaration
 from codra_dsl.runtime.errors import unknown_name_error
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.loops.event_details import (
@@ -199,7 +200,7 @@ class Loop:
             for tree in model.trees
             if tree.name in loop.execute
         }
-        self._lock = threading.Lock()
+        self._lock = new_lock()
         self._is_on = False
         self._is_busy = False
         self._has_changed = False
@@ -276,7 +277,7 @@ class Loop:
         self._listener.end()
         self._idle_event.wait(max((course.abort_s for course in self.planning.courses.values()), default=0.0))
         for tree in self.trees.values():
-            tree.halt()
+            self._attempt(tree.halt)
         self._declaration.end()
         self._record_event(self._loop.name, "stopped", {})
 
@@ -338,7 +339,9 @@ class Loop:
         """Run a part of a round. If it fails, the other parts run nevertheless."""
         try:
             run_part()
-        except Exception as error:
+        except BaseException as error:
+            if is_interrupt(error):
+                raise
             _LOGGER.error("a part of the loop %r failed", self._loop.name, exc_info=loggable(error))
             self._record_event(self._loop.name, "failed", {"message": described(error)})
 

@@ -60,11 +60,11 @@ class Observer:
         self._has_job_ended = False
         self._failure: str | None = None
         self.tree: Behaviour = model.build(self)
+        self._branches_by_variable: dict[str, list[Branch]] = {name: [] for name in model.identifies}
         for branch in self._branches:
-            branch.rivals = self._rivals(branch)
-        self._branches_by_variable = {
-            name: [branch for branch in self._branches if name in branch.identifies] for name in model.identifies
-        }
+            for name in branch.identifies:
+                self._branches_by_variable.setdefault(name, []).append(branch)
+        self._set_rivals()
         self.on_event_variables = tuple(
             name for name in model.identifies if services.variables[name].refresh == "on_event"
         )
@@ -235,16 +235,26 @@ class Observer:
     def _terms(self) -> list[Term]:
         return [term for branch in self._branches for _, term in branch.conditions]
 
-    def _rivals(self, branch: Branch) -> tuple[Branch, ...]:
-        """Return a branch and the branches that share variables with it, directly or indirectly, in order of rank.
+    def _set_rivals(self) -> None:
+        """Set the rivals of each branch: the branches that share variables with it, directly or indirectly, by rank.
 
-        Only one of these branches runs at a time.
+        The branch itself is one of them. Only one of these branches runs at a time.
         """
-        group = [branch]
-        for member in group:
-            names = set(member.identifies)
-            group.extend(other for other in self._branches if other not in group and names & set(other.identifies))
-        return tuple(sorted(group, key=self._branches.index))
+        rank = {branch: number for number, branch in enumerate(self._branches)}
+        grouped_branches = set[Branch]()
+        for branch in self._branches:
+            if branch in grouped_branches:
+                continue
+            group, pending_branches = {branch}, [branch]
+            while pending_branches:
+                for name in pending_branches.pop().identifies:
+                    new_branches = [other for other in self._branches_by_variable[name] if other not in group]
+                    group.update(new_branches)
+                    pending_branches.extend(new_branches)
+            rivals = tuple(sorted(group, key=rank.__getitem__))
+            for rival in rivals:
+                rival.rivals = rivals
+            grouped_branches |= group
 
     def _may_run(self, branch: Branch) -> bool:
         if branch.is_occupied or branch.blocking_condition(self.context_now()) is not None:

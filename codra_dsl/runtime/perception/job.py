@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import random
-import threading
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 from codra_dsl.runtime.clock import Work
+from codra_dsl.runtime.forks import new_lock
 
 
 class Job(Protocol):
@@ -65,7 +66,7 @@ class RunningJob:
         self.index = index
         self._work = work
         self._reports: list[tuple[float, Interval]] = []
-        self._lock = threading.Lock()
+        self._lock = new_lock()
 
     @cached_property
     def random(self) -> random.Random:
@@ -87,11 +88,12 @@ class RunningJob:
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
         """Report when the evidence was taken."""
+        start_s, stamp_s = float(start_s), float(stamp_s)
         with self._lock:  # so `last_report_until` always returns the same report for an instant
             now_s = self.now_s()
-            if not start_s <= stamp_s <= now_s:
+            if not -math.inf < start_s <= stamp_s <= now_s:
                 raise ValueError(f"evidence has a start, then a stamp, both in the past: not {start_s} to {stamp_s}")
-            self._reports.append((now_s, Interval(float(start_s), float(stamp_s))))
+            self._reports.append((now_s, Interval(start_s, stamp_s)))
 
     def last_report_until(self, now_s: float) -> tuple[float, Interval] | None:
         """Return the instant and the interval of the last report about the evidence up to `now_s`; None if none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from codra_dsl.isolation.error_text import MAX_SHOWN_CHARACTERS
+from codra_dsl.isolation.error_text import MAX_SHOWN_CHARACTERS, type_name
 from codra_dsl.logic import Value
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
@@ -37,13 +37,13 @@ class Failure:
 def checked(algorithm: Algorithm, returned_value: object) -> Result | Failure:
     """Return the result of a perception function if it matches `returns` of the spec, otherwise a failure."""
     if not isinstance(returned_value, Mapping):
-        return Failure(Reason.FAILED, f"returned a {type(returned_value).__name__}, not a mapping")
+        return Failure(Reason.FAILED, f"returned a {type_name(returned_value)}, not a mapping")
     unknown_key = next((name for name in returned_value if name not in algorithm.returns), None)
     if unknown_key is not None:
         key_text = (
-            repr(unknown_key[:MAX_SHOWN_CHARACTERS])
-            if isinstance(unknown_key, str)
-            else f"a {type(unknown_key).__name__}"
+            repr(str.__str__(unknown_key)[:MAX_SHOWN_CHARACTERS])
+            if issubclass(type(unknown_key), str)
+            else f"a {type_name(unknown_key)}"
         )
         return Failure(Reason.FAILED, f"returned {key_text}, which `returns` does not name")
     values: dict[str, Value | None] = {}

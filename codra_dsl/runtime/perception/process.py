@@ -18,6 +18,7 @@ from typing import IO, Any
 
 from codra_dsl.isolation.messages import Connection
 from codra_dsl.isolation.supervisor import EXIT_TIMEOUT_MS, SIGTERM_TIMEOUT_MS, TERMINATE, WAIT_STATUS, child_pids
+from codra_dsl.runtime.forks import new_lock
 
 _LOGGER = logging.getLogger("codra_dsl.perception")
 
@@ -74,7 +75,7 @@ class Process:
         self._program_pid = os.getpid()
         self._name = name
         self._control_socket = control_socket
-        self._end_lock = threading.Lock()
+        self._end_lock = new_lock()
         self._end_text: str | None = None
         self._is_terminated = False
         self._last_lines: deque[str] = deque(maxlen=1)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable, Mapping
 
 from codra_dsl.isolation.error_text import described
 from codra_dsl.isolation.function_host import FunctionHost
 from codra_dsl.runtime.clock import Cancelled
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.perception.functions import Function, JobError
 from codra_dsl.runtime.perception.job import RunningJob
 from codra_dsl.runtime.values.model import Algorithm
@@ -33,7 +33,7 @@ class ThreadExecutor:
         self._algorithm = algorithm
         self._function_host = FunctionHost(function)
         self._start_function = start_function
-        self._lock = threading.Lock()
+        self._lock = new_lock()
 
     def perform(self, job: RunningJob, arguments: Mapping[str, object], handles: Mapping[str, object]) -> object:
         """Return the function's return value. Before the first job, create the object of a class and set it up."""

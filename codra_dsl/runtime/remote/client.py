@@ -14,6 +14,7 @@ from typing import Any, Self, TypeVar
 
 from codra_dsl.isolation.error_text import type_name
 from codra_dsl.runtime.callbacks import log_raised
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.json_lines import (
     RESPONSE_TIMEOUT_S,
     Address,
@@ -86,7 +87,7 @@ class RemoteContext:
             raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
         if token is None:
             token = self._read_token(address)
-        self._lock = threading.Lock()
+        self._lock = new_lock()
         self._numbers = itertools.count(1)
         self._futures: dict[int, Future[PlainData]] = {}
         self._callbacks: dict[int, Callback] = {}

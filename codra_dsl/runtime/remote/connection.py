@@ -6,11 +6,11 @@ import contextlib
 import logging
 import math
 import socket
-import threading
 from collections.abc import Callable
 from selectors import EVENT_READ, EVENT_WRITE
 
 from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES, RESPONSE_TIMEOUT_S, line_of, message_of
 from codra_dsl.runtime.remote.protocol import MessageError, PlainData, TokenError, error_to, id_of, notice
 from codra_dsl.runtime.remote.session import LEASE_S, Send, Session
@@ -60,7 +60,7 @@ class Connection:
         self._clock = clock
         self._admit = admit
         self._wake = wake
-        self._lock = threading.Lock()
+        self._lock = new_lock()
         self._input = bytearray()
         self._line_end = -1
         self._unsent = bytearray()

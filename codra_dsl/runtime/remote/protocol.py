@@ -43,6 +43,9 @@ MAX_NAME_CHARACTERS = 1_000
 MAX_ERROR_CHARACTERS = 2_000
 """The maximum length of the message of an error; the rest is cut off, because errors repeat parts of requests."""
 
+MAX_LEASE_S = 3600.0
+"""The longest lease that a session can request, so that a program that hangs does not keep its place for good."""
+
 LARGEST_NUMBER = sys.float_info.max
 """The largest finite number; integers in JSON can be larger than this."""
 
@@ -53,14 +56,15 @@ class FieldType(StrEnum):
     TEXT = f"a text of at most {MAX_NAME_CHARACTERS} characters"
     TEXTS = f"a list of at most {MAX_NAMES} texts"
     INTEGER = "an integer"
-    NUMBER = "a finite number"
-    DURATION = "a finite number that is not negative"
+    NUMBER = "a number"
+    DURATION = "a number that is not negative"
+    LEASE = f"a number of seconds from 0 to {MAX_LEASE_S:g}"
     TRUTH = "true or false"
-    VALUE = "a text, a finite number, or true or false"
+    VALUE = "a text, a number, or true or false"
 
     def holds(self, value: object) -> bool:
         """Return whether a value has this type."""
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+        is_number = _is_number(value)
         match self:
             case FieldType.TEXT:
                 return _is_name(value)
@@ -73,10 +77,19 @@ class FieldType(StrEnum):
                 return is_number
             case FieldType.DURATION:
                 return is_number and value >= 0  # type: ignore[operator]
+            case FieldType.LEASE:
+                return is_number and 0 <= value <= MAX_LEASE_S  # type: ignore[operator]
             case FieldType.TRUTH:
                 return isinstance(value, bool)
             case FieldType.VALUE:
                 return is_number or isinstance(value, (bool, str))
+
+
+def _is_number(value: object) -> bool:
+    """Return whether a value is a number that a float can hold. A message states an infinite number by its sign."""
+    if isinstance(value, float):
+        return not math.isnan(value)
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
 
 
 def _is_name(value: object) -> bool:
@@ -92,7 +105,7 @@ class RequestShape:
 
 
 REQUESTS: Mapping[str, RequestShape] = {
-    "hello": RequestShape(optional={"lease_s": FieldType.DURATION, "token": FieldType.TEXT}),
+    "hello": RequestShape(optional={"lease_s": FieldType.LEASE, "token": FieldType.TEXT}),
     "keep": RequestShape(),
     "declare": RequestShape(required={"variable": FieldType.TEXT}, optional={"value": FieldType.VALUE}),
     "withdraw": RequestShape(required={"variable": FieldType.TEXT}),

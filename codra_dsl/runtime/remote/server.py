@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
+import os
 import socket
 import threading
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from selectors import EVENT_READ, DefaultSelector
 from typing import Any, Self
 
 from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.connection import Connection
 from codra_dsl.runtime.remote.json_lines import Address, open_listener
 from codra_dsl.runtime.remote.session import Send, Session, open_session
@@ -57,6 +59,8 @@ class Server:
         """
         self._codra = codra
         self._socket = open_listener(address)
+        self._file_identity = None if isinstance(address, int) else _file_identity(Path(address))
+        self._program_id = os.getpid()
         self.address: Address = self._socket.getsockname()[1] if isinstance(address, int) else address
         self.token_file = token_file(self.address) if isinstance(self.address, int) else None
         try:
@@ -65,7 +69,7 @@ class Server:
             self._socket.close()
             raise
         self._connections: list[Connection] = []
-        self._lock = threading.Lock()
+        self._lock = new_lock()
         self._is_closed = False
         self._accept_from_s = -math.inf
         self._selector = DefaultSelector()
@@ -84,20 +88,29 @@ class Server:
         self.close()
 
     def close(self) -> None:
-        """End all sessions, and stop listening."""
+        """End all sessions, and stop listening. In a fork of the program, only close the sockets of this process."""
+        if os.getpid() != self._program_id:
+            for inherited_socket in (self._socket, *(connection.peer for connection in self._connections)):
+                inherited_socket.close()
+            return
         with self._lock:
             if self._is_closed:
                 return  # by now the path may belong to another server
             self._is_closed = True
             connections = tuple(self._connections)
-        path = self.token_file if isinstance(self.address, int) else Path(self.address)
-        if path is not None:
-            path.unlink(missing_ok=True)
+        self._remove_file()
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)  # the server's thread closes it
         for connection in connections:
             connection.close("the manager has closed")
         self._wake()
+
+    def _remove_file(self) -> None:
+        """Remove the token, or the Unix socket unless another file has taken its place."""
+        if self.token_file is not None:
+            self.token_file.unlink(missing_ok=True)
+        elif not isinstance(self.address, int) and _file_identity(Path(self.address)) == self._file_identity:
+            Path(self.address).unlink(missing_ok=True)
 
     def _wake(self) -> None:
         if threading.current_thread() is not self._thread:
@@ -189,6 +202,15 @@ class Server:
         connection.peer.close()
         with self._lock:
             self._connections.remove(connection)
+
+
+def _file_identity(path: Path) -> tuple[int, int] | None:
+    """Return the device and the inode of a file, but not those of the target of a link; None if there is no file."""
+    try:
+        status = path.lstat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _closed_for_room(connections: Sequence[Connection]) -> Connection:

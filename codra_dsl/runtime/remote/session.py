@@ -8,7 +8,6 @@ the lease.
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable, Sized
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +18,7 @@ from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
 from codra_dsl.runtime.errors import unknown_name_error
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.protocol import (
     REPORTED_ERRORS,
     LeaseError,
@@ -86,7 +86,7 @@ class Session:
         self._skills = frozenset(skill.name for skill in codra.model.skills)
         self._clock = clock
         self._send = send
-        self._lock = threading.RLock()
+        self._lock = new_lock()
         self._lease_s = LEASE_S
         self._last_message_s = clock.now_s()
         self._end_reason = ""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 import operator
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
 from codra_dsl.logic import Term, Value, age, choose, first_of, known, literal, maximum, minimum, value
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.values.hysteresis import between, confirmed
 
 _FUNCTIONS: Mapping[str, Callable[..., Term]] = {
@@ -40,7 +40,7 @@ _OPERATORS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
 }
 
 
-_PARSE_LOCK = threading.RLock()
+_PARSE_LOCK = new_lock()
 
 
 class ConditionTextError(ValueError):

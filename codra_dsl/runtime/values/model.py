@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
+from codra_dsl.isolation.error_text import type_name
 from codra_dsl.logic import Term, Value
 
 Kind = Literal["bool", "int", "float", "str", "enum"]
@@ -58,10 +59,9 @@ class ValueType:
         """
         if (raw_value is True or raw_value is False) and self.kind == "bool":
             return raw_value
-        plain_value = raw_value if raw_value.__class__ in _PLAIN_TYPES else unbox(raw_value)
-        if isinstance(plain_value, bool) != (self.kind == "bool") or not isinstance(
-            plain_value, _CLASSES_OF_KINDS[self.kind]
-        ):
+        plain_value: Any = raw_value if type(raw_value) in _PLAIN_TYPES else _plain_number(unbox(raw_value))
+        value_class = type(plain_value)  # an object can lie about its `__class__`
+        if (value_class is bool) != (self.kind == "bool") or not issubclass(value_class, _CLASSES_OF_KINDS[self.kind]):
             raise NotOfTypeError(f"{_value_text(plain_value)} is not of type {self.kind}")
         converted_value = _checked_text(plain_value) if isinstance(plain_value, str) else self._to_number(plain_value)
         if converted_value is not None:
@@ -75,16 +75,14 @@ class ValueType:
 
         def to_integer(raw_value: object) -> Value | None:
             return (
-                raw_value
-                if raw_value.__class__ is int and min_integer <= raw_value <= max_integer
-                else convert(raw_value)
+                raw_value if type(raw_value) is int and min_integer <= raw_value <= max_integer else convert(raw_value)
             )
 
         def to_float(raw_value: object) -> Value | None:
-            return raw_value if raw_value.__class__ is float and low <= raw_value <= high else convert(raw_value)
+            return raw_value if type(raw_value) is float and low <= raw_value <= high else convert(raw_value)
 
         def to_member(raw_value: object) -> Value | None:
-            return raw_value if raw_value.__class__ is str and raw_value in member_set else convert(raw_value)
+            return raw_value if type(raw_value) is str and raw_value in member_set else convert(raw_value)
 
         min_integer, max_integer = max(low, -MAX_INTEGER), min(high, MAX_INTEGER)
         return {"int": to_integer, "float": to_float, "enum": to_member}.get(self.kind, convert)
@@ -120,25 +118,39 @@ def unbox(raw_value: object) -> object:
         return raw_value
 
 
-def _checked_text(plain_value: str) -> str:
-    if len(plain_value) > MAX_TEXT_CHARACTERS:
-        raise NotOfTypeError(f"a text of {len(plain_value)} characters is too long: the limit is {MAX_TEXT_CHARACTERS}")
-    if not plain_value.isascii() and any("\ud800" <= character <= "\udfff" for character in plain_value):
+def _plain_number(value: object) -> object:
+    """Return an object of a subclass of `int` or `float` as a plain number, and anything else unchanged.
+
+    A subclass can override each method that checks a value or converts it. Therefore the base class reads the number.
+    """
+    if isinstance(value, bool):
+        return value
+    if issubclass(type(value), int):
+        return int.__int__(value)  # type: ignore[arg-type]
+    return float.__float__(value) if issubclass(type(value), float) else value  # type: ignore[arg-type]
+
+
+def _checked_text(raw_text: str) -> str:
+    plain_text = str.__str__(raw_text)  # a member of a StrEnum becomes plain text
+    length = max(len(plain_text), len(raw_text))  # the beginning of a longer text has the length of the complete text
+    if length > MAX_TEXT_CHARACTERS:
+        raise NotOfTypeError(f"a text of {length} characters is too long: the limit is {MAX_TEXT_CHARACTERS}")
+    if not plain_text.isascii() and any("\ud800" <= character <= "\udfff" for character in plain_text):
         raise NotOfTypeError("a text with half a character (a lone surrogate) cannot be written to a file")
-    return str.__str__(plain_value)  # a member of a StrEnum becomes plain text
+    return plain_text
 
 
-def _value_text(raw_value: object) -> str:
+def _value_text(value: Any) -> str:
     """Return the text of a value for a message. The `repr` of an object of another class is not called."""
-    if isinstance(raw_value, str):
-        return repr(raw_value if len(raw_value) <= _MAX_SHOWN_CHARACTERS else f"{raw_value[:_MAX_SHOWN_CHARACTERS]}...")
-    if isinstance(raw_value, int) and abs(raw_value) > MAX_INTEGER:
-        return f"a number of {raw_value.bit_length()} bits"
-    return (
-        repr(raw_value)
-        if raw_value is None or isinstance(raw_value, (bool, int, float))
-        else f"a {type(raw_value).__name__}"
-    )
+    value_class = type(value)
+    if issubclass(value_class, str):
+        plain_text = str.__str__(value)
+        is_short = len(plain_text) <= _MAX_SHOWN_CHARACTERS
+        return repr(plain_text if is_short else f"{plain_text[:_MAX_SHOWN_CHARACTERS]}...")
+    if issubclass(value_class, int) and abs(value) > MAX_INTEGER:
+        return f"a number of {value.bit_length()} bits"
+    is_plain = value is None or issubclass(value_class, (int, float))
+    return repr(value) if is_plain else f"a {type_name(value)}"
 
 
 def boolean(*, optional: bool = False) -> ValueType:

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codra_dsl.runtime import ContextManager, DecisionState, Journal, Kind, NotOfTypeError, SimClock
+from codra_dsl.runtime import ContextManager, DecisionState, Journal, Kind, NotOfTypeError, SimClock, WallClock
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
-from tests.runtime.door import MODEL, Door, Manager, started
+from tests.runtime.door import GIVEN_NEAR, MODEL, Door, Manager, started
 from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.journal.journals import read
 
@@ -119,3 +119,22 @@ def test_a_run_with_abandoned_decisions_replays(tmp_path: Path) -> None:
     assert log_text.count("interrupted") == 2
     header, events = read(path)
     assert replay(header, events, MODEL, ContextManager[str, str], None).difference is None
+
+
+@pytest.mark.parametrize("limit", ["max_age_s", "since_s", "wait_up_to_s"])
+def test_a_limit_of_a_decision_must_not_be_nan(limit: str) -> None:
+    """JSON has no NaN, so a journal could not record such a decision."""
+    with started(Door()) as (codra, _clock):
+        with pytest.raises(ValueError, match="must not be NaN"):
+            codra.decide("open", lambda: True, **{limit: math.nan})
+        assert codra.record.of(Kind.DECISION) == ()
+
+
+@pytest.mark.parametrize("wait_up_to_s", [30.0, math.inf])
+def test_a_decision_whose_clock_was_closed_looks(wait_up_to_s: float) -> None:
+    clock = WallClock()
+    with ContextManager[str, str](GIVEN_NEAR, clock=clock, resources={"door": Door()}) as codra:
+        clock.close()
+        codra.declare("open")
+        assert codra.decide("open", lambda: True, wait_up_to_s=wait_up_to_s) is True
+        assert [event.what for event in codra.record.of(Kind.DECISION)] == ["fell_back"]

@@ -15,11 +15,15 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Header, McapRecord, Metadata, Schema
 
+from codra_dsl.runtime import Journal
+from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.file_creation import MAGIC
+from codra_dsl.runtime.journal.limits import MAX_MESSAGE_VALUES
 from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 from codra_dsl.runtime.journal.recovery import recover
+from codra_dsl.runtime.journal.writer import MAX_MESSAGE_BYTES
 from codra_dsl.runtime.values.condition_text import ConditionTextError, parse_condition
-from tests.runtime.journal.journals import run_door
+from tests.runtime.journal.journals import read, run_door
 
 COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
     "": bytes,
@@ -205,3 +209,42 @@ def test_a_long_journal_stays_far_below_the_limits(tmp_path: Path) -> None:
     assert len(messages) < 0.125 / 3 * file_byte_count
     assert sum(map(len, messages)) < 32 / 4 * file_byte_count
     assert sum(message.count(b",") for message in messages) < 2 / 4 * file_byte_count
+
+
+def large_event(instant_s: float, detail: object) -> Event:
+    return Event(instant_s, Kind.VARIABLE, "near", "unknown", {"detail": detail})
+
+
+def test_a_journal_that_repeats_long_texts_can_be_read(journal: Path, tmp_path: Path) -> None:
+    """A text of a million equal characters becomes thousands of times smaller by compression."""
+    header, _events = read(journal)
+    large = Journal(tmp_path / "large.mcap")
+    large.begin(lambda: header)
+    for number in range(20):
+        large.add(large_event(float(number), "a" * 10**6))
+    large.end()
+    assert [event.instant_s for event in read(large.path)[1]] == list(range(20))
+
+
+def test_an_event_that_readers_would_refuse_ends_the_journal_with_the_reason(journal: Path, tmp_path: Path) -> None:
+    header, _events = read(journal)
+    for number, detail in enumerate(["a" * MAX_MESSAGE_BYTES, [0] * (MAX_MESSAGE_VALUES + 1)]):
+        path = tmp_path / f"{number}.mcap"
+        large = Journal(path)
+        large.begin(lambda: header)
+        large.add(large_event(1.0, "small"))
+        large.add(large_event(2.0, detail))
+        large.end()
+        assert large.failure is not None
+        assert "TooLargeEventError: an event has" in large.failure
+        assert [event.instant_s for event in read(path)[1]] == [1.0]
+
+
+def test_an_event_of_the_largest_size_can_be_read(journal: Path, tmp_path: Path) -> None:
+    header, _events = read(journal)
+    path = tmp_path / "large.mcap"
+    large = Journal(path)
+    large.begin(lambda: header)
+    large.add(large_event(1.0, "a" * (MAX_MESSAGE_BYTES - 200)))
+    large.end()
+    assert [event.instant_s for event in read(path)[1]] == [1.0]

@@ -6,7 +6,9 @@ import copy
 import logging
 import math
 import pickle
+import signal
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ import pytest
 
 from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.geometry import FrameError, Frames, Pose
-from codra_dsl.runtime.knowledge import AbsentError, Change, Knowledge
+from codra_dsl.runtime.knowledge import AbsentError, AgentTakenError, Change, Knowledge
 from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, NodeModel, anything, path, some
 from tests.runtime.knowledge.store import store
 from tests.runtime.knowledge.test_poses import PARTS
@@ -230,3 +232,30 @@ def test_the_handle_of_an_agent_and_its_transactions_cannot_be_copied(make_copy:
             with pytest.raises(TypeError, match=f"a {name} cannot be copied: pass this object itself"):
                 make_copy(writer)
         assert not knowledge.refusals()
+
+
+def test_a_signal_handler_may_open_a_handle_while_another_is_opened() -> None:
+    knowledge, interrupt_count = store(), 0
+
+    def interrupt(*_: object) -> None:
+        nonlocal interrupt_count
+        interrupt_count += 1
+        with suppress(AgentTakenError):  # the handler can interrupt itself
+            knowledge.as_agent("picking").close()
+        knowledge.refusals()
+
+    old_handler = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 1e-4, 1e-4)
+    try:
+        while interrupt_count < 300:
+            with knowledge.as_agent("navigation"), suppress(AgentTakenError):
+                knowledge.as_agent("navigation")
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, old_handler)
+
+
+def test_evidence_must_have_a_finite_instant() -> None:
+    knowledge = store()
+    with knowledge.as_agent("navigation") as navigation, pytest.raises(ValueError, match="cannot be from -inf"):
+        navigation.set("battery", "level", 50.0, evidence_s=-math.inf)

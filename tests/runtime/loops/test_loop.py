@@ -546,3 +546,14 @@ def test_a_tree_is_never_ticked_between_two_branches() -> None:
     shop.write(bumped=False, battery=3.0)
     shop.pass_s(2.0, battery=3.0)
     assert [name for name, _ in itertools.groupby(seen)] == ["deliver", "start", "dock"]
+
+
+def test_an_action_that_ends_its_thread_is_reported_and_the_loop_goes_on() -> None:
+    def leaving(_: Ports) -> bool:
+        raise SystemExit(3)
+
+    shop = Shop(robot=robot_that(deliver=leaving))
+    shop.begin()
+    shop.pass_s(2.0)
+    assert {event.details["message"] for event in shop.events("failed")} == {"SystemExit: 3"}
+    assert shop.mape.loop("store").is_running

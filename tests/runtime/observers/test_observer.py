@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from py_trees.behaviour import Behaviour
 
 from codra_dsl.logic import age, known, value
 from codra_dsl.runtime import Reason, SimClock
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.observers.observer import Observer
 from codra_dsl.runtime.values.model import boolean, real
 from tests.runtime.forests import (
     Look,
@@ -488,3 +491,37 @@ def test_an_observer_without_preconditions_never_forgets() -> None:
         manager.declare("a")
         clock.sleep(5)
         assert set(reasons(manager, "a")) == {None}
+
+
+def test_branches_that_share_variables_also_through_others_are_rivals() -> None:
+    looks = [seen("x", "a"), seen("y", "b"), seen("z", "b", "a"), seen("w", "c"), seen("v", "d"), seen("u", "d")]
+    with started(alternatives(*looks, variables="abcd"), World()) as manager:
+        branches = manager._forest.observers["o"].branches
+    rivals = {branch.algorithm.name: [rival.algorithm.name for rival in branch.rivals] for branch in branches}
+    assert rivals == {
+        **{name: ["x", "y", "z"] for name in "xyz"},
+        "w": ["w"],
+        **{name: ["v", "u"] for name in "vu"},
+    }
+
+
+def test_the_rivals_of_very_many_alternatives_are_found_by_looking_at_each_pair_only_once() -> None:
+    looks = [seen(f"eye{number}", "a") for number in range(300)]
+    comparisons = 0
+
+    class CountingNames(list[str]):
+        def __iter__(self) -> Iterator[str]:
+            nonlocal comparisons
+            comparisons += 1
+            return super().__iter__()
+
+    def build(owner: Observer) -> Behaviour:
+        root = model.build(owner)
+        for branch in owner.branches:
+            branch.identifies = CountingNames(branch.identifies)
+        return root
+
+    model = observer("o", *looks)
+    with started(forest([variable("a")], replace(model, build=build)), World()):
+        pass
+    assert comparisons < 10 * len(looks)

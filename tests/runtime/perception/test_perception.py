@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -44,9 +45,24 @@ class Mute:
         raise RuntimeError
 
 
+class _LongName(type):
+    """The type of a class that states a very long name."""
+
+    @property
+    def __name__(cls) -> str:
+        return "a" * 10**6
+
+
+class Stranger(metaclass=_LongName):
+    pass
+
+
 REFUSED: dict[str, object] = {
     "returned a list, not a mapping": [1],
     "returned a NoneType, not a mapping": None,
+    "returned a Stranger, not a mapping": Stranger(),
+    "returned 'angle': a Stranger is not of type float": {"markers": 3, "angle": Stranger()},
+    "returned a Stranger, which `returns` does not name": {"markers": 3, Stranger(): 1},
     "returned a bytes, not a mapping": b"x" * 10**8,
     "returned no 'markers'": {},
     "returned no 'markers' ": {"markers": None},
@@ -321,3 +337,36 @@ def test_jobs_are_recorded() -> None:
         manager.declare("a")
         clock.sleep(1.25)
     assert events(manager, Kind.JOB) == ["started", "returned", "started", "cancelled"]
+
+
+def test_an_object_may_close_the_manager_within_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In simulated time, the end of the manager closes the object in the same thread."""
+
+    class Eye:
+        def perceive(self, *, job: Any) -> Mapping[str, object]:
+            del job
+            manager.close()
+            return YES
+
+        def close(self) -> None:
+            closed_objects.append(self)
+
+    module = ModuleType("robot_code")
+    vars(module)["Eye"] = Eye
+    monkeypatch.setitem(sys.modules, "robot_code", module)
+    eye = Algorithm(name="eye", call="robot_code:Eye", returns={"seen": boolean()})
+    look = type(seen("x"))(eye, seen("x", "a").identifies)
+    clock, closed_objects = SimClock(), list[Eye]()
+    manager = ContextManager(forest([variable("a")], observer("o", look)), clock=clock, resources={})
+    manager.declare("a")
+    clock.sleep(1.0)
+    assert len(closed_objects) == 1
+
+
+def test_evidence_must_have_finite_instants() -> None:
+    model, world = one(lambda job: job.evidence(-math.inf, -math.inf) or YES)
+    clock = SimClock()
+    with started(model, world, clock) as manager:
+        manager.declare("a")
+        clock.sleep(0.5)
+        assert "both in the past: not -inf to -inf" in manager.get("a").detail

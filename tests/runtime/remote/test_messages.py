@@ -324,7 +324,22 @@ WRONG: dict[str, tuple[dict[str, object], str, str]] = {
     "negative time": (
         {"ask": "decide", "variable": "open", "wait_up_to_s": -1},
         "malformed",
-        "`wait_up_to_s` of `decide` must be a finite number that is not negative",
+        "`wait_up_to_s` of `decide` must be a number that is not negative",
+    ),
+    "not a number": (
+        {"ask": "decide", "variable": "open", "max_age_s": math.nan},
+        "malformed",
+        "`max_age_s` of `decide` must be a number that is not negative",
+    ),
+    "endless lease": (
+        {"ask": "hello", "lease_s": 3601.0},
+        "malformed",
+        "`lease_s` of `hello` must be a number of seconds from 0 to 3600",
+    ),
+    "evidence from before all time": (
+        {"ask": "set", "variable": "localized", "value": True, "evidence_s": -math.inf},
+        "not_allowed",
+        "evidence for 'localized' cannot be from -inf: the present instant is 0.0",
     ),
     "no such request": (
         {"ask": "declair"},
@@ -511,6 +526,7 @@ fitting = {
     FieldType.INTEGER: some.integers(0, 4),
     FieldType.NUMBER: some.floats(-10, 10),
     FieldType.DURATION: some.floats(0, 10),
+    FieldType.LEASE: some.floats(0, 10),
     FieldType.TRUTH: some.booleans(),
     FieldType.VALUE: some.booleans() | some.integers(-5, 5) | some.text(max_size=2),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import socket
@@ -319,3 +320,39 @@ def test_the_error_of_an_unusable_address_names_it(codra: Manager, address: str 
         Server(codra, Path(address) if isinstance(address, str) else address)
     with pytest.raises(ConnectionError, match=f"no manager listens at {address}"):
         RemoteContext(Path(address) if isinstance(address, str) else address)
+
+
+def test_infinite_numbers_reach_the_manager(codra: Manager, tmp_path: Path) -> None:
+    """The variable `near` is a bool, so an infinite value is refused because of its type and not as a message."""
+    with Server(codra, tmp_path / "infinite.sock") as server, RemoteContext(server.address) as remote:
+        with pytest.raises(NotOfTypeError, match="inf is not of type bool"):
+            remote.set("near", math.inf)
+        assert remote.decide("near", lambda: "looked", since_s=-math.inf) is True
+        assert remote.decide("near", lambda: None, since_s=math.inf) is None
+
+
+def test_a_server_removes_only_its_own_socket(codra: Manager, tmp_path: Path) -> None:
+    path = tmp_path / "codra.sock"
+    first = Server(codra, path)
+    path.unlink()
+    with Server(codra, path) as second:
+        first.close()
+        with RemoteContext(second.address) as remote:
+            assert remote.get("near").known
+        path.unlink()
+        path.symlink_to(tmp_path / "target")
+    assert path.is_symlink()
+
+
+def test_a_fork_that_closes_a_server_leaves_the_server_of_its_parent_alone(server: Server) -> None:
+    with RemoteContext(server.address) as remote:
+        child = os.fork()
+        if child == 0:
+            try:
+                server.close()
+            finally:
+                os._exit(0)
+        os.waitpid(child, 0)
+        assert remote.get("near").known
+        with RemoteContext(server.address) as other:
+            assert other.get("near").known

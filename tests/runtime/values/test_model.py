@@ -106,3 +106,65 @@ def test_a_value_of_another_type_is_refused_with_a_short_message(message: str) -
 def test_nan_is_unknown(convert: Callable[[object], object]) -> None:
     assert convert(math.nan) is None
     assert convert(np.float64("nan")) is None
+
+
+class _SmallNumber(int):
+    """A number that states that it is small."""
+
+    def __abs__(self) -> int:
+        return 0
+
+
+class _MeasuredNumber(float):
+    """A number that states that it is not NaN, and in every range."""
+
+    def __ne__(self, other: object) -> bool:
+        return False
+
+    def __le__(self, other: object) -> bool:
+        return True
+
+    __ge__ = __le__
+
+
+class _OneOfTheMembers(str):
+    """A text that states that it equals every other text, and is short."""
+
+    __hash__ = str.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+    def __len__(self) -> int:
+        return 1
+
+
+class _Pretender:
+    """An object that states that it is a number."""
+
+    __class__ = property(lambda _: float)  # type: ignore[assignment]
+
+    def __float__(self) -> float:
+        return 5.0
+
+
+def test_a_number_cannot_hide_its_value_by_methods_of_its_own() -> None:
+    with pytest.raises(NotOfTypeError, match="a number of 6644 bits is too large"):
+        integer().convert(_SmallNumber(10**2000))
+    with pytest.raises(NotOfTypeError, match=r"9\.0 lies outside"):
+        real(0, 1).convert(_MeasuredNumber(9.0))
+    assert real(0, 1).convert(_MeasuredNumber(math.nan)) is None
+
+
+def test_a_text_cannot_hide_its_value_by_methods_of_its_own() -> None:
+    with pytest.raises(NotOfTypeError, match="'ajar' is not one of open, shut"):
+        member("open", "shut").convert(_OneOfTheMembers("ajar"))
+    with pytest.raises(NotOfTypeError, match="a text of 10001 characters"):
+        text().convert(_OneOfTheMembers("a" * (MAX_TEXT_CHARACTERS + 1)))
+
+
+@pytest.mark.parametrize("value_type", [boolean(), integer(), real(), text()], ids=lambda value_type: value_type.kind)
+def test_an_object_that_pretends_to_be_a_number_is_refused(value_type: ValueType) -> None:
+    for convert in (value_type.convert, value_type.converter()):
+        with pytest.raises(NotOfTypeError, match="a _Pretender is not of type"):
+            convert(_Pretender())
