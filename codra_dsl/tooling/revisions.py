@@ -12,6 +12,7 @@ import re
 import resource
 import shlex
 import subprocess
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -29,6 +30,10 @@ __all__ = [
 ]
 
 MAX_FILES = 20_000
+MAX_COPIES = 1000
+"""The maximum number of paths with one content. A few small objects can describe a folder of equal specs that would
+take minutes to check."""
+
 MAX_FILE_BYTES = 32 * 1024 * 1024
 MAX_TOTAL_BYTES = 128 * 1024 * 1024
 MAX_ENTRIES = 500_000
@@ -230,7 +235,8 @@ class Repository:
             lines = _limited_lines(process.stdout)
             entries = (entry for line in lines for entry in _wanted_entries(line, is_wanted))
             wanted_entries = tuple(islice(entries, MAX_FILES + 1))
-            if len(wanted_entries) > MAX_FILES:
+            copy_counts = Counter(entry.object_name for entry in wanted_entries if entry.mode in _FILE_MODES)
+            if len(wanted_entries) > MAX_FILES or max(copy_counts.values(), default=0) > MAX_COPIES:
                 raise RevisionError(_TOO_MUCH_MESSAGE)
         if process.returncode != 0:
             raise RevisionError(f"git cannot list the files: folders are nested too deeply, or {_INCOMPLETE_MESSAGE}")

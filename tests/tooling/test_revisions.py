@@ -111,6 +111,17 @@ def test_a_path_that_the_system_cannot_have_is_refused_in_one_line(
     assert "\n" not in str(raised.value)
 
 
+def test_a_few_objects_that_describe_thousands_of_equal_specs_are_refused(top: Path, tmp_path: Path) -> None:
+    folder = tree(top, (FILE, b"door.yaml", store(top, b"blob", DOOR)))
+    for _ in range(3):
+        folder = tree(top, *((FOLDER, b"f%d" % number, folder) for number in range(10)))
+    assert len(extract(top, commit(top, folder), tmp_path / "target")) == 1000
+
+    more = tree(top, (FOLDER, b"more", folder), (FILE, b"one.yaml", store(top, b"blob", DOOR)))
+    with pytest.raises(RevisionError, match="too much YAML"):
+        extract(top, commit(top, more), tmp_path / "another target")
+
+
 def test_a_file_and_a_folder_of_one_name_are_refused(top: Path, tmp_path: Path) -> None:
     blob = store(top, b"blob", DOOR)
     inner = tree(top, (FILE, b"b.yaml", blob))
