@@ -26,6 +26,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 
 _IMPORTED_LIBRARIES = ("networkx", "pytest", "typer._adapters")
+_PLUGINS_OF_PYTEST = {"anyio", "codra_dsl"}
 _LENGTH = struct.Struct("!I")
 _EXIT_CODE = struct.Struct("!i")
 _PATIENCE_S = 240.0
@@ -179,6 +180,8 @@ def _serve(connection: socket.socket) -> list[str]:
         process_id = os.fork()
         if process_id == 0:
             connection.close()
+            for name in _PLUGINS_OF_PYTEST & sys.modules.keys():
+                sys.modules[name].__doc__ = "PYTEST_DONT_REWRITE"  # pytest warns of plugins that are imported before it
             _take_over(request, streams)
             return request["arguments"]
         for stream in streams:
@@ -223,7 +226,6 @@ if __name__ == "__main__":
         os._exit(0)  # so that the server is no child of the tests, some of which count their children
     for _module in (*_modules_of_the_product(), *_IMPORTED_LIBRARIES):
         importlib.import_module(_module)
-    sys.modules["codra_dsl"].__doc__ = "PYTEST_DONT_REWRITE"  # pytest warns of plugins that are imported before it
     gc.collect()
     gc.freeze()  # a forked process would copy the pages of all these objects when it collects garbage
     _run(_serve(socket.socket(fileno=int(sys.argv[1]))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -14,7 +15,7 @@ import pytest
 
 from codra_dsl.cli import app as command_app
 from tests.campaigns.hostile.kinds import KINDS
-from tests.campaigns.hostile.reading import Answer, Kind, command
+from tests.campaigns.hostile.reading import Answer, command
 from tests.campaigns.hostile.running import Campaign
 from tests.command_server import as_text, run_codra, run_python
 
@@ -114,6 +115,22 @@ def test_an_input_follows_from_seed_kind_and_number(name: str, tmp_path: Path) -
     assert campaign.files(name, 0) != campaign.files(name, 1)
 
 
+# The limits of memory hold for a small process; one that has collected thousands of tests is above them.
+CAMPAIGN = """
+import json, sys
+from pathlib import Path
+from tests.campaigns import test_hostile
+from tests.campaigns.hostile.reading import Kind
+from tests.campaigns.hostile.running import Campaign
+
+accept, read = test_hostile._accept, getattr(test_hostile, sys.argv[1])
+kinds = {"good": Kind(test_hostile._make_one, accept), "bad": Kind(test_hostile._make_one, read)}
+good, bad = Campaign(kinds, Path(sys.argv[2]), seed=1, keep=Path(sys.argv[3])).run(range(7, 9), workers=1)
+outcomes = [(outcome.answer.is_accepted, outcome.failure) for outcome in good.outcomes]
+print("\\n" + json.dumps([outcomes, [outcome.failure for outcome in bad.failures()]]))
+"""
+
+
 def _raise(_: Path) -> Answer:
     raise ValueError("a defect")
 
@@ -163,13 +180,13 @@ def test_a_reader_that_breaks_a_promise_is_a_failure_and_its_input_is_kept(
 ) -> None:
     inputs, keep = tmp_path / "inputs", tmp_path / "keep"
     inputs.mkdir()
-    kinds = {"good": Kind(_make_one, _accept), "bad": Kind(_make_one, read)}
 
-    good, bad = Campaign(kinds, inputs, seed=1, keep=keep).run(range(7, 9), workers=1)
+    process = as_text(run_python(("-c", CAMPAIGN, read.__name__, str(inputs), str(keep)), ROOT, ENVIRONMENT))
 
-    assert [outcome.answer.is_accepted for outcome in good.outcomes] == [True, True]
-    assert [outcome.failure for outcome in good.outcomes] == ["", ""]
-    assert [failure in outcome.failure for outcome in bad.failures()] == [True, True]
+    assert process.returncode == 0, process.stderr
+    good_outcomes, bad_failures = json.loads(process.stdout.splitlines()[-1])
+    assert good_outcomes == [[True, ""], [True, ""]]
+    assert [failure in bad_failure for bad_failure in bad_failures] == [True, True]
     assert sorted(path.name for path in keep.iterdir()) == ["bad-1-7", "bad-1-8"]
     assert (keep / "bad-1-7/input/spec.yaml").read_bytes() == b"codra: 1"
 
