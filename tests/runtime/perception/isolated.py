@@ -125,11 +125,15 @@ def own_memory_mb() -> float:
 
 
 def processes_of(pid: int) -> list[Process]:
-    """Return all running descendants of a process; threads and processes may end meanwhile."""
+    """Return all running descendants of a process; threads and processes may end meanwhile.
+
+    The resource tracker of multiprocessing, which another test of this process may have started, is left out.
+    """
     descendants: list[Process] = []
     for task in Path(f"/proc/{pid}/task").iterdir():
         with contextlib.suppress(FileNotFoundError, ProcessLookupError):
             for child in map(int, (task / "children").read_text().split()):
                 with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-                    descendants += [*([Process(child)] if is_alive(child) else []), *processes_of(child)]
+                    if b"resource_tracker" not in Path(f"/proc/{child}/cmdline").read_bytes():
+                        descendants += [*([Process(child)] if is_alive(child) else []), *processes_of(child)]
     return descendants
