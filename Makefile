@@ -9,6 +9,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 LOCK := requirements.lock
+RELEASE := .venv-release
+RELEASE_READY := $(RELEASE)/.ready
+RELEASE_LOCK := release.lock
 RAFCON := .venv-rafcon
 RAFCON_READY := $(RAFCON)/.ready
 FUZZYLITE := .venv-fuzzylite
@@ -152,22 +155,24 @@ tagged:
 
 # The components of an environment in which only the built wheels are installed, with the versions of the lock file.
 # `direct_url.json` would bring the paths of this machine into the lists.
-sbom: $(READY)
+sbom: $(READY) $(RELEASE_READY)
 	$(PYTHON) -m venv --clear --without-pip build/sbom
 	sed -n 's/^\([^ ].*\) \\$$/\1/p' $(LOCK) >build/sbom/constraints.txt
 	for wheel in dist/codra_dsl-*.whl "$$(echo dist/codra_papers-*.whl)[lab,store]"; do \
 	    $(BIN)/python -m pip --python build/sbom install --quiet --no-compile \
 	        --constraint build/sbom/constraints.txt "$$wheel" && \
 	    rm build/sbom/lib/python*/site-packages/codra_*.dist-info/direct_url.json && \
-	    $(BIN)/cyclonedx-py environment --output-reproducible --output-file \
+	    $(RELEASE)/bin/cyclonedx-py environment --output-reproducible --output-file \
 	        "$$(echo "$$wheel" | sed 's/-py3.*/.cdx.json/')" build/sbom/bin/python || exit 1; \
 	done
 
-# Renews the versions and hashes of everything that $(VENV) installs, for all supported versions of Python.
-lock: $(READY)
-	echo '.[dev,docs,release] ./codra_papers[lab,store]' | tr ' ' '\n' | \
-	    $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-annotate \
-	    --no-header --no-emit-package codra-dsl --no-emit-package codra-papers --output-file $(LOCK) -
+# Renews the versions and hashes of everything that $(VENV) and $(RELEASE) install, for all supported versions of Python.
+LOCKED = $(RELEASE)/bin/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
+    --no-annotate --no-header
+lock: $(RELEASE_READY)
+	echo '.[dev,docs] ./codra_papers[lab,store]' | tr ' ' '\n' | \
+	    $(LOCKED) --no-emit-package codra-dsl --no-emit-package codra-papers --output-file $(LOCK) -
+	$(LOCKED) --group release --output-file $(RELEASE_LOCK)
 
 # The tests on each supported version of Python, in environments of their own.
 pythons: browser $(RAFCON_READY)
@@ -180,13 +185,18 @@ pythons: browser $(RAFCON_READY)
 	done
 
 clean:
-	rm -rf $(VENV) $(PYTHONS:%=.venv-%) $(RAFCON) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PYTHONS:%=.venv-%) $(RELEASE) $(RAFCON) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml codra_papers/pyproject.toml $(LOCK) | prerequisites
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/python -m pip install --quiet --require-hashes --requirement $(LOCK)
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable . --editable ./codra_papers
+	touch $@
+
+$(RELEASE_READY): $(RELEASE_LOCK) | prerequisites
+	$(PYTHON) -m venv --clear $(RELEASE)
+	$(RELEASE)/bin/python -m pip install --quiet --require-hashes --requirement $(RELEASE_LOCK)
 	touch $@
 
 # RAFCON's core on top of what $(VENV) has: its other requirements draw its windows, and its pins are old.

@@ -120,36 +120,51 @@ def test_a_release_of_uncommitted_changes_is_refused(file: str, repository: Path
 
 # The lock file
 
-LOCK = (ROOT / "requirements.lock").read_text("utf-8")
-PINS = [Requirement(line.removesuffix(" \\")) for line in LOCK.splitlines() if not line.startswith(" ")]
+RELEASE = "release.lock"
+LOCKS = ("requirements.lock", RELEASE)
 
 
-def requirements() -> Iterator[Requirement]:
-    """Yield what both distributions and their extras require of others."""
+def pins(lock: str) -> list[Requirement]:
+    lines = (ROOT / lock).read_text("utf-8").splitlines()
+    return [Requirement(line.removesuffix(" \\")) for line in lines if not line.startswith(" ")]
+
+
+def requirements(lock: str) -> Iterator[Requirement]:
+    """Yield what both distributions and their extras, or the tools of releases, require of others."""
     for project in PROJECTS:
-        metadata = tomllib.loads((ROOT / project / "pyproject.toml").read_text("utf-8"))["project"]
-        for lines in (metadata["dependencies"], *metadata["optional-dependencies"].values()):
+        table = tomllib.loads((ROOT / project / "pyproject.toml").read_text("utf-8"))
+        metadata = table["project"]
+        of_project = (metadata["dependencies"], *metadata["optional-dependencies"].values())
+        for lines in table.get("dependency-groups", {}).values() if lock == RELEASE else of_project:
             yield from (Requirement(line) for line in lines if not line.startswith("codra-"))
 
 
-def test_the_lock_file_satisfies_every_requirement() -> None:
+@pytest.mark.parametrize("lock", LOCKS)
+def test_a_lock_file_satisfies_every_requirement(lock: str) -> None:
     pinned_versions: dict[str, list[str]] = {}
-    for pin in PINS:
+    for pin in pins(lock):
         (specifier,) = pin.specifier
         pinned_versions.setdefault(canonicalize_name(pin.name), []).append(specifier.version)
 
     unsatisfied = [
         str(requirement)
-        for requirement in requirements()
+        for requirement in requirements(lock)
         for version in pinned_versions.get(canonicalize_name(requirement.name), ["missing"])
         if version == "missing" or version not in requirement.specifier
     ]
+    assert pinned_versions
     assert unsatisfied == [], "make lock"
 
 
-def test_the_lock_file_has_a_hash_of_every_distribution_and_names_no_host() -> None:
-    entries = re.split(r"\n(?=\S)", LOCK.rstrip())
+@pytest.mark.parametrize("lock", LOCKS)
+def test_a_lock_file_has_a_hash_of_every_distribution_and_names_no_host(lock: str) -> None:
+    text = (ROOT / lock).read_text("utf-8")
+    entries = re.split(r"\n(?=\S)", text.rstrip())
 
-    assert len(entries) == len(PINS)
+    assert len(entries) == len(pins(lock))
     assert [entry for entry in entries if " \\\n    --hash=sha256:" not in entry] == []
-    assert "//" not in LOCK
+    assert "//" not in text
+
+
+def test_the_tests_run_without_the_grammars_of_rfc3987_syntax() -> None:
+    assert "rfc3987-syntax" not in {pin.name for pin in pins("requirements.lock")}

@@ -74,6 +74,8 @@ def _codra(
 
 def command_line() -> int:
     """Run the command line and return its exit code. A closed pipe gives no error message."""
+    # Where it is installed, jsonschema imports it for a format that our schema does not have; that takes seconds.
+    sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
     _replace_closed_streams()
     _escape_unencodable_characters()
     try:

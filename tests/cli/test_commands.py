@@ -75,6 +75,22 @@ def test_help_imports_none_of_the_heavy_libraries() -> None:
     assert "compile" in process.stdout
 
 
+def test_the_grammars_of_rfc3987_syntax_are_not_built_where_it_is_installed(project: Path, tmp_path: Path) -> None:
+    (tmp_path / "rfc3987_syntax.py").write_text("print('built'); is_valid_syntax = None")
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    process = subprocess.run(
+        [sys.executable, "-m", "codra_dsl", "lint", "specs"],
+        cwd=project,
+        env=environment(PYTHONPATH=os.pathsep.join(map(str, (ROOT, tmp_path)))),
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+
+    assert (process.returncode, "built" in process.stdout) == (1, False)
+
+
 @pytest.mark.parametrize("command", [[], ["compile"], ["lint"], ["graph"]])
 def test_every_command_explains_itself(command: list[str]) -> None:
     process = codra(*command, "--help", cwd=ROOT)

