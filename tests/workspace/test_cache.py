@@ -175,7 +175,7 @@ class WarmAndCold(RuleBasedStateMachine):
 
 
 TestWarmAndCold = WarmAndCold.TestCase
-TestWarmAndCold.settings = settings(max_examples=30, stateful_step_count=20, deadline=None)
+TestWarmAndCold.settings = settings(max_examples=15, stateful_step_count=20, deadline=None)
 
 
 @pytest.fixture
