@@ -1,7 +1,8 @@
-"""Read files that a repository or a stranger may have made: only regular files, and at most a stated number of bytes.
+"""Read and replace files in folders that a repository or a stranger may have filled.
 
-A project can contain a link to `/dev/zero`, a pipe that nobody writes to, or a file of any size. Reading such a file
-must neither block nor fill the memory, and opening a device can have effects. All code of codra that reads files of a
+Only regular files are read, and at most a stated number of bytes. A file is replaced completely or not at all. A
+project can contain a link to `/dev/zero`, a pipe that nobody writes to, or a file of any size. Reading such a file must
+neither block nor fill the memory, and opening a device can have effects. All code of codra that reads files of a
 project reads them with `read_regular_file`.
 """
 
@@ -10,6 +11,8 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -50,6 +53,45 @@ def read_regular_file(path: Path | str, max_bytes: int, *, within: Path | None =
 def read_beginning(path: Path | str, byte_count: int, *, within: Path | None = None) -> bytes:
     """Return the first bytes of a regular file of any size. Arguments and errors are those of `read_regular_file`."""
     return _read_checked(path, byte_count, within, max_size=None)
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Replace a file completely or not at all. A link at the path is replaced, not followed.
+
+    The data are written to a temporary file in the same folder, with a name that nobody can predict and for the owner
+    only. The new file gets the owner and the permissions of the regular file that it replaces; if there is none, it
+    remains for the owner only.
+
+    Raises:
+        OSError: if the file cannot be replaced. `filename` names the file.
+    """
+    try:
+        descriptor, temporary_name = tempfile.mkstemp(prefix=".codra-", dir=path.parent)
+        try:
+            with os.fdopen(descriptor, "wb") as stream:
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
+            _copy_owner_and_permissions(path, temporary_name)
+            Path(temporary_name).replace(path)
+        except BaseException:
+            with suppress(OSError):
+                Path(temporary_name).unlink()
+            raise
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None
+        raise
+
+
+def _copy_owner_and_permissions(path: Path, temporary_name: str) -> None:
+    try:
+        status = path.lstat()
+    except OSError:
+        return
+    if stat.S_ISREG(status.st_mode):
+        with suppress(OSError):  # only the superuser can change the owner of a file
+            os.chown(temporary_name, status.st_uid, status.st_gid)
+        Path(temporary_name).chmod(stat.S_IMODE(status.st_mode))
 
 
 def _read_checked(path: Path | str, byte_count: int, within: Path | None, max_size: int | None) -> bytes:
