@@ -54,7 +54,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants fuzz kills signals whys crowd clients bench release tagged sbom docs lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants fuzz kills signals whys crowd clients stores bench release tagged sbom docs lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -125,6 +125,11 @@ crowd: $(READY)
 # Two thousand silent, slow and greedy clients: is everybody else still answered, and is everything released afterwards?
 clients: $(READY)
 	$(BIN)/python -m tests.campaigns.clients 2000
+
+# The store's situations with other seeds than those of the tests: does every run end as the tests state?
+STORES ?=
+stores: $(READY)
+	$(BIN)/python -m tests.campaigns.stores $(STORES)
 
 # Each row of benchmarks/results.json, measured beside its peer in one run; leave the machine alone meanwhile.
 bench: $(READY) $(FUZZYLITE_READY)

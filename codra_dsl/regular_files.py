@@ -1,7 +1,8 @@
-"""Read files that a repository or a stranger may have made: only regular files, and at most a stated number of bytes.
+"""Read and replace files in folders that a repository or a stranger may have filled.
 
-A project can contain a link to `/dev/zero`, a pipe that nobody writes to, or a file of any size. Reading such a file
-must neither block nor fill the memory, and opening a device can have effects. All code of codra that reads files of a
+Only regular files are read, and at most a stated number of bytes. A file is replaced completely or not at all. A
+project can contain a link to `/dev/zero`, a pipe that nobody writes to, or a file of any size. Reading such a file must
+neither block nor fill the memory, and opening a device can have effects. All code of codra that reads files of a
 project reads them with `read_regular_file`.
 """
 
@@ -9,7 +10,9 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -50,6 +53,51 @@ def read_regular_file(path: Path | str, max_bytes: int, *, within: Path | None =
 def read_beginning(path: Path | str, byte_count: int, *, within: Path | None = None) -> bytes:
     """Return the first bytes of a regular file of any size. Arguments and errors are those of `read_regular_file`."""
     return _read_checked(path, byte_count, within, max_size=None)
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Replace a file completely or not at all. A link at the path is replaced, not followed.
+
+    The data are written to a temporary file in the same folder, with a name that nobody can predict. The new file gets
+    the owner and the permissions of the regular file that it replaces; if there is none, it gets the permissions that
+    every new file of the process gets.
+
+    Raises:
+        OSError: if the file cannot be replaced. `filename` names the file.
+    """
+    try:
+        temporary_file, replaced_status = path.parent / f".codra-{secrets.token_hex(8)}", _status_of_regular_file(path)
+        permissions = 0o666 if replaced_status is None else 0o600
+        descriptor = os.open(temporary_file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, permissions)
+        try:
+            with os.fdopen(descriptor, "wb") as stream:
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
+            if replaced_status is not None:
+                _set_owner_and_permissions(temporary_file, replaced_status)
+            temporary_file.replace(path)
+        except BaseException:
+            with suppress(OSError):
+                temporary_file.unlink()
+            raise
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None
+        raise
+
+
+def _status_of_regular_file(path: Path) -> os.stat_result | None:
+    try:
+        status = path.lstat()
+    except OSError:
+        return None
+    return status if stat.S_ISREG(status.st_mode) else None
+
+
+def _set_owner_and_permissions(path: Path, status: os.stat_result) -> None:
+    with suppress(OSError):  # only the superuser can change the owner of a file
+        os.chown(path, status.st_uid, status.st_gid)
+    path.chmod(stat.S_IMODE(status.st_mode))
 
 
 def _read_checked(path: Path | str, byte_count: int, within: Path | None, max_size: int | None) -> bytes:

@@ -181,7 +181,8 @@ def test_the_wheel_of_the_papers_holds_their_package_and_its_entry_points(tmp_pa
     (entry_points,) = (name for name in file_names if name.endswith("/entry_points.txt"))
     entry_points_text = zipfile.ZipFile(papers_wheel).read(entry_points).decode()
 
-    assert files_in_wheel(papers_wheel) == files_in_repository("codra_papers") - {"codra_papers/pyproject.toml"}
+    build_files = {"codra_papers/hatch_build.py", "codra_papers/pyproject.toml"}
+    assert files_in_wheel(papers_wheel) == files_in_repository("codra_papers") - build_files
     assert "[codra.worlds]\nlab = codra_papers.cli.lab:lab\nstore = codra_papers.cli.store:store\n" in entry_points_text
     assert "[codra.commands]\nexperiment = codra_papers.cli.experiment:experiment_command\n" in entry_points_text
 

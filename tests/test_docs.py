@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 
+from codra_dsl.language.check.index.rules import RULES
 from tests.command_server import run_python
 
 ROOT = Path(__file__).parent.parent
@@ -32,6 +33,8 @@ RAFCON_PYTHON = ROOT / ".venv-rafcon/bin/python"
 FENCE = re.compile(r"^```(?P<info>[^\n`]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\((?!\w+:)(?P<path>[^)\s#]*)(?:#(?P<anchor>[^)\s]+))?\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+RULE_ROW = re.compile(r"^\| (CDR\d+) \| `([\w-]+)`", re.MULTILINE)
+RULE_ENTRY = re.compile(r"^\*\*(CDR\d+) `([\w-]+)`\.\*\*$(?:(?!^\*\*CDR|^## ).)+?^\*Help:\* ", re.MULTILINE | re.DOTALL)
 KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "mermaid"}
 
 
@@ -130,3 +133,11 @@ def test_every_link_of_a_page_leads_to_a_file_and_to_a_heading(page: Path) -> No
     ]
 
     assert dead_links == []
+
+
+def test_every_rule_of_context_quality_has_a_row_and_an_entry_with_help() -> None:
+    page = (ROOT / "docs/reference/context-quality.md").read_text(encoding="utf-8")
+    rules = [(rule.code, rule.name) for rule in RULES.values() if "CDR7101" <= rule.code <= "CDR7120"]
+
+    assert RULE_ROW.findall(page) == [("CDR5102", "never-runs"), *rules]
+    assert sorted(RULE_ENTRY.findall(page)) == [("CDR5102", "never-runs"), *rules]

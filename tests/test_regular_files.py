@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from codra_dsl.regular_files import (
     leads_into,
     read_beginning,
     read_regular_file,
+    replace_file,
 )
 
 
@@ -87,3 +89,33 @@ def test_a_link_is_followed_only_within_the_folder(tmp_path: Path) -> None:
     with pytest.raises(OutsideError):
         read_regular_file(project / "specs/outward", 10, within=tmp_path / "entrance")
     assert not leads_into(project / "specs/outward", project)
+
+
+def test_a_new_file_has_the_permissions_of_every_new_file_of_the_process(tmp_path: Path) -> None:
+    (tmp_path / "usual").touch()
+
+    replace_file(tmp_path / "file", b"new")
+
+    assert (tmp_path / "file").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_a_replaced_file_keeps_its_permissions_and_nothing_else_is_left(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("old")
+    (tmp_path / "file").chmod(0o640)
+
+    replace_file(tmp_path / "file", b"new")
+
+    assert (tmp_path / "file").read_bytes() == b"new"
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o640
+    assert list(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
+@pytest.mark.parametrize("name", ["folder", "missing/file"])
+def test_a_file_that_cannot_be_replaced_is_an_error_that_names_it_and_leaves_nothing(tmp_path: Path, name: str) -> None:
+    (tmp_path / "folder").mkdir()
+
+    with pytest.raises(OSError) as raised:  # noqa: PT011 - the file name is compared
+        replace_file(tmp_path / name, b"new")
+
+    assert (raised.value.filename, raised.value.filename2) == (str(tmp_path / name), None)
+    assert list(tmp_path.iterdir()) == [tmp_path / "folder"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -26,6 +27,7 @@ FILES = (
     "README.md",
     "pyproject.toml",
     "codra_papers/pyproject.toml",
+    "codra_papers/hatch_build.py",
 )
 
 
@@ -91,6 +93,14 @@ def test_sources_without_git_have_the_version_of_their_archive_or_none(repositor
     assert versions(repository) == ["0.0.0.dev0", "0.0.0.dev0"]
 
 
+def test_the_papers_require_the_product_of_the_same_commit(repository: Path) -> None:
+    git(repository, "tag", "v1.4.0")
+    command = [sys.executable, "-m", "hatchling", "metadata", "dependencies"]
+    output = subprocess.run(command, cwd=repository / "codra_papers", capture_output=True, text=True, check=True).stdout
+
+    assert "codra-dsl==1.4.0" in json.loads(output)
+
+
 # Releases
 
 
@@ -132,10 +142,10 @@ def pins(lock: str) -> list[Requirement]:
 def requirements(lock: str) -> Iterator[Requirement]:
     """Yield what both distributions and their extras, or the tools of releases, require of others."""
     for project in PROJECTS:
-        table = tomllib.loads((ROOT / project / "pyproject.toml").read_text("utf-8"))
-        metadata = table["project"]
-        of_project = (metadata["dependencies"], *metadata["optional-dependencies"].values())
-        for lines in table.get("dependency-groups", {}).values() if lock == RELEASE else of_project:
+        settings = tomllib.loads((ROOT / project / "pyproject.toml").read_text("utf-8"))
+        hook = settings["tool"]["hatch"].get("metadata", {}).get("hooks", {}).get("custom", settings["project"])
+        of_project = (hook["dependencies"], *settings["project"]["optional-dependencies"].values())
+        for lines in settings.get("dependency-groups", {}).values() if lock == RELEASE else of_project:
             yield from (Requirement(line) for line in lines if not line.startswith("codra-"))
 
 

@@ -28,6 +28,7 @@ from codra_dsl.cli.run import RunCommand, run_command
 from codra_dsl.cli.shadow import shadow_command
 from codra_dsl.cli.sweep import sweep_command
 from codra_dsl.cli.why import why_command
+from codra_dsl.isolation.error_text import described
 
 _MAX_SHOWN_NAME = 200
 
@@ -108,7 +109,7 @@ def _run_app() -> int:
         say("codra: there is not enough memory")
         return ExitCode.FAILED
     except Exception as error:  # noqa: BLE001 - reported as a bug of codra
-        say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
+        say(f"codra: internal error: {described(error)} ({_last_place(error)})")
         say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
         return ExitCode.INTERNAL
     return ExitCode.CLEAN

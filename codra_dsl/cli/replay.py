@@ -15,6 +15,7 @@ import typer
 
 from codra_dsl.cli.console import ExitCode, common_root, existing, harmless_text, say, write_result
 from codra_dsl.cli.journal import JournalFile
+from codra_dsl.isolation.error_text import described
 from codra_dsl.regular_files import real_path
 
 if TYPE_CHECKING:
@@ -147,14 +148,14 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
             module = load_package(folder)
             module.MODEL  # noqa: B018 - every package has a `MODEL`
         except Exception as error:
-            say(f"codra: '{folder}' is not a package of codra that can be loaded: {type(error).__name__}: {error}")
+            say(f"codra: '{folder}' is not a package of codra that can be loaded: {described(error)}")
             raise typer.Exit(ExitCode.FAILED) from error
         _report_version_differences(header, folder)
         try:
             knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
             return _replay(header, events, module, knowledge, _create_journal(journal))
         except _REPLAY_ERRORS as error:
-            say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
+            say(f"codra: the journal cannot be replayed: {described(error)}")
             raise typer.Exit(ExitCode.FAILED) from error
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
+from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.context.shadow import ShadowReport
@@ -39,7 +40,7 @@ def shadow_command(
     try:
         report = shadow_report(events)
     except (ValueError, LookupError, TypeError, AttributeError) as error:
-        say(f"codra: the decisions in '{file}' cannot be read: {type(error).__name__}: {error}")
+        say(f"codra: the decisions in '{file}' cannot be read: {described(error)}")
         raise typer.Exit(ExitCode.FAILED) from error
     write_result(harmless_text(f"{report}\n") if format_ is ShadowFormat.TEXT else _json(report))
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
+from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.checkpoints import Checkpoints
@@ -113,7 +114,7 @@ def _explain(header: RunHeader, checkpoints: Checkpoints, variable: str, at_s: f
         _refuse_undeclared_variable(variable, header)
         raise typer.BadParameter(harmless_text(str(error)), param_hint="VARIABLE") from error
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-        say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
+        say(f"codra: '{journal}' cannot be explained: {described(error)}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 

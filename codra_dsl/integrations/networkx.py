@@ -18,9 +18,10 @@ from xml.etree.ElementTree import ParseError
 
 import networkx
 
+from codra_dsl.regular_files import replace_file
 from codra_dsl.runtime.knowledge.exchange import DsrEdge, DsrGraph, DsrNode, DsrValue, ExchangeError
 from codra_dsl.runtime.knowledge.exchange.document import MAX_NODE_NUMBER, encode_value
-from codra_dsl.runtime.knowledge.exchange.dsr_json import check_json, read_text, replace_file
+from codra_dsl.runtime.knowledge.exchange.dsr_json import check_json, read_text
 
 __all__ = ["from_networkx", "graphml_text", "parse_graphml", "read_graphml", "to_networkx", "write_graphml"]
 
@@ -106,12 +107,15 @@ def from_networkx(graph: networkx.Graph[Any]) -> DsrGraph:
 
 
 def write_graphml(path: Path | str, graph: DsrGraph) -> None:
-    """Write a graph as a GraphML file, completely or not at all.
+    """Write a graph as a GraphML file, completely or not at all. A link is replaced, not followed.
+
+    A replaced file keeps its permissions.
 
     Raises:
         ExchangeError: if the graph contains a name that XML cannot write.
+        OSError: if the file cannot be written.
     """
-    replace_file(Path(path), graphml_text(graph))
+    replace_file(Path(path), graphml_text(graph).encode())
 
 
 def read_graphml(path: Path | str) -> DsrGraph:

@@ -186,8 +186,7 @@ class Decide(Decorator):
             self.feedback_message = "looking"
             return Status.RUNNING
         seen_value = self._read_result() if self.decorated.status is Status.SUCCESS else None
-        self._pending_decision.record_result(seen_value)
-        return self._answer(seen_value, "from looking")
+        return self._answer(self._pending_decision.record_result(seen_value), "from looking")
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
         """Discard the pending decision; if it has no answer, abandon it."""

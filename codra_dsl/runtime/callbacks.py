@@ -6,6 +6,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
+from functools import partial
 from typing import Any, Generic, Self, TypeVar
 
 from codra_dsl.isolation.error_text import loggable, shown
@@ -19,6 +20,11 @@ MAX_WAITING_CHANGES = 1_000
 """The largest number of changes that wait for a slow callback. If there are more, the oldest one is dropped."""
 
 ChangeT = TypeVar("ChangeT")
+KeyT = TypeVar("KeyT")
+StateT = TypeVar("StateT")
+
+_State = tuple[object, object]
+"""The value of a variable, and the reason why it is unknown."""
 
 
 def _no_op() -> None:
@@ -154,78 +160,78 @@ class Subscriptions:
         """
         self._clock = clock
         self._lock = lock
-        self._variable_queues: dict[str, list[CallbackQueue[Reading[Any]]]] = {}
-        self._last_states: dict[tuple[int, str], tuple[object, object]] = {}
-        self._follower_queues: dict[str, list[CallbackQueue[None]]] = {}
-        self._skill_queues: dict[int, list[CallbackQueue[Any]]] = {}
+        self._variable_queues: dict[str, dict[CallbackQueue[Reading[Any]], _State | None]] = {}
+        self._follower_queues: dict[str, dict[CallbackQueue[None], None]] = {}
+        self._skill_queues: dict[int, dict[CallbackQueue[Any], None]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
         """Call `callback` with the present readings of some variables, then whenever a value or a reason changes."""
         present_readings = tuple(readings)
-        queue = CallbackQueue(self._clock, callback, self._remove_queue)
+        names = [reading.name for reading in present_readings]
+        queue = CallbackQueue(self._clock, callback, partial(self._remove_queue, self._variable_queues, names))
         for reading in present_readings:
-            self._variable_queues[reading.name] = [*self._variable_queues.get(reading.name, ()), queue]
-            self._put_if_changed(queue, reading)
+            states = self._variable_queues.setdefault(reading.name, {})
+            states[queue] = None
+            _put_if_changed(queue, states, reading)
         return queue.subscription
 
     def follow(self, name: str, callback: Callable[[], object]) -> Subscription:
         """Call `callback` for each new reading of a variable, even if only its evidence is newer."""
         queue: CallbackQueue[None] = CallbackQueue(
-            self._clock, lambda _: callback(), lambda queue: self._remove_follower_queue(name, queue)
+            self._clock, lambda _: callback(), partial(self._remove_queue, self._follower_queues, (name,))
         )
-        self._follower_queues[name] = [*self._follower_queues.get(name, ()), queue]
+        self._follower_queues.setdefault(name, {})[queue] = None
         return queue.subscription
 
     def subscribe_to_skill(self, skill_number: int, callback: Callable[[Any], object]) -> Subscription:
         """Call `callback` with the outcome of each expectation of a skill."""
         queue: CallbackQueue[Any] = CallbackQueue(
-            self._clock, callback, lambda queue: self._remove_skill_queue(skill_number, queue)
+            self._clock, callback, partial(self._remove_queue, self._skill_queues, (skill_number,))
         )
-        self._skill_queues[skill_number] = [*self._skill_queues.get(skill_number, ()), queue]
+        self._skill_queues.setdefault(skill_number, {})[queue] = None
         return queue.subscription
 
     def notify_change(self, name: str, read_reading: Callable[[str], Reading[Any]]) -> None:
         """Notify the subscribers and followers of a variable that may have changed."""
-        for queue in self._variable_queues.get(name, ()):
-            self._put_if_changed(queue, read_reading(name))
-        for follower_queue in self._follower_queues.get(name, ()):
+        states = self._variable_queues.get(name, {})
+        for queue in tuple(states):
+            _put_if_changed(queue, states, read_reading(name))
+        for follower_queue in tuple(self._follower_queues.get(name, ())):
             follower_queue.put(None)
 
     def wake_followers(self) -> None:
         """Call all followers of variables, because the context manager has closed and no reading will follow."""
-        for follower_queues in self._follower_queues.values():
-            for follower_queue in follower_queues:
+        for follower_queues in tuple(self._follower_queues.values()):
+            for follower_queue in tuple(follower_queues):
                 follower_queue.put(None)
 
     def notify_verdict(self, skill_number: int, verdict: object) -> None:
         """Report the outcome of an expectation to the subscribers of the skill."""
-        for queue in self._skill_queues.get(skill_number, ()):
+        for queue in tuple(self._skill_queues.get(skill_number, ())):
             queue.put(verdict)
 
     def remove_skill(self, skill_number: int) -> None:
         """Remove the subscriptions to a skill that has ended; outcomes that still wait are delivered."""
         self._skill_queues.pop(skill_number, None)
 
-    def _put_if_changed(self, queue: CallbackQueue[Reading[Any]], reading: Reading[Any]) -> None:
-        key, state = (id(queue), reading.name), (reading.content, reading.reason)
-        if self._last_states.get(key) != state:
-            self._last_states[key] = state
-            queue.put(reading)
-
-    def _remove_queue(self, queue: CallbackQueue[Reading[Any]]) -> None:
+    def _remove_queue(
+        self,
+        queues_by_key: dict[KeyT, dict[CallbackQueue[ChangeT], StateT]],
+        keys: Iterable[KeyT],
+        queue: CallbackQueue[ChangeT],
+    ) -> None:
+        """Remove an ended queue; the cost does not depend on the number of other subscriptions."""
         with self._lock:
-            for name, queues in list(self._variable_queues.items()):
-                if queue in queues:
-                    self._variable_queues[name] = [other for other in queues if other is not queue]
-                    self._last_states.pop((id(queue), name), None)
+            for key in keys:
+                queues_by_key.get(key, {}).pop(queue, None)
 
-    def _remove_follower_queue(self, name: str, queue: CallbackQueue[None]) -> None:
-        with self._lock:
-            self._follower_queues[name] = [other for other in self._follower_queues[name] if other is not queue]
 
-    def _remove_skill_queue(self, skill_number: int, queue: CallbackQueue[Any]) -> None:
-        with self._lock:
-            if skill_number in self._skill_queues:
-                self._skill_queues[skill_number] = [
-                    other for other in self._skill_queues[skill_number] if other is not queue
-                ]
+def _put_if_changed(
+    queue: CallbackQueue[Reading[Any]],
+    states: dict[CallbackQueue[Reading[Any]], _State | None],
+    reading: Reading[Any],
+) -> None:
+    state = (reading.content, reading.reason)
+    if states.get(queue) != state:
+        states[queue] = state
+        queue.put(reading)

@@ -220,6 +220,17 @@ def test_a_broken_command_gives_one_line_and_leaves_the_others_alone(site: Path)
     assert codra(site, "greet", "Ada").returncode == 0
 
 
+def test_a_command_that_raises_an_exception_without_a_message_gives_one_line(site: Path) -> None:
+    (site / "arena_world.py").write_text(
+        "class CurseError(Exception):\n    def __str__(self) -> str:\n        raise SystemExit(0)\n\n\n"
+        'def greet() -> None:\n    """Curse."""\n    raise CurseError\n'
+    )
+    process = codra(site, "greet")
+
+    assert process.returncode == 70
+    assert process.stderr.startswith("codra: internal error: CurseError: its message cannot be shown (")
+
+
 def test_no_distribution_replaces_a_command_of_codra(site: Path) -> None:
     process = codra(site, "lint", "door.yaml")
 

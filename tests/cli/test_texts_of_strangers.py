@@ -21,6 +21,18 @@ HOSTILE = "\x1b]0;title\x07\x9b31m\u202e\n::error::"
 OBEYED = ("\x1b", "\x07", "\x9b", "\u202e", "\n::")
 NAME = f"open{HOSTILE}"
 SKILL = f"pass{HOSTILE}"
+HOSTILE_CLASSES = """\
+class HostileError(ValueError):
+    def __str__(self):
+        raise SystemExit(0)
+
+
+class Hostile:
+    def __getattr__(self, name):
+        raise HostileError
+
+
+"""
 
 
 @pytest.fixture
@@ -74,6 +86,26 @@ def test_a_name_in_a_journal_is_no_command_of_a_terminal_or_of_ci(
 
     assert "\N{REPLACEMENT CHARACTER}]0;title" in text
     assert [letters for letters in OBEYED if letters in text] == []
+
+
+@pytest.mark.parametrize(
+    ("package", "problem"),
+    [
+        ("raise HostileError", "is not a package of codra that can be loaded"),
+        ("MODEL = Hostile()", "the journal cannot be replayed"),
+    ],
+)
+@pytest.mark.usefixtures("hostile_journal")
+def test_an_exception_without_a_message_of_a_package_is_reported_in_one_line(
+    folder: Path, package: str, problem: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "package").mkdir()
+    (folder / "package/__init__.py").write_text(f"{HOSTILE_CLASSES}{package}\n")
+
+    code, text = codra(capfd, "replay", "run.mcap", "--package", "package")
+
+    assert code == 1
+    assert f"{problem}: HostileError: its message cannot be shown\n" in text
 
 
 def test_a_name_in_a_journal_that_a_shell_would_run_is_not_completed(hostile_journal: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -320,6 +321,19 @@ def test_a_decision_waits_for_observers_before_the_subtree_looks() -> None:
         assert tick_until_end(tree, clock) is Status.SUCCESS
         assert [what for what, _ in decisions(manager)] == ["answered"]
         assert look.status is Status.INVALID
+
+
+@pytest.mark.parametrize("chosen", [Status.SUCCESS, Status.FAILURE])
+def test_a_subtree_whose_result_is_nan_has_found_no_value(chosen: Status) -> None:
+    gap = VariableModel(name="gap", type=real(), sources=("main_execution",))
+    clock = SimClock()
+    with ContextManager[str, str](
+        ContextModel(name="gap", variables=(gap,), observers=()), clock=clock, resources={}
+    ) as manager:
+        decide = Decide("wide?", Success("look"), "gap", result=lambda: math.nan, holds=bool, unknown=chosen)
+
+        assert tick_until_end(tree_of(decide, manager, clock), clock) is chosen
+        assert decide.feedback_message == "unknown: looking gave no value"
 
 
 @pytest.mark.parametrize("chosen", [Status.SUCCESS, Status.FAILURE])

@@ -14,8 +14,8 @@ import yaml
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import KEYS
-from codra_dsl.language.load.yaml.compose import Parser
 from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.parser_error import Parser
 from codra_dsl.language.load.yaml.rules import RULES
 from codra_dsl.language.load.yaml.source import MAX_BYTES, file_place
 from codra_dsl.language.project import yaml_files

@@ -331,8 +331,9 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Args:
             name: the variable that the decision needs.
-            otherwise: looks as the robot did without observers. It returns a value of the variable, or None. The value
-                is kept as evidence of the main execution if the main execution may `set` the variable.
+            otherwise: looks as the robot did without observers. It returns a value of the variable, or None or NaN if
+                it found no value. The value is kept as evidence of the main execution if the main execution may `set`
+                the variable.
             max_age_s: the largest permitted age of the evidence.
             since_s: the taking of the evidence must have begun at or after this instant, e.g. the end of an action.
             wait_up_to_s: how long to wait for observers before falling back.
@@ -340,7 +341,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 not stored, so the look does not affect the context.
 
         Returns:
-            The value from context, or the return value of `otherwise`.
+            The value from context, or the return value of `otherwise`. NaN is no value, so None is returned for it.
 
         Raises:
             NotOfTypeError: if `otherwise` returns a value of another type.
@@ -355,8 +356,8 @@ class ContextManager(Generic[VariableName, SkillName]):
         except BaseException as error:
             pending_decision.abandon(type_name(error))
             raise
-        pending_decision.record_result(acquired_value)
-        return acquired_value
+        accepted_value = pending_decision.record_result(acquired_value)
+        return None if accepted_value is None else acquired_value  # NaN is accepted as no value
 
     def shadow_report(self) -> ShadowReport:
         """Return how often context agreed with the robot's looks in shadow mode, according to the event log."""

@@ -103,8 +103,11 @@ class PendingDecision:
             self._end_wait()
         return self.state
 
-    def record_result(self, value: object) -> None:
-        """Report the value that the main execution acquired by its own look; None if the look gave no value.
+    def record_result(self, value: object) -> Value | None:
+        """Report the value that the main execution acquired by its own look; None or NaN if the look gave no value.
+
+        Returns:
+            The value in the type of the variable, or None.
 
         Raises:
             NotOfTypeError: if the value is not of the type of the variable.
@@ -121,6 +124,7 @@ class PendingDecision:
             raise
         self.state = DecisionState.DONE
         self._commands.conclude(self._decision, content)
+        return content
 
     def abandon(self, why: str) -> None:
         """Stop waiting or looking, for example because of a more urgent task. If the decision is over, do nothing."""

@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import logging
 import math
+import os
 import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -35,6 +36,10 @@ Callback = Callable[[Reading[Any]], None]
 
 _NO_LIMITS = (("max_age_s", math.inf), ("since_s", -math.inf))
 
+_INHERITED_TEXT = (
+    "the connection belongs to the program of which this process is a fork: create a `RemoteContext` in this process"
+)
+
 _LOGGER = logging.getLogger(__name__)
 
 
@@ -63,7 +68,8 @@ class RemoteContext:
 
     The declarations of the client are withdrawn when the client is closed or its process dies. Methods behave like
     those of `ContextManager` and raise the same errors; they also raise ConnectionError if the manager is gone or does
-    not answer. Threads may share a client; callbacks run in a separate thread.
+    not answer. Threads may share a client; callbacks run in a separate thread. A child process that the program creates
+    by `os.fork` cannot use the client, and must connect itself.
 
     Attributes:
         hello: the manager's answer to `hello`: spec, party, lease, instant, variables and skills.
@@ -87,6 +93,7 @@ class RemoteContext:
             raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
         if token is None:
             token = self._read_token(address)
+        self._program_id = os.getpid()
         self._lock = new_lock()
         self._numbers = itertools.count(1)
         self._futures: dict[int, Future[PlainData]] = {}
@@ -110,7 +117,10 @@ class RemoteContext:
         self.close()
 
     def close(self) -> None:
-        """Withdraw all declarations, and disconnect."""
+        """Withdraw all declarations, and disconnect. In a fork of the program, only close the inherited socket."""
+        if os.getpid() != self._program_id:
+            self._socket.close()
+            return
         with contextlib.suppress(ConnectionError, RuntimeError):
             self._ask("leave")
         self._end("the connection is closed")
@@ -163,7 +173,8 @@ class RemoteContext:
     ) -> Any | Answer:
         """Answer a decision from context.
 
-        If context has no answer, or the manager is gone, call `otherwise`, the program's sequential perception.
+        If context has no answer, or the manager is gone, call `otherwise`, the program's sequential perception. If
+        `otherwise` returns NaN, it found no value, and this method returns None.
         """
         wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
         options = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
@@ -172,7 +183,7 @@ class RemoteContext:
             answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
         except ConnectionError as error:
             _LOGGER.warning("the decision on %s falls back to sequential perception: %s", name, error)
-            return otherwise()
+            return _value_or_none(otherwise())
         if answer["answered"]:
             return reading_of(answer["reading"]).content
         return self._look(answer["decision"], otherwise)
@@ -200,9 +211,9 @@ class RemoteContext:
             self._socket.close()
             raise
 
-    def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer:
+    def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer | None:
         try:
-            value = otherwise()
+            value = _value_or_none(otherwise())
         except BaseException as error:
             with contextlib.suppress(ConnectionError):
                 self._ask("found", decision=decision, raised=type_name(error))
@@ -218,6 +229,8 @@ class RemoteContext:
         return self._await_answer(number, future, wait_s + RESPONSE_TIMEOUT_S)
 
     def _send(self, ask: str, fields: PlainData, future: Future[PlainData]) -> int:
+        if os.getpid() != self._program_id:
+            raise ConnectionError(_INHERITED_TEXT)
         number = next(self._numbers)
         line = line_of({"codra": VERSION, "id": number, "ask": ask, **fields})
         if self._end_event.is_set():
@@ -293,3 +306,8 @@ class RemoteContext:
                     callback(reading_of(message["reading"]))
                 except BaseException as error:  # noqa: BLE001 - errors of a callback are logged
                     log_raised(callback, error)
+
+
+def _value_or_none(value: Answer) -> Answer | None:
+    """Return the value of a look; None for NaN, which is no value."""
+    return None if isinstance(value, float) and math.isnan(value) else value

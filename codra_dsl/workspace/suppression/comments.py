@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import yaml
 
-from codra_dsl.language.load.yaml.compose import Parser
+from codra_dsl.language.load.yaml.parser_error import Parser
 
 _COMMENT_BETWEEN_SCALARS = re.compile(
     r"[&*!][^\s,\[\]{}]*|^%[^\s#]*(?:[ \t]+[^\s#][^\s]*)*|(?P<comment>#[^\r\n]*)", re.MULTILINE

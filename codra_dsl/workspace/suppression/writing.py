@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import difflib
 import os
 import re
-import stat
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 from codra_dsl.generation.output import output_finding
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load.yaml.source import MAX_BYTES
-from codra_dsl.regular_files import read_regular_file, real_path
+from codra_dsl.regular_files import read_regular_file, real_path, replace_file
 
 _LINES = re.compile(r"[^\n]*\n|[^\n]+")
 
@@ -38,7 +35,9 @@ def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | 
         path = _project_path(file, root)
         if read_regular_file(path, MAX_BYTES) != before:
             return _write_failure(file, "it has changed in the meantime")
-        _replace(path, after)
+        if not os.access(path, os.W_OK):
+            return _write_failure(file, "it is write-protected")
+        replace_file(path, after)
     except OSError as error:
         return _write_failure(file, error.strerror or "it cannot be replaced")
     except (ValueError, RuntimeError):
@@ -77,24 +76,3 @@ def _project_path(file: str, root: Path) -> Path:
     path = (root / file).resolve(strict=True)
     path.relative_to(real_path(root))
     return path
-
-
-def _replace(path: Path, data: bytes) -> None:
-    file_status = path.stat()
-    if not os.access(path, os.W_OK):
-        raise PermissionError(None, "it is write-protected")
-    descriptor, temporary_name = tempfile.mkstemp(prefix=".codra-", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary_path = Path(temporary_name)
-        with contextlib.suppress(OSError):  # only the superuser can change the owner of a file
-            os.chown(temporary_path, file_status.st_uid, file_status.st_gid)
-        temporary_path.chmod(stat.S_IMODE(file_status.st_mode))
-        temporary_path.replace(path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            Path(temporary_name).unlink()
-        raise

@@ -91,6 +91,14 @@ def test_results_that_are_too_old_when_the_last_confirming_one_arrives_are_repor
     )
 
 
+@pytest.mark.parametrize(("timeout", "key"), [("2 s", "timeout"), ("500 ms", "period")])
+def test_the_help_for_results_that_are_too_old_names_the_duration_between_two_looks(timeout: str, key: str) -> None:
+    text = edit_spec(("{near: found}", "{near: {enter: found, confirm: 9 of 9}}"), ("valid_for: 3 s", "valid_for: 4 s"))
+    (finding,) = findings(text.replace("timeout: 2 s", f"timeout: {timeout}", 1))
+
+    assert f"a shorter '{key}', or a 'confirm'" in finding.help
+
+
 def test_a_result_that_expires_exactly_when_the_last_confirming_one_arrives_is_too_old() -> None:
     confirmed = ("{near: found}", "{near: {enter: found, confirm: 3 of 3}}")
 

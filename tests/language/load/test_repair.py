@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from codra_dsl.language.diagnostics import Applicability
 from codra_dsl.language.expression import Node
@@ -32,6 +34,8 @@ perception:
 skills:
   enter: {preview: [door_open, lamp]}
 """
+
+CLOSING = {"[": "]", "{": "}"}
 
 Mistake = tuple[str, str, str, str]
 """The original text, the damaged text, the text that the finding marks, and the missing text."""
@@ -187,6 +191,43 @@ def test_a_bracket_that_is_not_closed_on_a_later_line_is_reported_where_it_opens
     finding = next(finding for finding in findings_of(text) if "never closed" in finding.message)
 
     assert (finding.message, marked(text, finding.place)) == ("the '[' here is never closed", "[")
+
+
+@pytest.mark.parametrize(
+    ("text", "column"),
+    [
+        ("skills: {", 9),
+        ("skills: [\n", 9),
+        ("skills: {enter: {", 17),
+        ("skills: {enter: [1, {a: 2}", 17),
+        ("skills: {enter: [1, {a: 2}]", 9),
+        ("skills: {enter: [1, {a: 2}], ", 9),
+        ("skills: {a: '}', b: [", 21),
+        ("skills: {a: [1,  # ]\n", 13),
+    ],
+)
+def test_at_the_end_of_a_file_the_innermost_open_bracket_is_reported(text: str, column: int) -> None:
+    bracket = text[column - 1]
+    (finding,) = [finding for finding in findings_of(text) if "never closed" in finding.message]
+
+    assert (finding.place.span.line, finding.place.span.column) == (1, column)
+    assert finding.message == f"the '{bracket}' here is never closed"
+    assert finding.help == f"add '{CLOSING[bracket]}' where it ends"
+
+
+@given(st.lists(st.sampled_from(("[", "{", "close", "word", '"]"', "'}'")), max_size=30))
+def test_in_any_nesting_the_innermost_open_bracket_is_reported(steps: list[str]) -> None:
+    text, open_brackets = "skills: [", [8]
+    for number, step in enumerate(steps):
+        if step == "close":
+            text += f"{CLOSING[text[open_brackets.pop()]]}, " if len(open_brackets) > 1 else ""
+            continue
+        text += f"k{number}: " if text[open_brackets[-1]] == "{" else ""
+        open_brackets += [len(text)] if step in CLOSING else []
+        text += step if step in CLOSING else f"{step}, "
+    (finding,) = [finding for finding in findings_of(text) if "never closed" in finding.message]
+
+    assert finding.place.span.column == open_brackets[-1] + 1
 
 
 def test_an_empty_item_is_reported_at_its_dash() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -71,26 +72,27 @@ SEEDS = {
     Situation.HIDDEN: 6,
     Situation.ABSENT: 3,
 }
-"""The seed of the run per situation. In the ordinary run, a person stands where the robot must turn for a while."""
+"""The seed of the run per situation; `make stores` runs others. In the ordinary run, a person stands in the way."""
 
 
 class RecordedRuns:
     """Runs that several tests use, each made once."""
 
-    def __init__(self, folders: pytest.TempPathFactory) -> None:
-        self._folders = folders
+    def __init__(self, make_folder: Callable[[str], Path], seeds: Mapping[Situation, int]) -> None:
+        self._make_folder = make_folder
+        self._seeds = seeds
         self._runs: dict[Situation, RecordedRun] = {}
 
     def of(self, situation: Situation) -> RecordedRun:
         if situation not in self._runs:
-            folder = self._folders.mktemp("run")
-            self._runs[situation] = RecordedRun(folder, situation, SEEDS[situation], LASTS_S[situation])
+            folder = self._make_folder("run")
+            self._runs[situation] = RecordedRun(folder, situation, self._seeds[situation], LASTS_S[situation])
         return self._runs[situation]
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> RecordedRuns:
-    return RecordedRuns(tmp_path_factory)
+    return RecordedRuns(tmp_path_factory.mktemp, SEEDS)
 
 
 def test_an_ordinary_order_is_delivered_and_the_result_says_so(runs: RecordedRuns) -> None:

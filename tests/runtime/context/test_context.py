@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -357,6 +359,17 @@ def test_a_look_without_a_result_returns_none_and_keeps_no_value() -> None:
         assert manager.get("open").reason is Reason.NEVER_OBSERVED
         (decision,) = manager.record.of(Kind.DECISION)
     assert (decision.details["found"], decision.details["kept"]) == (None, False)
+
+
+@pytest.mark.parametrize("shadow", [False, True])
+@pytest.mark.parametrize("nan", [math.nan, np.float32("nan")])
+def test_a_look_that_returns_nan_has_found_no_value(nan: object, shadow: bool) -> None:
+    with started_forest(forest([given("level", type=real())]), World()) as manager:
+        manager.declare("level")
+        assert manager.decide("level", lambda: nan, shadow=shadow) is None
+        assert manager.get("level").reason is Reason.NEVER_OBSERVED
+        (decision,) = manager.record.of(Kind.DECISION)
+    assert (decision.what, decision.details["found"]) == ("fell_back", None)
 
 
 def test_a_look_that_fails_raises_in_the_main_execution_and_is_recorded() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +13,10 @@ from hypothesis import strategies as st
 from codra_dsl.runtime import ContextManager, DecisionState, Journal, Kind, NotOfTypeError, SimClock, WallClock
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.values.model import real
 from tests.runtime.door import GIVEN_NEAR, MODEL, Door, Manager, started
+from tests.runtime.forests import World, forest, variable
+from tests.runtime.forests import started as started_forest
 from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 from tests.runtime.journal.journals import read
 
@@ -67,6 +71,16 @@ def test_a_result_of_another_type_is_refused_and_recorded() -> None:
 
         (event,) = manager.record.of(Kind.DECISION)
         assert (event.what, event.details["raised"]) == ("fell_back", "NotOfTypeError")
+
+
+@pytest.mark.parametrize(
+    ("found", "accepted"), [(None, None), (math.nan, None), (np.float32("nan"), None), (2, 2.0), (np.float32(0.5), 0.5)]
+)
+def test_the_accepted_result_has_the_type_of_the_variable_and_nan_is_no_result(found: object, accepted: object) -> None:
+    level = variable("level", type=real(), sources=("main_execution",))
+    with started_forest(forest([level]), World()) as manager:
+        result = manager.ask("level").record_result(found)
+    assert (result, type(result)) == (accepted, type(accepted))
 
 
 def test_a_result_is_refused_if_no_look_was_requested() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import threading
 from dataclasses import replace
@@ -97,6 +98,18 @@ def test_an_agent_with_a_closed_handle_is_not_woken_and_begins_no_rule() -> None
         for begin in (lambda: detection.on_wake(print), lambda: detection.graph.transaction().__enter__()):
             with pytest.raises(PermissionError, match="is closed"):
                 begin()
+
+
+def test_a_copy_of_an_agent_is_closed_with_its_original() -> None:
+    with store(SimClock()) as codra:
+        detection = codra.agent("container_detection")
+        copied = copy.copy(detection)
+        detection.close()
+        codra.agent("container_detection")
+
+        with pytest.raises(PermissionError, match="is closed"):
+            copied.graph.insert_node("box", "roll_container")
+        assert "box" not in {node.name for node in codra.knowledge.snapshot().nodes()}
 
 
 def test_a_subscription_to_wakes_keeps_the_handle_of_its_agent_open() -> None:

@@ -19,7 +19,10 @@ from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.values.conditions import value
 from codra_dsl.runtime.why import explain
 from tests.runtime.journal.journals import read
-from tests.runtime.loops.shop import KNOWLEDGE, MAPE, MODEL, SPEED, Shop
+from tests.runtime.loops.shop import ACTIONS, KNOWLEDGE, LOADS, MAPE, MODEL, SPEED, Shop
+from tests.runtime.loops.shop import stage as stage_of
+
+RULES = re.compile(r"(RuleBlock: (\w+)\n(?:  (?!rule).*\n)+)(?:  rule: .*\n)+")
 
 
 def run(path: Path) -> Shop:
@@ -121,6 +124,22 @@ def test_why_of_a_course_shows_readings_results_and_counterfactuals(tmp_path: Pa
     weight = re.search(r"weight of start: (0\.\d+), smoothed 0\.708379, leading", explanation)
     assert weight
     assert float(weight[1]) == pytest.approx(0.7833125, abs=1e-6)  # which six digits can show in two ways
+
+
+def test_why_of_a_switch_after_a_first_choice_without_weights_states_no_dwell_time() -> None:
+    """No rule of an action fires before the load is known, so no weight is known."""
+    fll = RULES.sub(r"\1  rule: if container_load is empty then \2 is low\n", ACTIONS)
+    actions = stage_of(fll.replace("deliver is low", "deliver is high"), {}, {"container_load": LOADS})
+    shop = Shop(replace(MAPE, actions=actions))
+    shop.mape.start()
+    shop.pass_s(1.0)
+    shop.write(load="empty")
+    shop.pass_s(12.0)
+    first, switch = shop.events("chosen")
+
+    assert (first.details["because"], switch.details["before"]) == ("nothing_known", "start")
+    assert f"deliver was chosen at {switch.instant_s:g} s instead of start: " in str(shop.codra.why("course_now"))
+    assert "had been the course" not in str(shop.codra.why("course_now"))
 
 
 def test_why_of_a_metric_and_of_a_weight_shows_readings_rules_and_strengths() -> None:

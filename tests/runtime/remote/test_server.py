@@ -21,7 +21,9 @@ from codra_dsl.runtime import ContextManager, NotDeclaredError, NotOfTypeError, 
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.remote import MessageError, RemoteContext, Server
 from codra_dsl.runtime.remote.json_lines import MAX_LINE_BYTES
+from codra_dsl.runtime.values.model import real
 from tests.runtime.door import GIVEN_NEAR, Door, Manager
+from tests.runtime.forests import World, forest, given
 from tests.runtime.hostile_errors import HOSTILE_ERRORS, hostile_error
 
 ROOT = Path(__file__).parents[3]
@@ -342,6 +344,39 @@ def test_a_server_removes_only_its_own_socket(codra: Manager, tmp_path: Path) ->
         path.unlink()
         path.symlink_to(tmp_path / "target")
     assert path.is_symlink()
+
+
+def test_a_look_elsewhere_that_returns_nan_has_found_no_value(tmp_path: Path) -> None:
+    model = forest([given("level", type=real())])
+    with (
+        WallClock() as clock,
+        ContextManager[str, str](model, clock=clock, resources={"world": World()}) as manager,
+        Server(manager, tmp_path / "codra.sock") as server,
+        RemoteContext(server.address) as remote,
+    ):
+        remote.declare("level")
+        assert remote.decide("level", lambda: math.nan) is None
+        assert not remote.get("level").known
+        server.close()
+        eventually(lambda: remote.decide("level", lambda: math.nan) is None)
+
+
+def test_a_fork_cannot_use_the_connection_of_its_parent_and_leaves_it_alone(server: Server) -> None:
+    with RemoteContext(server.address) as remote:
+        child = os.fork()
+        if child == 0:
+            try:
+                with pytest.raises(ConnectionError, match="create a `RemoteContext` in this process"):
+                    remote.get("near")
+                assert remote.decide("near", lambda: "looked") == "looked"
+                remote.close()
+                with RemoteContext(server.address) as own:
+                    assert own.get("near").known
+                os._exit(0)
+            finally:
+                os._exit(1)
+        assert os.waitpid(child, 0)[1] == 0
+        assert remote.get("near").known
 
 
 def test_a_fork_that_closes_a_server_leaves_the_server_of_its_parent_alone(server: Server) -> None:

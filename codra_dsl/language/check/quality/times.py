@@ -36,7 +36,8 @@ MAX_RELATED_PLACES = 5
 class Renewal:
     """How an algorithm renews evidence.
 
-    Each look begins `pause_s` after the previous look began, and gives its result within the timeout.
+    Each look begins `pause_s` after the previous look began; if the previous look takes longer, when it ends. Each look
+    gives its result within the timeout.
 
     Attributes:
         period_s: the period of the algorithm's observer.
@@ -49,12 +50,18 @@ class Renewal:
 
     @property
     def pause_s(self) -> float:
-        """Return the time between the starts of two looks."""
+        """Return the minimum time between the starts of two looks."""
         return max(self.period_s, self.algorithm.min_interval_s)
 
     @property
     def max_age_s(self) -> float:
-        """Return the maximum age that evidence has when newer evidence replaces it."""
+        """Return the maximum age that evidence has when newer evidence replaces it.
+
+        By default, the stamp of evidence is the end of its look. So evidence is oldest if a look ends at once, and the
+        next look takes its full timeout. If a function states that its evidence is from the beginning of its looks,
+        and these looks take longer than the pause, evidence becomes as old as two timeouts. A spec does not state this,
+        and a finding must follow from the spec, so this case is not reported.
+        """
         return round(self.pause_s + self.algorithm.timeout_s, 9)
 
     def max_confirmation_s(self, variable: str) -> float:
@@ -164,6 +171,7 @@ def _stale_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
 
 
 def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
+    key = "timeout" if renewal.algorithm.timeout_s > renewal.pause_s else "period"
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' may never be confirmed although everything works: the first result that "
@@ -171,7 +179,7 @@ def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic
         f"but is valid for {_seconds(variable.valid_for_s)}",
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
-        help="write a longer 'valid_for', a shorter 'period', or a 'confirm' that needs fewer results",
+        help=f"write a longer 'valid_for', a shorter '{key}', or a 'confirm' that needs fewer results",
         related=tuple(_renewal_places(renewal)),
     )
 

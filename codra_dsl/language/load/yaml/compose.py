@@ -19,7 +19,7 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.fixes import trap_fix
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
-from codra_dsl.language.load.yaml.parser_error import Problem
+from codra_dsl.language.load.yaml.parser_error import Parser, Problem
 from codra_dsl.language.load.yaml.repair import (
     NO_KEY,
     colon_before_bracket,
@@ -33,9 +33,6 @@ from codra_dsl.language.load.yaml.scalars import SPECIAL_FIRST, resolve
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.language.load.yaml.syntax import explain
 from codra_dsl.language.load.yaml.traps import Openings, read_as_block_trap, read_as_tag_trap
-
-Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""Parses a text into events. Without libyaml, the parser is slower and gives the same result."""
 
 MAX_DEPTH = 64
 MAX_NODES = 1_500_000

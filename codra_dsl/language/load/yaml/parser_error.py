@@ -1,11 +1,18 @@
-"""The error of a YAML parser, and the problem behind it: why a text is invalid, and how the rest can be read."""
+"""The parser of YAML, its error, and the problem behind it: why a text is invalid, and how the rest can be read."""
 
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
+
+import yaml
 
 from codra_dsl.language.load.yaml.traps import Trap
+
+Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""Parses a text into events. Without libyaml, the parser is slower and gives the same result."""
 
 LOOK_AROUND = 2000
 """The number of letters of a text that are searched for the cause of an error."""
@@ -55,6 +62,17 @@ class ParserError:
     def in_brackets(self) -> bool:
         """Whether the parser was reading something in brackets or braces."""
         return "flow" in self.context
+
+    def innermost_open_bracket(self) -> int:
+        """Return the offset of the innermost bracket that is open where the parser stopped; `context_start` if none."""
+        open_brackets: list[int] = []
+        with suppress(yaml.YAMLError):
+            for token in yaml.scan(self.text, Loader=Parser):
+                if isinstance(token, (yaml.FlowSequenceStartToken, yaml.FlowMappingStartToken)):
+                    open_brackets.append(token.start_mark.index)
+                elif isinstance(token, (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken)):
+                    del open_brackets[-1:]
+        return (open_brackets or [self.context_start])[-1]
 
     def before(self) -> str:
         """Return the text before `offset` on its line, at most LOOK_AROUND letters."""

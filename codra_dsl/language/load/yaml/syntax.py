@@ -258,9 +258,10 @@ def _plain_problem(error: ParserError) -> Problem:
         message = "the quote that is opened here is never closed"
         return Problem("yaml-syntax", message, "close it with the same quote", begin, begin + 1)
     if error.in_brackets and not error.text[offset:].strip():
-        bracket = error.text[begin : begin + 1]
+        start = error.innermost_open_bracket()
+        bracket = error.text[start : start + 1]
         help_text = f"add {shown('}' if bracket == '{' else ']')} where it ends"
-        return Problem("yaml-syntax", f"the {shown(bracket)} here is never closed", help_text, begin, begin + 1)
+        return Problem("yaml-syntax", f"the {shown(bracket)} here is never closed", help_text, start, start + 1)
     if _is_misplaced_item(error):
         message = "this item does not belong to a list"
         help_text = "begin every '- ' of a list in the same column; keys of a mapping have no '- '"

@@ -6,11 +6,11 @@ A number that is not an integer loses the digits that a double cannot hold, as i
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NoReturn, cast
 
+from codra_dsl.regular_files import replace_file
 from codra_dsl.runtime.knowledge.exchange.document import (
     MAX_NODE_NUMBER,
     DsrEdge,
@@ -104,22 +104,15 @@ def parse_dsr(text: str, source: str = "<text>") -> DsrGraph:
 
 
 def write_dsr(path: Path | str, graph: DsrGraph) -> None:
-    """Write a graph to a JSON file for RoboComp's DSR, completely or not at all.
+    """Write a graph to a JSON file for RoboComp's DSR, completely or not at all. A link is replaced, not followed.
+
+    A replaced file keeps its permissions.
 
     Raises:
         ExchangeError: if the graph has a value that JSON cannot represent.
+        OSError: if the file cannot be written.
     """
-    replace_file(Path(path), dsr_text(graph))
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Replace a file atomically: write a temporary file in the same folder, then rename the temporary file."""
-    temporary_path = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        temporary_path.write_text(text, encoding="utf-8")
-        temporary_path.replace(path)
-    finally:
-        temporary_path.unlink(missing_ok=True)
+    replace_file(Path(path), dsr_text(graph).encode())
 
 
 def dsr_text(graph: DsrGraph) -> str:

@@ -60,7 +60,11 @@ def run_of_trip(situation: Situation, seed: int) -> Run:
 
 
 def test_a_container_in_sight_is_fetched_from_the_first_pose_and_delivered() -> None:
-    run = run_of_trip(Situation.ORDINARY, 3)
+    check_ordinary_trip(3)
+
+
+def check_ordinary_trip(seed: int) -> None:
+    run = run_of_trip(Situation.ORDINARY, seed)
 
     assert [line for line in run.finished_tasks() if line in PICK_UP] == PICK_UP
     assert run.store.judge.score.deliveries == ("delivery",)
@@ -70,7 +74,11 @@ def test_a_container_in_sight_is_fetched_from_the_first_pose_and_delivered() -> 
 
 
 def test_a_hidden_container_is_detected_from_the_second_pose_and_delivered() -> None:
-    run = run_of_trip(Situation.HIDDEN, 3)
+    check_hidden_trip(3)
+
+
+def check_hidden_trip(seed: int) -> None:
+    run = run_of_trip(Situation.HIDDEN, seed)
     detections = [line for line in run.finished_tasks() if line.startswith("detecting")]
 
     assert detections[:3] == ["detecting 1 finished lost", "detecting 2 finished found", "detecting 3 finished found"]

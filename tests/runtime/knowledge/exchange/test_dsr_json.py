@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 import os
+import stat
 import struct
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,19 @@ def test_a_file_with_every_type_is_read_and_written_without_loss(graph: DsrGraph
     assert json.loads((tmp_path / "out.json").read_bytes()) == json.loads(EVERY_TYPE.read_bytes())
     assert read_dsr(tmp_path / "out.json") == graph
     assert [path.name for path in tmp_path.iterdir()] == ["out.json"]
+
+
+def test_a_file_is_written_through_no_link(graph: DsrGraph, tmp_path: Path) -> None:
+    """Another user of a shared folder can create links with all names that can be predicted."""
+    for number, name in enumerate(("out.json", f"new.json.{os.getpid()}.part")):
+        (tmp_path / f"victim {number}").write_text("precious")
+        (tmp_path / name).symlink_to(f"victim {number}")
+
+    for name in ("out.json", "new.json"):
+        write_dsr(tmp_path / name, graph)
+        assert stat.S_ISREG((tmp_path / name).lstat().st_mode)
+
+    assert [(tmp_path / f"victim {number}").read_text() for number in range(2)] == ["precious", "precious"]
 
 
 def test_it_is_written_line_for_line_as_by_robocomp_except_for_the_format_of_some_numbers(graph: DsrGraph) -> None:
