@@ -6,6 +6,7 @@ and it ends as every process does. It starts about ten times faster, and tests s
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import gc
 import importlib
@@ -121,6 +122,7 @@ class _Server:
     def __init__(self) -> None:
         self._connection, other_end = socket.socketpair()
         self._connection.settimeout(_PATIENCE_S)
+        atexit.register(self._connection.close)
         with other_end:
             subprocess.run(
                 [sys.executable, "-m", "tests.command_server", str(other_end.fileno())],
