@@ -13,8 +13,8 @@ from tests.campaigns.mutants.mutation import mutate, tokens
 Files = Mapping[str, str]
 Edit = Mapping[str, str | None]
 
-MAX_DAMAGE = 3
-"""The number of edited files beyond which a file gets its initial text again. Too many errors would hide each other."""
+MAX_DAMAGE = 4
+"""The number of edited files beyond which files get their initial texts again. Many errors would hide each other."""
 
 _SUPPRESSION = "  # codra: ignore[CDR7102, CDR7105] the campaign"
 _COMMENT = "# the campaign"
@@ -25,8 +25,7 @@ def random_edit(files: Files, initial_files: Files, chance: Random) -> tuple[str
     """Return the name of a random edit, and the edit."""
     damaged_files = sorted(file for file in {*files, *initial_files} if files.get(file) != initial_files.get(file))
     if len(damaged_files) > MAX_DAMAGE:
-        file = chance.choice(damaged_files)
-        return "restore", {file: initial_files.get(file)}
+        return "restore", {file: initial_files.get(file) for file in damaged_files[chance.randrange(MAX_DAMAGE) :]}
     edit = chance.choice(_EDITS)
     return edit.__name__.removeprefix("_"), edit(files, chance)
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from codra_dsl.cli.app import app
 from codra_dsl.compiler import lint_paths, plan_paths
-from codra_dsl.workspace.cache import FOLDER, SpecResults
+from codra_dsl.workspace.cache import FOLDER, SpecResults, result_key
 from tests.campaigns.edits.changes import Edit, random_edit
 
 COMMANDS = (
@@ -72,9 +72,9 @@ class Comparison:
         before = dict(self._results)
         warm = lint_paths(*arguments, results=self._results)
         cold = plan_paths(*arguments)
-        used_keys = [key for key in before if before[key] is self._results[key]]
-        self.result_count += len(warm.specs)
-        self.reused_count += len(used_keys)
+        keys = [result_key(self._warm / spec, self._warm) for spec in warm.specs]
+        self.result_count += len(keys)
+        self.reused_count += sum(before.get(key) is self._results[key] for key in keys)
         if warm.diagnostics != cold.diagnostics or (warm.files, warm.modules) != (cold.files, cold.modules):
             raise DifferenceError(f"unsaved {edit}\n{warm.diagnostics}\n{cold.diagnostics}")
 
