@@ -110,25 +110,19 @@ class _Request:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _SpecAfterCheck:
-    """One spec after the stage `check`.
+class _Spec:
+    """One spec after the stage `check` or `plan`.
 
     Attributes:
-        checked: None if an error prevents planning, or if `result` is an earlier result.
+        key: the key of the result in `SpecResults`.
+        checked: None if an error prevents planning, if `result` is an earlier result, or after `plan`.
+        build_plan: None before `plan`, or if there was no `checked`.
     """
 
     key: str
     result: SpecResult
     checked: CheckedSpec | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _SpecAfterPlan:
-    """One spec after the stage `plan`; `build_plan` is None if the spec has no `checked`."""
-
-    key: str
-    result: SpecResult
-    build_plan: BuildPlan | None
+    build_plan: BuildPlan | None = None
 
 
 def _always(_: SpecResult) -> bool:
@@ -188,8 +182,7 @@ def lint_paths(
     """
     request = _find(paths, root, texts, timings)
     checked_specs = _check(request, {} if results is None else results, timings)
-    specs = [_SpecAfterPlan(key=spec.key, result=spec.result, build_plan=None) for spec in checked_specs]
-    return _triage(request, specs, timings)
+    return _triage(request, [replace(spec, checked=None) for spec in checked_specs], timings)
 
 
 @paused_collector()
@@ -217,7 +210,7 @@ def _find(paths: Sequence[Path], root: Path, texts: Mapping[str, bytes], timings
 
 def _check(
     request: _Request, results: SpecResults, timings: Timings, is_usable: Callable[[SpecResult], bool] = _always
-) -> Iterator[_SpecAfterCheck]:
+) -> Iterator[_Spec]:
     """Yield each spec after the stages `load` and `check`, or with its earlier result, if nothing has changed since.
 
     `is_usable` returns whether an earlier result that is up to date can be used.
@@ -231,7 +224,7 @@ def _check(
             and present_answers.agree_with(earlier_result.answers)
             and is_usable(earlier_result)
         ):
-            yield _SpecAfterCheck(key=key, result=earlier_result)
+            yield _Spec(key=key, result=earlier_result)
             continue
         load = partial(load_spec, file, request.root, request.texts)
         with recorded_queries() as answers:
@@ -240,14 +233,12 @@ def _check(
         yield checked_spec
 
 
-def _load_and_check(
-    key: str, load: Callable[[], Loaded], root: Path, answers: Answers, timings: Timings
-) -> _SpecAfterCheck:
+def _load_and_check(key: str, load: Callable[[], Loaded], root: Path, answers: Answers, timings: Timings) -> _Spec:
     """Return a spec with the findings of reading it, of its checks, and of the behaviour trees that it names."""
     with timings.stage("load"):
         spec, load_findings = load()
     if spec is None:
-        return _SpecAfterCheck(key=key, result=SpecResult(diagnostics=load_findings, answers=answers))
+        return _Spec(key=key, result=SpecResult(diagnostics=load_findings, answers=answers))
     with timings.stage("check"):
         forests_by_tree_name = read_trees(spec, root)
         checked, check_findings = check(spec, forests_by_tree_name)
@@ -262,7 +253,7 @@ def _load_and_check(
         modules=spec.modules,
         tree_files=tuple(named_tree_files(spec, forests_by_tree_name)),
     )
-    return _SpecAfterCheck(key=key, result=result, checked=None if has_errors(findings) else checked)
+    return _Spec(key=key, result=result, checked=None if has_errors(findings) else checked)
 
 
 def _needs_no_output(result: SpecResult, out: Path) -> bool:
@@ -270,15 +261,15 @@ def _needs_no_output(result: SpecResult, out: Path) -> bool:
     return has_binding_errors(result.diagnostics) or bool(result.output_digests and holds(result.output_digests, out))
 
 
-def _plan(checked_specs: Iterable[_SpecAfterCheck], timings: Timings) -> Iterator[_SpecAfterPlan]:
+def _plan(checked_specs: Iterable[_Spec], timings: Timings) -> Iterator[_Spec]:
     """Yield each spec with its build plan."""
     for spec in checked_specs:
         with timings.stage("plan"):
             build_plan = plan(spec.checked) if spec.checked is not None else None
-        yield _SpecAfterPlan(key=spec.key, result=spec.result, build_plan=build_plan)
+        yield replace(spec, checked=None, build_plan=build_plan)
 
 
-def _triage(request: _Request, specs: Sequence[_SpecAfterPlan], timings: Timings) -> Planned:
+def _triage(request: _Request, specs: Sequence[_Spec], timings: Timings) -> Planned:
     """Return the plans of specs, with all findings after triage."""
     settings, settings_findings = settings_of(request.root)
     results = [spec.result for spec in specs]
@@ -309,7 +300,7 @@ def _triage(request: _Request, specs: Sequence[_SpecAfterPlan], timings: Timings
 
 
 def _emit(
-    specs: Iterable[_SpecAfterPlan], results: SpecResults, timings: Timings
+    specs: Iterable[_Spec], results: SpecResults, timings: Timings
 ) -> tuple[Mapping[str, str], Mapping[str, str]]:
     """Return the generated files of all plans, and the digests of all generated files of all specs.
 

@@ -401,6 +401,8 @@ def test_a_damaged_result_of_a_spec_causes_no_traceback(project: Path, damage: o
     run(project, "lint", "door.yaml")
     file = project / FOLDER / "specs.json"
     stored_record = read_stored(file)
+    (result,) = stored_record["results"].values()
+    result["answers"] = result["answers"][:2]
 
     for steps in paths_in(stored_record["results"]):
         damaged = json.loads(json.dumps(stored_record))
@@ -482,6 +484,7 @@ def test_a_damaged_stored_run_causes_no_traceback(project: Path, damage: object)
     run(project, "lint", "door.yaml")
     (file,) = (project / FOLDER).glob("run-*.json")
     stored_record = read_stored(file)
+    stored_record["run"]["answers"] = stored_record["run"]["answers"][:1]
 
     for steps in paths_in(stored_record["run"]):
         damaged = json.loads(json.dumps(stored_record))
