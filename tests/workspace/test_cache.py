@@ -243,7 +243,7 @@ def test_a_run_is_stored_as_data_in_a_folder_that_git_ignores(project: Path) -> 
 @pytest.mark.parametrize(
     ("path", "text"),
     [
-        ("parts/lump.yaml", LAMP),
+        ("parts/lumq.yaml", LAMP),
         ("parts/lumps.yaml", LAMP),
         ("robot/doors.py", "def measures(job): ...\n"),
         ("robots/doors.py", "def measure(job): ...\n"),
