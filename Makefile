@@ -54,7 +54,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants fuzz kills signals whys crowd clients stores bench release tagged sbom docs lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants edits fuzz kills signals whys crowd clients stores bench release tagged sbom docs lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -101,6 +101,11 @@ mutation: $(READY)
 # One token of a valid spec is deleted, misspelt or retyped, 4,000 times: is it found, and how near?
 mutants: $(READY)
 	$(BIN)/python -m tests.campaigns.mutants 4000
+
+# Two thousand random edits of a project: after each, are output and findings those of a run without earlier results?
+EDITS ?= 2000
+edits: $(READY)
+	$(BIN)/python -m tests.campaigns.edits $(EDITS) $(SEED)
 
 # Ten thousand hostile inputs of each kind, under an audit hook and limits: nothing may crash, hang, be run, or be written elsewhere.
 fuzz: $(READY)

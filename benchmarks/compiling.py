@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
+from itertools import count
 from pathlib import Path
 
-from forests import flat, templated, write
+from forests import flat, flat_specs, templated, write
 from processes import Cost, in_turns, run
 from rows import Row
 
 RUNS = 5
 SMALL_VARIABLE_COUNT, LARGE_VARIABLE_COUNT = 10_000, 50_000
 MEMORY_BYTES = 10**9
+EDITED_FILE_COUNT = 100
+EDITED_CHAINS_PER_FILE = 8
+
+_ANGLE = re.compile(r"angle > 0\.[0-9]+ rad")
 
 _HERE = Path(__file__).parent
 _PEER_COMMAND = (sys.executable, _HERE / "yaml_load.py", ".")
@@ -32,6 +38,10 @@ def rows(scratch: Path) -> Iterator[Row]:
     )
     yield Row(name="compile_growth", ours=large_cost.wall_s, peer=small_cost.wall_s, target=5.5)
     yield Row(name="compile_memory", ours=float(large_cost.peak_bytes), peer=float(MEMORY_BYTES), target=1.0)
+    specs = _project(scratch / "specs", flat_specs(SMALL_VARIABLE_COUNT, EDITED_FILE_COUNT))
+    parts = _project(scratch / "parts", flat(SMALL_VARIABLE_COUNT, EDITED_CHAINS_PER_FILE))
+    yield _edited("edit_one_line", specs, "hall_050.yaml")
+    yield _edited("edit_one_line_of_a_part", parts, "parts/flat_00400.yaml")
 
 
 def _cold_and_warm(name: str, project: Path) -> Iterator[Row]:
@@ -41,6 +51,20 @@ def _cold_and_warm(name: str, project: Path) -> Iterator[Row]:
     (warm,) = in_turns(RUNS, lambda: _compile(project))
     yield Row(name=f"{name}_warm", ours=warm.wall_s, peer=cold.wall_s, target=0.1)
     _require_that_an_edit_is_noticed(project)
+
+
+def _edited(name: str, project: Path, file: str) -> Row:
+    """Measure a compilation after one line of one file was changed since the last one, beside reading all files."""
+    numbers = count(15)
+
+    def compile_after_edit() -> Cost:
+        text = (project / file).read_text("utf-8")
+        (project / file).write_text(_ANGLE.sub(f"angle > 0.{next(numbers)} rad", text, count=1), "utf-8")
+        return _compile(project)
+
+    _compile(project)
+    edited, peer = in_turns(RUNS, compile_after_edit, lambda: run(_PEER_COMMAND, project))
+    return Row(name=name, ours=edited.wall_s, peer=peer.wall_s, target=0.3)
 
 
 def _project(folder: Path, files: Mapping[str, str]) -> Path:

@@ -8,6 +8,7 @@ arguments for its own values.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 
 OBSERVERS_PER_CHAIN = 10
@@ -22,9 +23,20 @@ _HEAD = "codra: 1"
 _TYPES = "{markers: {type: int, range: [0, 12]}, angle: {type: float, unit: rad}}"
 
 
-def flat(variables: int) -> Mapping[str, str]:
+def flat(variables: int, chains_per_file: int = CHAINS_PER_FILE) -> Mapping[str, str]:
     """Return the files of a flat spec, as a mapping from paths to texts: the spec itself, and parts with its chains."""
-    return _files("flat", variables, _flat_part)
+    return _files("flat", variables, _flat_part, chains_per_file=chains_per_file)
+
+
+def flat_specs(variables: int, specs: int) -> Mapping[str, str]:
+    """Return the files of several flat specs without parts, which have the chains of one flat spec in all."""
+    chains = variables // (OBSERVERS_PER_CHAIN + WRITTEN_PER_CHAIN)
+    limits = [chains * number // specs for number in range(specs + 1)]
+    head = [_HEAD, "resources:", "  camera: {}", "  vision: {slots: 2}"]
+    return {
+        f"hall_{number:03}.yaml": _text([*head, f"name: hall_{number:03}", *_flat_part(range(first, last))])
+        for number, (first, last) in enumerate(pairwise(limits))
+    }
 
 
 def templated(variables: int) -> Mapping[str, str]:
@@ -40,10 +52,16 @@ def write(files: Mapping[str, str], folder: Path) -> None:
         (folder / path).write_text(text, "utf-8")
 
 
-def _files(name: str, variables: int, part: Callable[[range], Iterator[str]], *template_paths: str) -> dict[str, str]:
+def _files(
+    name: str,
+    variables: int,
+    part: Callable[[range], Iterator[str]],
+    *template_paths: str,
+    chains_per_file: int = CHAINS_PER_FILE,
+) -> dict[str, str]:
     """Return a spec and its parts. The spec itself contains the remaining variables, which are too few for a chain."""
     chains, remaining_variables = divmod(variables, OBSERVERS_PER_CHAIN + WRITTEN_PER_CHAIN)
-    parts = [range(first, min(first + CHAINS_PER_FILE, chains)) for first in range(0, chains, CHAINS_PER_FILE)]
+    parts = [range(first, min(first + chains_per_file, chains)) for first in range(0, chains, chains_per_file)]
     paths = {f"parts/{name}_{chains.start:05}.yaml": chains for chains in parts}
     lines = [_HEAD, f"name: {name}", "include:", *(f"  - {path}" for path in (*template_paths, *paths))]
     lines += ["resources:", "  camera: {}", "  vision: {slots: 2}", "context:"]

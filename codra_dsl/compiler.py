@@ -1,14 +1,15 @@
 """The stages of compiling: find, load, check, plan, triage, emit.
 
 Each stage is one function. It takes the frozen values of the previous stage and adds its own results and findings.
-Load, check and plan are generators: one spec passes all three before the next spec is read, so the YAML nodes of only
-one spec are in memory at a time.
+One spec passes load, check and plan before the next spec is read, so the YAML nodes of only one spec are in memory at a
+time. A spec on whose files nothing has changed since an earlier run passes none of them: its earlier result is used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from codra_dsl.collector import paused_collector
@@ -16,16 +17,17 @@ from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import taken_class_name
 from codra_dsl.generation.emit import emit, package_text
-from codra_dsl.generation.output import RULES, digests
+from codra_dsl.generation.output import RULES, digests, holds
 from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
-from codra_dsl.language.diagnostics import Diagnostic, Related, has_errors
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_binding_errors, has_errors
+from codra_dsl.language.file_queries import Answers, PresentAnswers, recorded_queries
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
 from codra_dsl.language.load.yaml.rules import RULES as LANGUAGE_RULES
 from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec
 from codra_dsl.language.project import relative_path
-from codra_dsl.workspace.cache import Run
+from codra_dsl.workspace.cache import Run, SpecResult, SpecResults, result_key
 from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triage
 from codra_dsl.workspace.timings import UNTIMED, Timings
 
@@ -33,6 +35,7 @@ __all__ = [
     "Compilation",
     "Planned",
     "compile_paths",
+    "lint_paths",
     "plan_paths",
     "plan_text",
 ]
@@ -44,10 +47,12 @@ class Planned:
 
     Attributes:
         root: the folder to which all paths in findings are relative.
-        plans: a plan for each spec without an error that prevents planning, sorted by name.
+        plans: a plan for each spec without an error that prevents planning, sorted by name. There is no plan for a spec
+            whose earlier result is used, and none after `lint_paths`.
         diagnostics: the findings after triage, in file order, without duplicates.
         files: the files of the specs and their parts, relative to the root; `specs` has the files of the specs alone.
         modules: files of Python modules and of trees that were read or were missing, relative to the root.
+        answers: the queries about files on which the results of the specs depend, with their answers.
     """
 
     root: Path
@@ -57,11 +62,11 @@ class Planned:
     files: tuple[str, ...]
     specs: tuple[str, ...]
     modules: tuple[str, ...] = ()
+    answers: Answers = field(default_factory=dict)
 
     def as_run(self) -> Run:
         """Return the data that a command shows and the cache keeps."""
-        files = (*self.files, *self.modules)
-        return Run(diagnostics=self.diagnostics, specs=self.specs, files=files, fail_on=self.settings.fail_on)
+        return Run(diagnostics=self.diagnostics, specs=self.specs, answers=self.answers, fail_on=self.settings.fail_on)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,17 +74,20 @@ class Compilation:
     """Specs that were compiled.
 
     Attributes:
-        files: the generated text by path, relative to the output folder; empty if there is an error.
+        files: the generated text by path, relative to the output folder. It lacks the files of specs whose earlier
+            results are used, because the output folder has them already. It is empty if there is an error.
+        output_digests: the digest of each generated file, including those that `files` lacks.
         covered: the files and folders that were compiled, relative to the root.
     """
 
     planned: Planned
     files: Mapping[str, str] = field(default_factory=dict)
+    output_digests: Mapping[str, str] = field(default_factory=dict)
     covered: tuple[str, ...] = ()
 
     def as_run(self) -> Run:
         """Return the data that a command shows and the cache keeps."""
-        return replace(self.planned.as_run(), output_digests=digests(self.files), covered_paths=self.covered)
+        return replace(self.planned.as_run(), output_digests=self.output_digests, covered_paths=self.covered)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,41 +110,52 @@ class _Request:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _SpecAfterCheck:
-    """One spec after the stage `check`.
+class _Spec:
+    """One spec after the stage `check` or `plan`.
 
     Attributes:
-        spec: None if the file could not be read as a spec.
-        checked: None if an error prevents planning.
-        tree_files: files of behaviour trees that were read or were missing, relative to the root.
-        diagnostics: the findings of load, then those of check.
+        key: the key of the result in `SpecResults`.
+        checked: None if an error prevents planning, if `result` is an earlier result, or after `plan`.
+        build_plan: None before `plan`, or if there was no `checked`.
     """
 
-    spec: Spec | None
-    checked: CheckedSpec | None
-    tree_files: tuple[str, ...]
-    diagnostics: tuple[Diagnostic, ...]
+    key: str
+    result: SpecResult
+    checked: CheckedSpec | None = None
+    build_plan: BuildPlan | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _SpecAfterPlan:
-    """One spec after the stage `plan`; `build_plan` is None if an error prevents planning."""
-
-    spec: Spec | None
-    build_plan: BuildPlan | None
-    tree_files: tuple[str, ...]
-    diagnostics: tuple[Diagnostic, ...]
+def _always(_: SpecResult) -> bool:
+    return True
 
 
 @paused_collector()
-def compile_paths(paths: Sequence[Path], root: Path, timings: Timings = UNTIMED) -> Compilation:
-    """Compile all specs at or below some paths; if any of them has an error, nothing is emitted."""
-    planned = plan_paths(paths, root, timings=timings)
+def compile_paths(
+    paths: Sequence[Path],
+    root: Path,
+    timings: Timings = UNTIMED,
+    results: SpecResults | None = None,
+    out: Path | None = None,
+) -> Compilation:
+    """Compile all specs at or below some paths; if any of them has an error, nothing is emitted.
+
+    Args:
+        paths: the files and folders.
+        root: the folder of the project.
+        timings: measures the stages.
+        results: earlier results of specs. Those that are out of date are replaced. None if there are none.
+        out: the output folder. An earlier result is used only if the folder has the files that belong to it.
+    """
+    request = _find(paths, root, AS_ON_DISK, timings)
+    results = {} if results is None or out is None else results
+    checked_specs = _check(request, results, timings, lambda result: out is not None and _needs_no_output(result, out))
+    specs = tuple(_plan(checked_specs, timings))
+    planned = _triage(request, specs, timings)
     if has_errors(planned.diagnostics):
         return Compilation(planned=planned)
-    files = _emit(planned.plans, timings)
+    files, output_digests = _emit(specs, results, timings)
     covered = sorted(path.absolute().relative_to(root).as_posix() for path in paths)
-    return Compilation(planned=planned, files=files, covered=tuple(covered))
+    return Compilation(planned=planned, files=files, output_digests=output_digests, covered=tuple(covered))
 
 
 @paused_collector()
@@ -144,44 +163,126 @@ def plan_paths(
     paths: Sequence[Path], root: Path, texts: Mapping[str, bytes] = AS_ON_DISK, timings: Timings = UNTIMED
 ) -> Planned:
     """Load, check and plan all specs at or below some paths; `texts` has contents that are not read from disk."""
-    with timings.stage("find"):
-        files = find_files(paths, root)
-    request = _Request(
-        root=root,
-        files=files,
-        specs=[relative_path(file, root) for file in files.specs],
-        paths=[relative_path(path, root) for path in paths],
-        texts=texts,
-    )
-    return _plan_request(request, _load(files.specs, root, texts, timings), timings)
+    request = _find(paths, root, texts, timings)
+    return _triage(request, tuple(_plan(_check(request, {}, timings), timings)), timings)
+
+
+@paused_collector()
+def lint_paths(
+    paths: Sequence[Path],
+    root: Path,
+    texts: Mapping[str, bytes] = AS_ON_DISK,
+    timings: Timings = UNTIMED,
+    results: SpecResults | None = None,
+) -> Planned:
+    """Load and check all specs at or below some paths. Nothing is planned, because this causes no findings.
+
+    `texts` has contents that are not read from disk. `results` has earlier results of specs; those that are out of date
+    are replaced.
+    """
+    request = _find(paths, root, texts, timings)
+    checked_specs = _check(request, {} if results is None else results, timings)
+    return _triage(request, [replace(spec, checked=None) for spec in checked_specs], timings)
 
 
 @paused_collector()
 def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIMED) -> Planned:
     """Load, check and plan one spec that is given as text; `file` is its name in findings."""
     data = text.encode(errors="surrogatepass") if isinstance(text, str) else text
-    with timings.stage("load"):
-        loaded_spec = load_text(text, file, root)
     request = _Request(root=root, files=Files(), specs=[file], paths=[file], texts={file: data})
-    return _plan_request(request, [loaded_spec], timings)
+    with recorded_queries() as answers:
+        checked_spec = _load_and_check(file, lambda: load_text(text, file, root), root, answers, timings)
+    return _triage(request, tuple(_plan([checked_spec], timings)), timings)
 
 
-def _plan_request(request: _Request, loaded_specs: Iterable[Loaded], timings: Timings) -> Planned:
-    """Return the plans of the loaded specs, with all findings after triage."""
+def _find(paths: Sequence[Path], root: Path, texts: Mapping[str, bytes], timings: Timings) -> _Request:
+    """Return the specs and parts at or below some paths."""
+    with timings.stage("find"):
+        files = find_files(paths, root)
+    return _Request(
+        root=root,
+        files=files,
+        specs=[relative_path(file, root) for file in files.specs],
+        paths=[relative_path(path, root) for path in paths],
+        texts=texts,
+    )
+
+
+def _check(
+    request: _Request, results: SpecResults, timings: Timings, is_usable: Callable[[SpecResult], bool] = _always
+) -> Iterator[_Spec]:
+    """Yield each spec after the stages `load` and `check`, or with its earlier result, if nothing has changed since.
+
+    `is_usable` returns whether an earlier result that is up to date can be used.
+    """
+    present_answers = PresentAnswers(request.texts)
+    for file in request.files.specs:
+        key = result_key(file, request.root)
+        earlier_result = results.get(key)
+        if (
+            earlier_result is not None
+            and present_answers.agree_with(earlier_result.answers)
+            and is_usable(earlier_result)
+        ):
+            yield _Spec(key=key, result=earlier_result)
+            continue
+        load = partial(load_spec, file, request.root, request.texts)
+        with recorded_queries() as answers:
+            checked_spec = _load_and_check(key, load, request.root, answers, timings)
+        results[key] = checked_spec.result
+        yield checked_spec
+
+
+def _load_and_check(key: str, load: Callable[[], Loaded], root: Path, answers: Answers, timings: Timings) -> _Spec:
+    """Return a spec with the findings of reading it, of its checks, and of the behaviour trees that it names."""
+    with timings.stage("load"):
+        spec, load_findings = load()
+    if spec is None:
+        return _Spec(key=key, result=SpecResult(diagnostics=load_findings, answers=answers))
+    with timings.stage("check"):
+        forests_by_tree_name = read_trees(spec, root)
+        checked, check_findings = check(spec, forests_by_tree_name)
+    findings = (*load_findings, *_taken_class_name(spec))
+    result = SpecResult(
+        diagnostics=(*findings, *check_findings),
+        answers=answers,
+        name=spec.name,
+        place=spec.place,
+        file=spec.file,
+        files=spec.files,
+        modules=spec.modules,
+        tree_files=tuple(named_tree_files(spec, forests_by_tree_name)),
+    )
+    return _Spec(key=key, result=result, checked=None if has_errors(findings) else checked)
+
+
+def _needs_no_output(result: SpecResult, out: Path) -> bool:
+    """Return whether the output of a spec need not be generated: it is in the output folder, or nothing is emitted."""
+    return has_binding_errors(result.diagnostics) or bool(result.output_digests and holds(result.output_digests, out))
+
+
+def _plan(checked_specs: Iterable[_Spec], timings: Timings) -> Iterator[_Spec]:
+    """Yield each spec with its build plan."""
+    for spec in checked_specs:
+        with timings.stage("plan"):
+            build_plan = plan(spec.checked) if spec.checked is not None else None
+        yield replace(spec, checked=None, build_plan=build_plan)
+
+
+def _triage(request: _Request, specs: Sequence[_Spec], timings: Timings) -> Planned:
+    """Return the plans of specs, with all findings after triage."""
     settings, settings_findings = settings_of(request.root)
-
-    checked_specs = _check(loaded_specs, request.root, timings)
-    specs = tuple(_plan(checked_specs, timings))
-
+    results = [spec.result for spec in specs]
     diagnostics = [*settings_findings, *request.files.diagnostics]
-    diagnostics += (diagnostic for spec in specs for diagnostic in spec.diagnostics)
-    diagnostics += _same_names(spec.spec for spec in specs if spec.spec is not None)
-    files = _spec_files(request, specs)
+    diagnostics += (diagnostic for result in results for diagnostic in result.diagnostics)
+    diagnostics += _same_names(results)
+    files = tuple(sorted({*request.specs, *(file for result in results for file in result.files)}))
     if not has_errors(diagnostics):
         diagnostics += request.files.unincluded(files, request.root)
 
+    tree_files = {file for result in results for file in result.tree_files}
     with timings.stage("triage"):
-        files_with_comments = (*files, *_part_files(request.files), *_tree_files(specs))
+        files_with_comments = (*files, *_part_files(request.files), *tree_files)
         sources = read_sources(files_with_comments, request.paths, request.root, request.texts)
         triaged_diagnostics = triage(diagnostics, settings, sources)
 
@@ -193,38 +294,34 @@ def _plan_request(request: _Request, loaded_specs: Iterable[Loaded], timings: Ti
         settings=settings,
         files=files,
         specs=tuple(request.specs),
-        modules=tuple(sorted(_module_files(specs) | _tree_files(specs))),
+        modules=tuple(sorted({file for result in results for file in result.modules} | tree_files)),
+        answers={query: answer for result in results for query, answer in result.answers.items()},
     )
 
 
-def _load(files: Iterable[Path], root: Path, texts: Mapping[str, bytes], timings: Timings) -> Iterator[Loaded]:
-    """Yield each spec as it was read, with the findings of reading it."""
-    for file in files:
-        with timings.stage("load"):
-            loaded_spec = load_spec(file, root, texts)
-        yield loaded_spec
+def _emit(
+    specs: Iterable[_Spec], results: SpecResults, timings: Timings
+) -> tuple[Mapping[str, str], Mapping[str, str]]:
+    """Return the generated files of all plans, and the digests of all generated files of all specs.
+
+    The files include the `__init__.py` of the package that contains the packages of the specs.
+    """
+    with timings.stage("emit"):
+        files = {"__init__.py": package_text()}
+        output_digests = dict(digests(files))
+        for spec in specs:
+            result = spec.result
+            if spec.build_plan is not None:
+                texts = emit(spec.build_plan)
+                files |= texts
+                results[spec.key] = result = replace(result, output_digests=digests(texts))
+            output_digests |= result.output_digests
+    return files, output_digests
 
 
-def _check(loaded_specs: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_SpecAfterCheck]:
-    """Yield each spec with the results of its checks, and of the checks of the behaviour trees that the spec names."""
-    for spec, load_findings in loaded_specs:
-        with timings.stage("check"):
-            checked_spec = _check_spec(spec, load_findings, root)
-        yield checked_spec
-
-
-def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: Path) -> _SpecAfterCheck:
-    if spec is None:
-        return _SpecAfterCheck(spec=None, checked=None, tree_files=(), diagnostics=load_findings)
-    forests_by_tree_name = read_trees(spec, root)
-    checked, check_findings = check(spec, forests_by_tree_name)
-    findings = (*load_findings, *_taken_class_name(spec))
-    return _SpecAfterCheck(
-        spec=spec,
-        checked=None if has_errors(findings) else checked,
-        tree_files=tuple(named_tree_files(spec, forests_by_tree_name)),
-        diagnostics=(*findings, *check_findings),
-    )
+def _part_files(files: Files) -> Iterator[str]:
+    """Return the files of all parts, including parts that no spec includes."""
+    return (place.span.file for place in files.parts.values())
 
 
 def _taken_class_name(spec: Spec) -> Iterator[Diagnostic]:
@@ -240,57 +337,18 @@ def _taken_class_name(spec: Spec) -> Iterator[Diagnostic]:
         )
 
 
-def _plan(checked_specs: Iterable[_SpecAfterCheck], timings: Timings) -> Iterator[_SpecAfterPlan]:
-    """Yield each spec with its build plan."""
-    for spec in checked_specs:
-        with timings.stage("plan"):
-            build_plan = plan(spec.checked) if spec.checked is not None else None
-        yield _SpecAfterPlan(
-            spec=spec.spec, build_plan=build_plan, tree_files=spec.tree_files, diagnostics=spec.diagnostics
-        )
-
-
-def _emit(plans: Iterable[BuildPlan], timings: Timings) -> Mapping[str, str]:
-    """Return the generated files of all plans, and the `__init__.py` of the package that contains them."""
-    with timings.stage("emit"):
-        files = {"__init__.py": package_text()}
-        for build_plan in plans:
-            files |= emit(build_plan)
-    return files
-
-
-def _spec_files(request: _Request, specs: Iterable[_SpecAfterPlan]) -> tuple[str, ...]:
-    """Return the files of the specs and of the parts that they include."""
-    included_files = (file for spec in specs if spec.spec is not None for file in spec.spec.files)
-    return tuple(sorted({*request.specs, *included_files}))
-
-
-def _part_files(files: Files) -> Iterator[str]:
-    """Return the files of all parts, including parts that no spec includes."""
-    return (place.span.file for place in files.parts.values())
-
-
-def _tree_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
-    """Return the files of behaviour trees that specs name."""
-    return {file for spec in specs for file in spec.tree_files}
-
-
-def _module_files(specs: Iterable[_SpecAfterPlan]) -> set[str]:
-    """Return the files of Python modules that specs name."""
-    return {file for spec in specs if spec.spec is not None for file in spec.spec.modules}
-
-
-def _same_names(specs: Iterable[Spec]) -> Iterator[Diagnostic]:
+def _same_names(results: Iterable[SpecResult]) -> Iterator[Diagnostic]:
     """Yield a finding for each spec that has the name of another spec: their packages would overwrite each other."""
-    first_specs: dict[str, Spec] = {}
-    for spec in sorted(specs, key=lambda spec: spec.file):
-        other = first_specs.setdefault(spec.name.casefold(), spec)
-        if other is not spec:
+    first_names: dict[str, tuple[str, Place]] = {}
+    named = ((result.file, result.name, result.place) for result in results if result.name is not None and result.place)
+    for file, name, place in sorted(named, key=lambda spec: spec[0]):
+        other_file, other_place = first_names.setdefault(name.casefold(), (file, place))
+        if other_place is not place:
             yield Diagnostic(
                 rule=RULES["same-spec-name"],
-                message=f"the name '{spec.name}' is taken by {other.file}",
-                place=spec.place,
+                message=f"the name '{name}' is taken by {other_file}",
+                place=place,
                 path="name",
                 help="give each spec a name of its own: it names the generated package",
-                related=(Related("the other spec", other.place),),
+                related=(Related("the other spec", other_place),),
             )

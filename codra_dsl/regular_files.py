@@ -131,7 +131,8 @@ def leads_into(path: Path | str, folder: Path) -> bool:
 
     A path that does not exist is in the folder if its name is.
     """
-    return real_path(path).is_relative_to(real_path(folder))
+    followed_path, followed_folder = os.path.realpath(path), os.path.realpath(folder)
+    return followed_path == followed_folder or followed_path.startswith(followed_folder.rstrip("/") + "/")
 
 
 def _require_regular(status: os.stat_result, path: Path | str) -> None:

@@ -128,18 +128,21 @@ def _compile_or_recall(
     from codra_dsl.generation.output import is_as_made
 
     run = None if cache is None else cache.load()
+    if run is not None and not run.output_digests:
+        return run, _OutputResult()
     if run is not None and is_as_made(run.output_digests, folder, run.covered_paths):
         return run, _OutputResult(
             summary="" if check else f"{folder.name}: {len(run.output_digests)} files, 0 written, 0 removed"
         )
     from codra_dsl.compiler import compile_paths
 
-    compilation = compile_paths(paths, root, timings)
+    results = {} if cache is None else cache.load_results()
+    compilation = compile_paths(paths, root, timings, results, folder)
     run = compilation.as_run()
     if cache is not None:
-        cache.store(run)
+        cache.store(run, results)
     with timings.stage("write"):
-        if not compilation.files:
+        if not run.output_digests:
             return run, _OutputResult()
         return run, _compare_output(compilation, folder) if check else _write_output(compilation, folder)
 
@@ -148,7 +151,7 @@ def _compare_output(compilation: Compilation, folder: Path) -> _OutputResult:
     """Return the difference between the output folder and the compiled files. Write nothing."""
     from codra_dsl.generation.output import drift_finding, freshness
 
-    comparison = freshness(compilation.files, folder, compilation.covered)
+    comparison = freshness(compilation.files, folder, compilation.covered, compilation.output_digests)
     findings = (*comparison.diagnostics, *map(drift_finding, comparison.drifts))
     return _OutputResult(diagnostics=findings, diff="".join(drift.diff for drift in comparison.drifts))
 
@@ -157,11 +160,11 @@ def _write_output(compilation: Compilation, folder: Path) -> _OutputResult:
     """Bring the output folder up to date."""
     from codra_dsl.generation.output import write
 
-    write_report = write(compilation.files, folder, compilation.covered)
+    write_report = write(compilation.files, folder, compilation.covered, compilation.output_digests)
     if write_report.diagnostics:
         return _OutputResult(diagnostics=write_report.diagnostics)
     changes_text = f"{len(write_report.changed)} written, {len(write_report.removed)} removed"
-    return _OutputResult(summary=f"{folder.name}: {len(compilation.files)} files, {changes_text}")
+    return _OutputResult(summary=f"{folder.name}: {len(compilation.output_digests)} files, {changes_text}")
 
 
 def _check_or_renew_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:

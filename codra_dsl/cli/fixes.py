@@ -17,6 +17,7 @@ from codra_dsl.cli.console import STANDARD_INPUT, common_root, existing
 if TYPE_CHECKING:
     from codra_dsl.compiler import Planned
     from codra_dsl.language.diagnostics import Diagnostic
+    from codra_dsl.workspace.cache import SpecResults
     from codra_dsl.workspace.timings import Timings
 
 
@@ -27,13 +28,14 @@ class LintInput:
     Attributes:
         root: the folder to which the files in findings are relative.
         requested_paths: the files and folders on the command line, relative to the root.
-        plan: plans the specs. The argument contains the new contents of files; these replace the contents on disk.
+        lint: loads and checks the specs. The first argument contains the new contents of files; these replace the
+            contents on disk. The second argument has earlier results of specs, which are used and replaced.
         stdin_data: the text from standard input; None if the specs are in files.
     """
 
     root: Path
     requested_paths: tuple[str, ...]
-    plan: Callable[[Mapping[str, bytes]], Planned]
+    lint: Callable[[Mapping[str, bytes], SpecResults], Planned]
     stdin_data: bytes | None = None
 
     def texts(self, planning_result: Planned) -> dict[str, bytes]:
@@ -75,12 +77,12 @@ def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
     paths = existing(paths)
     root = common_root(paths)
 
-    def plan(texts: Mapping[str, bytes]) -> Planned:
-        from codra_dsl.compiler import plan_paths
+    def lint(texts: Mapping[str, bytes], results: SpecResults) -> Planned:
+        from codra_dsl.compiler import lint_paths
 
-        return plan_paths(paths, root, texts, timings)
+        return lint_paths(paths, root, texts, timings, results)
 
-    return LintInput(root=root, requested_paths=tuple(relative_path(path, root) for path in paths), plan=plan)
+    return LintInput(root=root, requested_paths=tuple(relative_path(path, root) for path in paths), lint=lint)
 
 
 def input_from_standard_input(timings: Timings) -> LintInput:
@@ -93,7 +95,7 @@ def input_from_standard_input(timings: Timings) -> LintInput:
     return LintInput(
         root=root,
         requested_paths=(STANDARD_INPUT,),
-        plan=lambda texts: plan_text(texts.get(STANDARD_INPUT, stdin_data), STANDARD_INPUT, root, timings),
+        lint=lambda texts, _: plan_text(texts.get(STANDARD_INPUT, stdin_data), STANDARD_INPUT, root, timings),
         stdin_data=stdin_data,
     )
 
@@ -133,14 +135,15 @@ def fix(lint_input: LintInput, *, write: bool) -> FixResult:
 
     if lint_input.stdin_data is not None and len(lint_input.stdin_data) > MAX_BYTES:
         raise typer.BadParameter(f"the text has more than {MAX_BYTES >> 20} MiB: it is not fixed", param_hint="-")
-    before = lint_input.texts(lint_input.plan({}))
-    fix_result = fix_all(lambda texts: lint_input.plan({**before, **texts}).diagnostics, before)
+    results: SpecResults = {}
+    before = lint_input.texts(lint_input.lint({}, results))
+    fix_result = fix_all(lambda texts: lint_input.lint({**before, **texts}, results).diagnostics, before)
     texts_to_write = fix_result.texts if write and lint_input.stdin_data is None else {}
     findings_by_file = {
         file: rewrite(file, lint_input.root, before[file], after) for file, after in sorted(texts_to_write.items())
     }
     refusals = {file: finding for file, finding in findings_by_file.items() if finding is not None}
-    planning_result = lint_input.plan({}) if refusals else lint_input.plan({**before, **fix_result.texts})
+    planning_result = lint_input.lint({} if refusals else {**before, **fix_result.texts}, results)
     return FixResult(
         planning_result=planning_result,
         diagnostics=(*planning_result.diagnostics, *refusals.values()),

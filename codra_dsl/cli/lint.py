@@ -88,9 +88,10 @@ def _lint_or_recall(lint_input: LintInput, cache: Cache | None) -> Run:
     """Return the findings about the specs, from the cache if nothing has changed since an earlier run."""
     run = None if cache is None else cache.load()
     if run is None:
-        run = lint_input.plan({}).as_run()
+        results = {} if cache is None else cache.load_results()
+        run = lint_input.lint({}, results).as_run()
         if cache is not None:
-            cache.store(run)
+            cache.store(run, results)
     return run
 
 

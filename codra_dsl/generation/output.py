@@ -14,7 +14,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -97,19 +97,22 @@ def drift_finding(drift: Drift) -> Diagnostic:
 
 
 @paused_collector()
-def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Freshness:
+def freshness(
+    files: Mapping[str, str], out: Path, covered: Iterable[str] = (), intact: Iterable[str] = ()
+) -> Freshness:
     """Return how an output folder differs from its expected contents; nothing is written.
 
     Args:
         files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
         covered: the files and folders of specs that this run covers, relative to the project root.
+        intact: the paths of further expected files, which the folder is known to have.
     """
     try:
         if not _is_ours_or_new(out):
             return Freshness(diagnostics=(_foreign_folder_finding(out, out),))
         file_drifts = (_drift_of_file(path, text, out) for path, text in files.items())
-        orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans(files, out, covered))
+        orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans({*files, *intact}, out, covered))
         drifts = [*(drift for drift in file_drifts if drift is not None), *orphans]
         return Freshness(drifts=tuple(sorted(drifts, key=lambda drift: drift.path)))
     except OSError as error:
@@ -127,9 +130,14 @@ def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = (
     try:
         if any(_foreign_folder_findings(outputs, out)) or _orphans(outputs, out, covered):
             return False
-        return all(_digest(_read_bytes(out / path)) == digest for path, digest in outputs.items())
+        return holds(outputs, out)
     except OSError:
         return False
+
+
+def holds(outputs: Mapping[str, str], out: Path) -> bool:
+    """Return whether an output folder has files with the given digests, as `digests` returns them."""
+    return all(_digest(_read_bytes(out / path)) == digest for path, digest in outputs.items())
 
 
 def digests(files: Mapping[str, str]) -> Mapping[str, str]:
@@ -142,7 +150,7 @@ def _digest(data: bytes | None) -> str:
 
 
 @paused_collector()
-def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> WriteResult:
+def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = (), intact: Iterable[str] = ()) -> WriteResult:
     """Bring an output folder up to date: write changed files and remove orphans; nothing else is touched.
 
     New text is compiled before it replaces the old text, and each file is replaced atomically. A folder that is not
@@ -152,6 +160,7 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
         files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
         covered: the files and folders of specs that this run covers, relative to the project root.
+        intact: the paths of further expected files, which the folder is known to have.
 
     Raises:
         BrokenOutputError: if a text does not compile. Then nothing is written.
@@ -159,10 +168,11 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
     from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  only a run that writes needs the emitter
 
     try:
-        refusals = tuple(_foreign_folder_findings(files, out))
+        expected_paths = {*files, *intact}
+        refusals = tuple(_foreign_folder_findings(expected_paths, out))
         if refusals:
             return WriteResult(diagnostics=refusals)
-        orphans = _orphans(files, out, covered)
+        orphans = _orphans(expected_paths, out, covered)
         changed_files = {path: text for path, text in sorted(files.items()) if not _holds(out / path, text)}
         prove(changed_files)
         _replace(changed_files, out)
@@ -175,7 +185,7 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
 # ---------------------------------------------------------------------------------------------------- ownership
 
 
-def _foreign_folder_findings(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
+def _foreign_folder_findings(files: Collection[str], out: Path) -> Iterator[Diagnostic]:
     """Yield a finding for each folder that is not ours, but to which the run would write."""
     if not _is_ours_or_new(out):
         yield _foreign_folder_finding(out, out)
@@ -254,7 +264,7 @@ def _difference(current_text: str, expected_text: str, shown_path: str) -> str:
     return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
 
 
-def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> list[str]:
+def _orphans(files: Collection[str], out: Path, covered: Iterable[str]) -> list[str]:
     """Return the orphans: files in the folder and in packages of ours that this run does not generate, sorted."""
     packages = {path.split("/")[0] for path in files if "/" in path}
     prefixes = tuple(covered)

@@ -271,7 +271,7 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
     """
     if len(name) > MAX_SUGGESTED_LENGTH:
         return None
-    limit = max(1, len(name) // 3)
+    limit = max_slips(name)
     similar_names = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
     similar_names.sort(key=lambda other: (other[:1] != name[:1], other))
     folded_name, best_candidate = name.casefold(), None
@@ -282,6 +282,11 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
         if limit < 0:
             break
     return best_candidate
+
+
+def max_slips(name: str) -> int:
+    """Return by how many letters a suggestion for a name may differ from it."""
+    return max(1, len(name) // 3)
 
 
 def surely_means(name: str, suggestion: str, candidates: Iterable[str]) -> bool:
@@ -317,9 +322,9 @@ def is_slip(name: str, suggestion: str) -> bool:
     ):
         return False
     one, other = different_words[0]
-    max_slips = 1 if len(other) < _LONG_WORD_LENGTH else 2
+    max_word_slips = 1 if len(other) < _LONG_WORD_LENGTH else 2
     is_long_enough = max(len(one), len(other)) >= _MIN_WORD_LENGTH and min(len(one), len(other)) >= _MIN_WORD_LENGTH - 1
-    return is_long_enough and _distance(one, other, max_slips) <= max_slips
+    return is_long_enough and _distance(one, other, max_word_slips) <= max_word_slips
 
 
 def _distance(left: str, right: str, limit: int) -> int:

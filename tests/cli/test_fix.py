@@ -14,6 +14,7 @@ from codra_dsl.cli.fixes import fix, input_from_files
 from codra_dsl.compiler import Planned
 from codra_dsl.language.load.yaml.source import MAX_BYTES
 from codra_dsl.tooling.report.findings import MAX_SHOWN
+from codra_dsl.workspace.cache import SpecResults
 from codra_dsl.workspace.timings import UNTIMED
 from tests.command_server import run_codra
 
@@ -108,14 +109,14 @@ def test_a_file_that_is_saved_while_codra_looks_for_fixes_is_not_lost(project: P
     looks = 0
     work = input_from_files([project / "specs"], UNTIMED)
 
-    def plan(texts: Mapping[str, bytes]) -> Planned:
+    def lint(texts: Mapping[str, bytes], results: SpecResults) -> Planned:
         nonlocal looks
         looks += 1
         if looks == 3:
             path.write_bytes(SPEC + b"# saved meanwhile\r\n")
-        return work.plan(texts)
+        return work.lint(texts, results)
 
-    outcome = fix(replace(work, plan=plan), write=True)
+    outcome = fix(replace(work, lint=lint), write=True)
 
     assert spec_of(project) == SPEC + b"# saved meanwhile\r\n"
     assert outcome.fixed_count == 0
@@ -128,12 +129,12 @@ def test_if_one_of_two_files_is_refused_the_other_one_counts(project: Path) -> N
     (project / "specs/gate.yaml").write_bytes(SPEC.replace(b"name: door", b"name: gate"))
     work = input_from_files([project / "specs"], UNTIMED)
 
-    def plan(texts: Mapping[str, bytes]) -> Planned:
+    def lint(texts: Mapping[str, bytes], results: SpecResults) -> Planned:
         if texts:
             (project / "specs/gate.yaml").write_bytes(RIGHT.replace(b"name: door", b"name: gate"))
-        return work.plan(texts)
+        return work.lint(texts, results)
 
-    outcome = fix(replace(work, plan=plan), write=True)
+    outcome = fix(replace(work, lint=lint), write=True)
 
     assert (outcome.fixed_count, spec_of(project)) == (1, RIGHT)
 

@@ -20,7 +20,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from typer.testing import CliRunner
 
 from codra_dsl.cli.app import app
-from codra_dsl.workspace.cache import FOLDER
+from codra_dsl.compiler import lint_paths
+from codra_dsl.workspace.cache import FOLDER, SpecResults
 from codra_dsl.workspace.cache.signatures import SECRET_FILE, signature
 
 DOOR = """\
@@ -199,7 +200,7 @@ def read_stored(file: Path) -> Any:
 def store_signed(project: Path, file: Path, stored_record: object, *arguments: str) -> None:
     """Store a run as the user's own run of a command would."""
     data = json.dumps(stored_record).encode()
-    key = "\0".join([str(project), "codra-cache-2", *arguments])
+    key = "\0".join([str(project), "codra-cache-3", *arguments])
     file.write_bytes(signature(secret_file(project).read_bytes(), key, data) + b"\n" + data)
 
 
@@ -235,16 +236,37 @@ def test_a_run_is_stored_as_data_in_a_folder_that_git_ignores(project: Path) -> 
     run(project, "compile", "door.yaml")
 
     assert (project / FOLDER / ".gitignore").read_text() == "*\n"
-    (kept,) = (project / FOLDER).glob("*.json")
+    (kept,) = (project / FOLDER).glob("run-*.json")
     assert read_stored(kept)["run"]["specs"] == ["door.yaml"]
 
 
-def test_a_run_with_errors_is_not_stored(project: Path) -> None:
-    """The errors of a run may depend on files that do not exist."""
-    (project / "door.yaml").write_text(DOOR.replace("parts/lamp", "parts/lump"))
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("parts/lumq.yaml", LAMP),
+        ("parts/lumps.yaml", LAMP),
+        ("robot/doors.py", "def measures(job): ...\n"),
+        ("robots/doors.py", "def measure(job): ...\n"),
+        ("pyproject.toml", "[tool.codra.lint.severity]\nCDR7 = 'warn'\n"),
+    ],
+    ids=["a part", "a similar part", "a module", "a similar module", "settings"],
+)
+@pytest.mark.parametrize("command", ["lint", "compile"])
+def test_a_file_that_was_searched_and_did_not_exist_changes_the_result_when_it_appears(
+    project: Path, command: str, path: str, text: str
+) -> None:
+    if path.startswith("parts"):
+        (project / "door.yaml").write_text(DOOR.replace("parts/lamp", "parts/lumq"))
+        (project / "parts/lamp.yaml").unlink()
+    before = run(project, command, ".")
+    assert run(project, command, ".")[:2] == before[:2]
 
-    assert run(project, "lint", "door.yaml")[0] == 1
-    assert not (project / FOLDER).exists()
+    (project / path).parent.mkdir(exist_ok=True)
+    (project / path).write_text(text)
+    after = run(project, command, ".")
+
+    assert after[1] != before[1]
+    assert after[:2] == run(project, command, ".", "--no-cache")[:2]
 
 
 def test_without_the_cache_no_run_is_stored(project: Path) -> None:
@@ -287,7 +309,7 @@ def test_in_ci_stored_runs_are_not_used(project: Path, monkeypatch: pytest.Monke
     unused = "context:\n  unused: {type: bool, source: main_execution}\n"
     (project / "door.yaml").write_text(DOOR.replace("context:\n", unused))
     expected = run(project, "lint", "door.yaml")
-    (kept,) = (project / FOLDER).glob("*.json")
+    (kept,) = (project / FOLDER).glob("run-*.json")
     forged = read_stored(kept)
     forged["run"]["diagnostics"] = []
     store_signed(project, kept, forged, "lint", "door.yaml")
@@ -303,11 +325,17 @@ def plant(project: Path) -> None:
     assert run(project, "compile", "door.yaml")[0] == 0
     code = project / "generated/door/door.py"
     code.write_text(code.read_text() + "import os\nos.system('true')\n")
-    (kept,) = (project / FOLDER).glob("*.json")
+    (kept,) = (project / FOLDER).glob("run-*.json")
     forged = read_stored(kept)
     forged["run"]["outputs"]["door/door.py"] = hashlib.sha256(code.read_bytes()).hexdigest()
     store_signed(project, kept, forged, "compile", "door.yaml")
+    results_file = project / FOLDER / "specs.json"
+    results = read_stored(results_file)
+    (result,) = results["results"].values()
+    result["outputs"]["door/door.py"] = forged["run"]["outputs"]["door/door.py"]
+    store_signed(project, results_file, results)
     assert run(project, "compile", "door.yaml", "--check")[0] == 0, "the author's own cache accepts the run"
+    assert run(project, "compile", ".", "--check")[0] == 0, "the author's own cache accepts the result of the spec"
 
 
 @pytest.mark.parametrize(("place", "user"), [("", "other-user"), ("-clone", "other-user"), ("-clone", "user-cache")])
@@ -327,9 +355,74 @@ def test_a_stored_run_of_somebody_else_does_not_hide_changed_code(
     assert "os.system" in text
 
 
+def test_only_specs_whose_inputs_changed_are_read_again(project: Path) -> None:
+    (project / "window.yaml").write_text(WINDOW)
+    (project / "hall.yaml").write_text(WINDOW.replace("window", "hall"))
+    results: SpecResults = {}
+    lint_paths([project], project, results=results)
+    before = dict(results)
+
+    (project / "parts/lamp.yaml").write_text(LAMP.replace("1 min", "2 min"))
+    lint_paths([project], project, results=results)
+
+    changed_specs = [results[key].name for key in results if results[key] is not before[key]]
+    assert changed_specs == ["door"]
+
+
+def test_a_text_that_is_saved_later_is_not_read_again(project: Path) -> None:
+    text = DOOR.replace("40 cm", "50 cm")
+    results: SpecResults = {}
+    lint_paths([project], project, results=results)
+    unsaved = lint_paths([project], project, {"door.yaml": text.encode()}, results=results)
+    (result,) = results.values()
+
+    (project / "door.yaml").write_text(text)
+    saved = lint_paths([project], project, results=results)
+
+    assert saved.diagnostics == unsaved.diagnostics
+    assert list(results.values()) == [result]
+    assert next(iter(results.values())) is result
+
+
+def test_a_result_without_its_output_is_generated_again(project: Path) -> None:
+    (project / "window.yaml").write_text(WINDOW)
+    run(project, "compile", ".")
+    expected = content(project)
+    (project / "generated/door/door.py").unlink()
+    (project / "generated/window/window.py").write_text("edited = True\n")
+
+    assert run(project, "compile", ".")[2].endswith("2 written, 0 removed\n")
+    assert content(project) == expected
+
+
+@pytest.mark.parametrize("damage", [0, None, "text", [], {}, [None], [["no_query", "", ""]]])
+def test_a_damaged_result_of_a_spec_causes_no_traceback(project: Path, damage: object) -> None:
+    expected = run(project, "lint", "door.yaml", "--no-cache")
+    run(project, "lint", "door.yaml")
+    file = project / FOLDER / "specs.json"
+    stored_record = read_stored(file)
+    (result,) = stored_record["results"].values()
+    result["answers"] = result["answers"][:2]
+
+    for steps in paths_in(stored_record["results"]):
+        damaged = json.loads(json.dumps(stored_record))
+        holder = damaged["results"]
+        for step in steps[:-1]:
+            holder = holder[step]
+        if isinstance(damage, str) and isinstance(holder[steps[-1]], str):
+            continue  # if a text replaces a text, the result is another valid result
+        holder[steps[-1]] = damage
+        store_signed(project, file, damaged)
+        code, _, output = run(project, "lint", ".")
+        assert code in (0, 1), output
+        assert "Traceback" not in output
+    file.unlink()
+    assert run(project, "lint", ".") == expected
+
+
 def test_a_stored_run_without_a_signature_is_ignored(project: Path) -> None:
     run(project, "lint", "door.yaml")
-    (kept,) = (project / FOLDER).glob("*.json")
+    (kept,) = (project / FOLDER).glob("run-*.json")
     kept.write_bytes(kept.read_bytes().partition(b"\n")[2])
 
     assert "yaml" in imported(project, "lint", "door.yaml")
@@ -364,7 +457,7 @@ def test_without_a_secret_outside_of_the_project_nothing_is_stored(
 
 def test_a_pipe_instead_of_a_stored_run_does_not_block(project: Path) -> None:
     expected = run(project, "lint", "door.yaml")
-    (kept,) = (project / FOLDER).glob("*.json")
+    (kept,) = (project / FOLDER).glob("run-*.json")
     kept.unlink()
     os.mkfifo(kept)
 
@@ -373,7 +466,7 @@ def test_a_pipe_instead_of_a_stored_run_does_not_block(project: Path) -> None:
 
 def test_runs_of_an_older_version_of_codra_are_not_used(project: Path) -> None:
     run(project, "lint", "door.yaml")
-    (kept,) = (project / FOLDER).glob("*.json")
+    (kept,) = (project / FOLDER).glob("run-*.json")
     older = read_stored(kept) | {"made_with": "an older version"}
     store_signed(project, kept, older, "lint", "door.yaml")
 
@@ -389,8 +482,9 @@ def test_a_damaged_stored_run_causes_no_traceback(project: Path, damage: object)
     )
     expected = run(project, "lint", "door.yaml", "--no-cache")
     run(project, "lint", "door.yaml")
-    (file,) = (project / FOLDER).glob("*.json")
+    (file,) = (project / FOLDER).glob("run-*.json")
     stored_record = read_stored(file)
+    stored_record["run"]["answers"] = stored_record["run"]["answers"][:1]
 
     for steps in paths_in(stored_record["run"]):
         damaged = json.loads(json.dumps(stored_record))

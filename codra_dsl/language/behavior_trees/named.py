@@ -15,6 +15,7 @@ from codra_dsl.language.behavior_trees.reader import read
 from codra_dsl.language.behavior_trees.rules import TreeFindings
 from codra_dsl.language.behavior_trees.values import CheckedForest
 from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.file_queries import is_file, leads_into
 from codra_dsl.language.model import Spec
 
 ReadResult = tuple[CheckedForest | None, tuple[Diagnostic, ...]]
@@ -40,8 +41,8 @@ def read_trees(spec: Spec, root: Path) -> Mapping[str, ReadResult]:
     for tree in spec.trees:
         spec_file = root / tree.file.place.span.file
         path = Path(os.path.normpath(spec_file.parent / tree.file.name)) if tree.file.name else root
-        is_inside_project = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root))
-        if not tree.file.name or not is_inside_project or not os.path.isfile(path):  # noqa: PTH113 - it never raises
+        is_inside_project = leads_into(path, root)
+        if not tree.file.name or not is_inside_project or not is_file(path):
             findings = TreeFindings()
             message = (
                 f"there is no file '{tree.file.name}'"

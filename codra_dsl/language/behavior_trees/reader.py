@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from codra_dsl.language.behavior_trees.values import (
     TreeNode,
 )
 from codra_dsl.language.diagnostics import Diagnostic, Place
+from codra_dsl.language.file_queries import is_file, leads_into, real_path
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.source import Source, decode
 from codra_dsl.language.load.yaml.source import read as read_source
@@ -47,13 +47,13 @@ def read(path: Path, root: Path) -> tuple[Forest | None, tuple[Diagnostic, ...]]
     pending: list[tuple[Path, Place | None]] = [(path, None)]
     while pending:
         current_path, include_place = pending.pop(0)
-        real_path = Path(os.path.realpath(current_path))
-        if real_path in files:
+        followed_path = real_path(current_path)
+        if followed_path in files:
             continue
         if len(files) == MAX_FILES and include_place is not None:
             findings.add("tree-include", f"more than {MAX_FILES} files", include_place, help="include fewer")
             break
-        files[real_path] = file = _read_file(current_path, root, findings)
+        files[followed_path] = file = _read_file(current_path, root, findings)
         pending += [] if file is None else _included_files(file, current_path, root, findings)
     readable_files = [file for file in files.values() if file is not None]
     return (Forest(files=tuple(readable_files)) if len(readable_files) == len(files) else None), findings.all()
@@ -69,7 +69,7 @@ def read_text(data: bytes, file: str) -> tuple[TreeFile | None, tuple[Diagnostic
 
 def _read_file(path: Path, root: Path, findings: TreeFindings) -> TreeFile | None:
     source_findings = Findings()
-    source = read_source(path, relative_path(path, root), root, source_findings)
+    source = read_source(path, relative_path(path, root), root, source_findings, texts=None)
     findings.extend(source_findings.all())
     return None if source is None else _read_source(source, findings)
 
@@ -80,7 +80,7 @@ def _included_files(
     """Yield the files that a file includes, if they are in the project."""
     for include in file.includes:
         included_path = path.parent / include.path
-        is_inside_project = Path(os.path.realpath(included_path)).is_relative_to(os.path.realpath(root))
+        is_inside_project = leads_into(included_path, root)
         if Path(include.path).is_absolute() or not is_inside_project:
             findings.add(
                 "tree-include",
@@ -88,7 +88,7 @@ def _included_files(
                 include.place,
                 help="include files of the project, by a path relative to this file",
             )
-        elif not os.path.isfile(included_path):  # noqa: PTH113 - it never raises
+        elif not is_file(included_path):
             findings.add("tree-include", f"there is no file '{include.path}'", include.place, help="correct the path")
         else:
             yield included_path, include.place

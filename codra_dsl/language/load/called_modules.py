@@ -7,14 +7,14 @@ from elsewhere, a module with `__getattr__` or a star import, a function with a 
 from __future__ import annotations
 
 import ast
-import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from codra_dsl.regular_files import leads_into, read_regular_file, real_path
+from codra_dsl.language.diagnostics import max_slips
+from codra_dsl.language.file_queries import folder_names, is_folder, leads_into, read_file, real_path
 
 MAX_MODULE_BYTES = 512 * 1024
 MAX_TOTAL_BYTES = 2 * 1024 * 1024
@@ -23,6 +23,9 @@ _MAX_FOLDER_ENTRIES = 2000
 _MAX_FUNCTIONS = 100
 _MAX_SUBFOLDERS = 50
 _FOLDERS = ("", "src")
+_ENTRY = r"__init__\.py"
+_MODULE = r".*\.py"
+_VISIBLE = r"(?!\.|__pycache__$).*"
 _OPAQUE_SUFFIXES = (".so", ".pyd", ".pyc", ".pyx", ".zip")
 _BINDING_FUNCTIONS = frozenset({"globals", "locals", "vars", "exec", "eval", "setattr"})
 
@@ -87,7 +90,7 @@ class ProjectModules:
         self.consulted_files: dict[str, None] = {}
         self._root = real_path(root)
         self._modules: dict[str, Module | MissingModule | None] = {}
-        self._folder_entries: dict[Path, frozenset[str] | None] = {}
+        self._folder_entries: dict[tuple[Path, str], frozenset[str] | None] = {}
         self._bytes_left = MAX_TOTAL_BYTES
 
     def find(self, name: str) -> Module | MissingModule | None:
@@ -98,13 +101,20 @@ class ProjectModules:
             self._modules[name] = self._find(name.split("."))
         return self._modules[name]
 
-    def module_names(self, folder: Path) -> tuple[str, ...]:
-        """Return the names of the packages and modules in a folder, sorted."""
-        entry_names = self._list_folder(folder) or frozenset()
+    def module_names(self, folder: Path, misspelt_name: str) -> tuple[str, ...]:
+        """Return the names of those packages and modules in a folder that a misspelt name may mean, sorted.
+
+        These are the names of similar length, and the names with which the misspelt name begins.
+        """
+        limit = max_slips(misspelt_name)
+        lengths = f"{max(1, len(misspelt_name) - limit)},{len(misspelt_name) + limit}"
+        beginnings = "|".join(misspelt_name[:end] for end in range(1, len(misspelt_name)))
+        pattern = rf"(?:.{{{lengths}}}|{beginnings})(?:\.py)?"
+        entry_names = self._list_folder(folder, pattern) or frozenset()
         names = {
             entry.removesuffix(".py") for entry in entry_names if entry.endswith(".py") and not entry.startswith("_")
         }
-        names.update(entry for entry in entry_names if entry.isidentifier() and (folder / entry).is_dir())
+        names.update(entry for entry in entry_names if entry.isidentifier() and is_folder(folder / entry))
         return tuple(sorted(names))
 
     def _find(self, name_parts: Sequence[str]) -> Module | MissingModule | None:
@@ -117,7 +127,7 @@ class ProjectModules:
 
     def _follow(self, folder: Path, name_parts: Sequence[str]) -> Module | MissingModule | None:
         for index, name_part in enumerate(name_parts):
-            entry_names = self._list_folder(folder)
+            entry_names = self._list_folder(folder, _module_pattern(name_part))
             if entry_names is None or any(
                 name.startswith(f"{name_part}.") and name.endswith(_OPAQUE_SUFFIXES) for name in entry_names
             ):
@@ -128,7 +138,7 @@ class ProjectModules:
             if name_part not in entry_names:
                 return None if self._may_extend_path(folder, index) else MissingModule(index, folder)
             folder /= name_part
-        entry_names = self._list_folder(folder)
+        entry_names = self._list_folder(folder, _ENTRY)
         return self._read(folder / "__init__.py") if entry_names and "__init__.py" in entry_names else None
 
     def _contains_module(self, folder: Path, name: str) -> bool:
@@ -136,36 +146,37 @@ class ProjectModules:
 
         A package must have Python files in its folder or one level below.
         """
-        entry_names = self._list_folder(folder) or frozenset()
+        entry_names = self._list_folder(folder, _module_pattern(name)) or frozenset()
         if f"{name}.py" in entry_names:
             return True
         package = folder / name
-        package_entries = sorted((self._list_folder(package) or ()) if name in entry_names else ())
-        subfolders = (package / entry for entry in package_entries[:_MAX_SUBFOLDERS] if (package / entry).is_dir())
+        package_entries = sorted((self._list_folder(package, _VISIBLE) or ()) if name in entry_names else ())
+        subfolders = (package / entry for entry in package_entries[:_MAX_SUBFOLDERS] if is_folder(package / entry))
         return _has_python(package_entries) or any(
-            _has_python(self._list_folder(subfolder) or ()) for subfolder in subfolders
+            _has_python(self._list_folder(subfolder, _MODULE) or ()) for subfolder in subfolders
         )
 
-    def _list_folder(self, folder: Path) -> frozenset[str] | None:
-        """Return the names in a folder of the project; None if the folder is missing or has too many entries."""
-        if folder not in self._folder_entries:
-            self._folder_entries[folder] = self._scan_folder(folder)
-        return self._folder_entries[folder]
+    def _list_folder(self, folder: Path, pattern: str) -> frozenset[str] | None:
+        """Return the names in a folder of the project that match a pattern.
 
-    def _scan_folder(self, folder: Path) -> frozenset[str] | None:
+        Return None if the folder is missing or has too many entries.
+        """
+        if (folder, pattern) not in self._folder_entries:
+            self._folder_entries[folder, pattern] = self._scan_folder(folder, pattern)
+        return self._folder_entries[folder, pattern]
+
+    def _scan_folder(self, folder: Path, pattern: str) -> frozenset[str] | None:
         try:
             if not leads_into(folder, self._root):
                 return None
-            with os.scandir(folder) as entries:
-                names = frozenset(entry.name for _, entry in zip(range(_MAX_FOLDER_ENTRIES + 1), entries, strict=False))
+            return folder_names(folder, _MAX_FOLDER_ENTRIES, pattern)
         except (OSError, RuntimeError, ValueError):
             return None
-        return names if len(names) <= _MAX_FOLDER_ENTRIES else None
 
     def _may_extend_path(self, folder: Path, depth: int) -> bool:
         """Return whether a package may change its `__path__`."""
         path = folder / "__init__.py"
-        data = self._read_bytes(path) if depth and "__init__.py" in (self._list_folder(folder) or ()) else b""
+        data = self._read_bytes(path) if depth and "__init__.py" in (self._list_folder(folder, _ENTRY) or ()) else b""
         if depth:
             self.consulted_files[path.relative_to(self._root).as_posix()] = None
         return data is None or b"__path__" in data
@@ -180,11 +191,16 @@ class ProjectModules:
         Return None for any other file, and for a file that is unreadable or too large.
         """
         try:
-            data = read_regular_file(path, min(self._bytes_left, MAX_MODULE_BYTES), within=self._root)
+            data = read_file(path, min(self._bytes_left, MAX_MODULE_BYTES), within=self._root)
         except OSError:
             return None
         self._bytes_left -= len(data)
         return data
+
+
+def _module_pattern(name: str) -> str:
+    """Return the pattern of the files and the folder that can define a module or a package."""
+    return rf"{name}(?:\..*)?"
 
 
 def _has_python(names: Iterable[str]) -> bool:

@@ -141,7 +141,7 @@ class _Checker:
             name_parts[: missing.part_index],
             name_parts[missing.part_index + 1 :],
         )
-        sibling_modules = self.modules.module_names(missing.folder)
+        sibling_modules = self.modules.module_names(missing.folder, unknown_part)
         nearest_name = self._findings.nearest(unknown_part, sibling_modules)
         split_parts = [
             [prefix, unknown_part[len(prefix) :]]

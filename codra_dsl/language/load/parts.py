@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from codra_dsl.language.diagnostics import Place, Related
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.file_queries import folder_names, is_file, real_path
 from codra_dsl.language.load.schema.document import Document, read_document
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, MAX_BYTES, read
-from codra_dsl.regular_files import real_path
 
 MAX_PARTS = 1000
 MAX_INCLUDE_DEPTH = 16
 _MAX_LISTED = 2000
+_PART_NAME = r".*\.ya?ml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,9 +116,9 @@ class Parts:
             return None
         try:
             path = real_path(open_file.path.parent / text)
-            is_inside, is_file = path.is_relative_to(self._root), path.is_file()
+            is_inside, is_readable = path.is_relative_to(self._root), is_file(path)
         except (OSError, RuntimeError, ValueError):
-            is_inside, is_file, path = True, False, open_file.path
+            is_inside, is_readable, path = True, False, open_file.path
         if not is_inside:
             folder_definition = (
                 "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
@@ -127,11 +127,11 @@ class Parts:
                 f"parts must be in the project's folder {shown(self._root.name)} or below (it is {folder_definition})"
             )
             self._refuse("part-outside-project", f"{shown(text)} is outside of the project", place, help_text)
-        elif not is_file:
+        elif not is_readable:
             self._refuse(
                 "part-not-found", f"there is no file {shown(text)}", place, self._suggestion_help(open_file.path, text)
             )
-        return path if is_inside and is_file else None
+        return path if is_inside and is_readable else None
 
     def _is_first(self, path: Path, node: ScalarNode, open_file: _IncludingFile, place: Place) -> bool:
         first = self._first_places.get(path)
@@ -152,13 +152,10 @@ class Parts:
     def _suggestion_help(self, including_file: Path, text: str) -> str:
         folder = (including_file.parent / text).parent
         try:
-            with os.scandir(folder) as entries:
-                names = sorted(entry.name for _, entry in zip(range(_MAX_LISTED), entries, strict=False))
+            names = sorted(folder_names(folder, _MAX_LISTED, _PART_NAME))
         except (OSError, ValueError):
             return "paths are relative to this file"
-        suggestion = self._findings.nearest(
-            Path(text).name, (name for name in names if name.endswith((".yaml", ".yml")))
-        )
+        suggestion = self._findings.nearest(Path(text).name, names)
         return (
             f"did you mean '{PurePosixPath(text).with_name(suggestion)}'?"
             if suggestion

@@ -10,6 +10,7 @@ from pathlib import Path
 from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.file_queries import real_path
 from codra_dsl.language.load.calls import DeclaredNames, check_calls
 from codra_dsl.language.load.elements.elements import Elements
 from codra_dsl.language.load.instantiation import Uses
@@ -24,7 +25,6 @@ from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.reader import entries
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, accept, decode, read
 from codra_dsl.language.model import AnyName, Spec
-from codra_dsl.regular_files import real_path
 
 STANDARD_INPUT = "-"
 

@@ -1,55 +1,41 @@
-"""Digests of the inputs that determine the result of a run. The modification times of files are never used."""
+"""The inputs that determine the result of a run. The modification times of files are never used."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
+from os import walk
 from pathlib import Path
 
-from codra_dsl.language.project import SETTINGS, yaml_files
-from codra_dsl.regular_files import read_regular_file
-
-MAX_BYTES = 64 * 1024 * 1024
-"""The maximum size of a file in bytes; a run that reads a larger file is not stored."""
+from codra_dsl.language.file_queries import MAX_SPEC_BYTES, Answers, read_file, real_path, recorded_queries
+from codra_dsl.language.project import SETTINGS, relative_path, yaml_files
 
 _LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "networkx", "jinja2")
 _EXCLUDED_FOLDERS = frozenset({"__pycache__", "cli", "integrations", "runtime"})
-_ABSENT_DIGEST = "absent"
 
 
-def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
-    """Return a mapping from each file at or below some paths to the digest of the file.
+def answers_about(root: Path, paths: Sequence[Path]) -> Answers | None:
+    """Return the answers to queries about the settings of a project, and about each file at or below some paths.
 
-    The keys are paths relative to the root. All YAML files below a folder are included, whether or not they are specs.
-    The settings of the project are always included. A missing file has the digest `absent`. Return None if a file is
-    too large, is not a regular file or cannot be read.
+    All YAML files below a folder are included, whether or not they are specs. Return None if a file cannot be read,
+    unless it is missing: such a run is not stored.
     """
     requested_files = [file for path in paths for file in (yaml_files(path) if path.is_dir() else (path,))]
-    digests: dict[str, str] = {}
-    for file in (*requested_files, root / SETTINGS):
-        name = os.path.relpath(file, root)
-        if name not in digests:
-            digest = _digest(file, root)
-            if digest is None:
-                return None
-            digests[name] = digest
-    return digests
-
-
-def _digest(file: Path, root: Path) -> str | None:
-    """Return a digest of a file's bytes and real path, `absent` for a missing file, or None for an unsuitable one."""
-    try:
-        data = read_regular_file(file, MAX_BYTES)
-    except FileNotFoundError:
-        return _ABSENT_DIGEST
-    except OSError:
-        return None
-    real_path = os.path.relpath(os.path.realpath(file), os.path.realpath(root))
-    return hashlib.sha256(os.fsencode(real_path) + b"\0" + data).hexdigest()
+    with recorded_queries() as answers:
+        try:
+            for file in requested_files:
+                real_path(file)
+                with suppress(FileNotFoundError):
+                    read_file(file, MAX_SPEC_BYTES, root, relative_path(file, root))
+            with suppress(FileNotFoundError):
+                read_file(root / SETTINGS, MAX_SPEC_BYTES, Path(root.anchor))  # it may be a link to any place
+        except OSError:
+            return None
+    return answers
 
 
 @cache
@@ -57,7 +43,7 @@ def compiler_digest() -> str:
     """Return a digest of everything that turns inputs into results: the compiler's files, its libraries, and Python."""
     package = Path(__file__).parents[2]
     digest = hashlib.sha256(sys.version.encode())
-    for folder, subfolders, files in os.walk(package):
+    for folder, subfolders, files in walk(package):
         subfolders[:] = sorted(name for name in subfolders if name not in _EXCLUDED_FOLDERS)
         for name in sorted(files):
             file = Path(folder, name)

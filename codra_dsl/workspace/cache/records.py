@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from codra_dsl.language.diagnostics import Applicability, Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
+from codra_dsl.language.file_queries import Answers, is_query
 
 
 def record_of(diagnostic: Diagnostic) -> dict[str, object]:
@@ -12,10 +13,10 @@ def record_of(diagnostic: Diagnostic) -> dict[str, object]:
     return {
         "rule": [diagnostic.rule.code, diagnostic.rule.name, diagnostic.rule.severity],
         "message": diagnostic.message,
-        "place": _place_record(diagnostic.place),
+        "place": place_record(diagnostic.place),
         "path": diagnostic.path,
         "help": diagnostic.help,
-        "related": [[related.message, _place_record(related.place)] for related in diagnostic.related],
+        "related": [[related.message, place_record(related.place)] for related in diagnostic.related],
         "fix": None if diagnostic.fix is None else _fix_record(diagnostic.fix),
         "level": diagnostic.level,
         "each_use": [record_of(use) for use in diagnostic.use_findings],
@@ -33,10 +34,10 @@ def finding_from(record: Any) -> Diagnostic:
     return Diagnostic(
         rule=Rule(code=code, name=name, severity=Severity(severity)),
         message=text_from(record["message"]),
-        place=_place_from(record["place"]),
+        place=place_from(record["place"]),
         path=text_from(record["path"]),
         help=text_from(record["help"]),
-        related=tuple(Related(text_from(message), _place_from(place)) for message, place in record["related"]),
+        related=tuple(Related(text_from(message), place_from(place)) for message, place in record["related"]),
         fix=None if record["fix"] is None else _fix_from(record["fix"]),
         level=None if level is None else Severity(text_from(level)),
         use_findings=tuple(map(finding_from, record["each_use"])),
@@ -57,11 +58,34 @@ def texts_from(values: object) -> tuple[str, ...]:
     return tuple(map(text_from, values))
 
 
-def _place_record(place: Place) -> list[object]:
+def record_of_answers(answers: Answers) -> list[list[str | int]]:
+    """Return queries with their answers as plain data."""
+    return [[*query, answer] for query, answer in answers.items()]
+
+
+def answers_from(record: Any) -> Answers:
+    """Return queries with their answers from plain data.
+
+    Raises:
+        TypeError, ValueError: if the data does not describe queries with answers.
+    """
+    answers = {tuple(query): text_from(answer) for *query, answer in record}
+    if not all(map(is_query, answers)):
+        raise TypeError
+    return answers
+
+
+def place_record(place: Place) -> list[object]:
+    """Return a place as plain data."""
     return [_span_record(place.span), None if place.use is None else _span_record(place.use)]
 
 
-def _place_from(record: Any) -> Place:
+def place_from(record: Any) -> Place:
+    """Return a place from plain data.
+
+    Raises:
+        TypeError, ValueError: if the data does not describe a place.
+    """
     span, use = record
     return Place(_span_from(span), None if use is None else _span_from(use))
 

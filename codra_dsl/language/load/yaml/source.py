@@ -11,10 +11,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 from codra_dsl.language.diagnostics import Place, Span
+from codra_dsl.language.file_queries import MAX_SPEC_BYTES, read_file
 from codra_dsl.language.load.yaml.findings import Findings
-from codra_dsl.regular_files import OutsideError, TooLargeError, UnsuitableFileError, read_regular_file
+from codra_dsl.regular_files import OutsideError, TooLargeError, UnsuitableFileError
 
-MAX_BYTES = 32 * 1024 * 1024
+MAX_BYTES = MAX_SPEC_BYTES
 """The maximum size of a file."""
 
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
@@ -68,7 +69,7 @@ AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
 
 
 def read(
-    path: Path, file: str, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK
+    path: Path, file: str, root: Path, findings: Findings, texts: Mapping[str, bytes] | None = AS_ON_DISK
 ) -> Source | None:
     """Return the text of a file, or None after a finding if it cannot be read as text.
 
@@ -77,12 +78,10 @@ def read(
         file: the path relative to the root, as findings show it.
         root: the folder of the project. A link that leads out of it is not followed.
         findings: where findings are added.
-        texts: the contents of files that are not read from disk.
+        texts: the contents of files that are not read from disk; None if the file is always read from disk.
     """
-    if file in texts:
-        return decode(texts[file], file, findings)
     try:
-        data = read_regular_file(path, MAX_BYTES, within=root)
+        data = read_file(path, MAX_BYTES, root, "" if texts is None else file, texts)
     except TooLargeError:
         _report_too_large(file, findings)
     except OutsideError:
