@@ -12,9 +12,9 @@ from codra_dsl.language.check.index.mentions import (
     Mention,
     mentions_in_preconditions,
     mentions_of,
-    references,
     resource_mentions,
     source_mentions,
+    undeclared_references,
     unknown_mentions,
     used_variables,
 )
@@ -40,7 +40,9 @@ _WORD = re.compile(r"\w+")
 def unknown_variables(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every context-variable that something refers to is declared. All mentions of a name are in one finding."""
     groups = list(
-        unknown_mentions(spec_index, "context", chain(references(spec_index), mentions_in_preconditions(spec_index)))
+        unknown_mentions(
+            spec_index, "context", chain(undeclared_references(spec_index), mentions_in_preconditions(spec_index))
+        )
     )
     if not groups:
         return
@@ -72,7 +74,8 @@ def unknown_variables(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diag
 
 def unknown_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every resource that an algorithm uses is declared."""
-    groups = list(unknown_mentions(spec_index, "resources", resource_mentions(spec_index)))
+    unknown_resource_mentions = resource_mentions(spec_index, declared=spec_index.resources)
+    groups = list(unknown_mentions(spec_index, "resources", unknown_resource_mentions))
     if groups:
         used_names = (mention.name for mention in resource_mentions(spec_index))
         for first, *others in (
