@@ -133,6 +133,17 @@ def test_a_part_that_is_too_large_alone_is_reported_as_such(tmp_path: Path) -> N
     assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["file-too-large", "wrong-type"]
 
 
+def test_a_file_beyond_the_limit_is_a_spec_if_it_has_a_version_wherever_its_name_is(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{PART}\nname: kitchen\n", table="rows: []\n", small=SPEC)
+    for name in ("kitchen", "table"):
+        with (tmp_path / f"{name}.yaml").open("ab") as file:
+            file.truncate(MAX_BYTES + 1)
+    files = find_files([tmp_path], tmp_path)
+
+    assert [path.stem for path in files.specs] == ["kitchen", "small"]
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["file-too-large"]
+
+
 def test_parts_given_as_text_count_with_the_size_of_the_text(tmp_path: Path) -> None:
     write(tmp_path, kitchen=f"{SPEC}include: [a.yaml, b.yaml]\n", a=PART, b="")
     sparse(tmp_path / "b.yaml", MAX_BYTES - 10)
