@@ -15,7 +15,6 @@ from codra_dsl.collector import paused_collector
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import taken_class_name
-from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.output import RULES, digests
 from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
@@ -252,6 +251,8 @@ def _plan(checked_specs: Iterable[_SpecAfterCheck], timings: Timings) -> Iterato
 
 def _emit(plans: Iterable[BuildPlan], timings: Timings) -> Mapping[str, str]:
     """Return the generated files of all plans, and the `__init__.py` of the package that contains them."""
+    from codra_dsl.generation.emit import emit, package_text  # noqa: PLC0415  slow, and `codra lint` never needs it
+
     with timings.stage("emit"):
         files = {"__init__.py": package_text()}
         for build_plan in plans:

@@ -73,6 +73,8 @@ def variables_without_observer_source(spec_index: SpecIndex, faults: FaultyEleme
 def same_ranks(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Alternatives have different ranks, which define the order in which they are tried."""
     for group in spec_index.groups:
+        if len(group.algorithms) == 1:  # the most frequent case
+            continue
         for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
             tied_algorithms = sorted(
                 (algorithm for algorithm in group.algorithms if algorithm.rank == rank),

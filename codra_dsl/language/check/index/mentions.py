@@ -116,7 +116,8 @@ def mentions_in_preconditions(spec_index: SpecIndex) -> Iterator[Mention]:
             names = [
                 name for name in site.names if not spec_index.declares("context", name.name) and is_name(name.name)
             ]
-            yield from mentions_of(site, names)
+            if names:
+                yield from mentions_of(site, names)
 
 
 def mentions_of(site: Site, names: Iterable[Name]) -> Iterator[Mention]:
