@@ -13,7 +13,6 @@ from codra_dsl.language.behavior_trees.named import ReadResult
 from codra_dsl.language.check.conditions.conditions import (
     KNOWLEDGE_ROLES,
     LOOP_ROLES,
-    RESULT_ROLES,
     Judgement,
     Role,
     Site,
@@ -267,7 +266,7 @@ class SpecIndex:
         """For each algorithm, the names in all conditions over its returned values."""
         names_by_algorithm: dict[str, set[str]] = {name: set() for name in self.algorithms}
         for site in self.sites:
-            if site.role in RESULT_ROLES:
+            if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES):
                 names_by_algorithm[site.owner[1]].update(name.name for name in site.names)
         return {name: frozenset(names) for name, names in names_by_algorithm.items()}
 
