@@ -1,13 +1,15 @@
-"""Specs of any size, flat and templated: chains of ten observers with two preconditions each.
+"""Specs of any size, flat, templated and expanded: chains of ten observers with two preconditions each.
 
-The same number of variables always gives the same bytes. Both forms have eight lines per variable, and observers for
-five in six variables. `flat` writes every declaration. In `templated` each chain is a use of one template, with
-arguments for its own values.
+The same number of variables always gives the same bytes. `flat` and `templated` have eight lines per variable, and
+observers for five in six variables. `flat` writes every declaration. In `templated` each chain is a use of one
+template, with arguments for its own values. `expanded` writes out these uses: it has the same meaning as `templated`,
+without a template, in eleven lines per variable.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -43,6 +45,11 @@ def templated(variables: int) -> Mapping[str, str]:
     """Return the files of a spec whose chains are uses of a template: the spec, the template, and parts with uses."""
     files = _files("templated", variables, _part_with_uses, "parts/bay.yaml")
     return {**files, "parts/bay.yaml": _text([_HEAD, *_template()])}
+
+
+def expanded(variables: int) -> Mapping[str, str]:
+    """Return the files of the spec of `templated`, with the declarations that the uses of the template stand for."""
+    return _files("templated", variables, _expanded_part)
 
 
 def write(files: Mapping[str, str], folder: Path) -> None:
@@ -108,10 +115,7 @@ def _flat_part(chains: range) -> Iterator[str]:
             yield f"    identifies: {{{bay}_door_{number}_open: angle > 0.{number + 1} rad}}"
     yield "skills:"
     for bay in _bays(chains):
-        yield f"  pass_{bay}:"
-        yield f"    preview: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open]"
-        yield f"    monitor: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open, {bay}_door_{OBSERVERS_PER_CHAIN - 2}_open]"
-        yield f"    changes: [{bay}_is_near]"
+        yield from _skills(bay)
 
 
 _DOOR_PARAMETERS = {
@@ -134,8 +138,8 @@ def _part_with_uses(chains: range) -> Iterator[str]:
         yield f"  {bay}:"
         yield "    template: bay"
         for number in range(OBSERVERS_PER_CHAIN):
-            for name, (_, argument) in _DOOR_PARAMETERS.items():
-                yield f"    {name}_{number}: {argument.format(number=number, later=number + 1, bay=bay)}"
+            for name in _DOOR_PARAMETERS:
+                yield f"    {name}_{number}: {_argument(bay, name, number)}"
 
 
 def _template() -> Iterator[str]:
@@ -144,28 +148,60 @@ def _template() -> Iterator[str]:
     yield "    parameters:"
     for number in range(OBSERVERS_PER_CHAIN):
         yield from (f"      {name}_{number}: {type_}" for name, (type_, _) in _DOOR_PARAMETERS.items())
-    bay = "$(instance)"
-    yield "    context:"
-    yield f"      {bay}_is_lit: {{type: bool, source: main_execution, valid_for: 1 min}}"
-    yield f"      {bay}_is_near: {{type: bool, source: main_execution, valid_for: 20 s}}"
+    for section, declarations in _SECTIONS.items():
+        yield f"    {section}:"
+        yield from (f"    {line}" for line in declarations("$(instance)", lambda name, number: f"$({name}_{number})"))
+
+
+def _expanded_part(chains: range) -> Iterator[str]:
+    for section, declarations in _SECTIONS.items():
+        yield f"{section}:"
+        for bay in _bays(chains):
+            yield from declarations(bay, partial(_argument, bay))
+
+
+def _argument(bay: str, name: str, number: int) -> str:
+    """Return the argument that the use of a bay gives to a parameter."""
+    return _DOOR_PARAMETERS[name][1].format(number=number, later=number + 1, bay=bay)
+
+
+def _context(bay: str, value: _Value) -> Iterator[str]:
+    yield f"  {bay}_is_lit: {{type: bool, source: main_execution, valid_for: 1 min}}"
+    yield f"  {bay}_is_near: {{type: bool, source: main_execution, valid_for: 20 s}}"
     for number in range(OBSERVERS_PER_CHAIN):
-        yield f"      {bay}_door_{number}_open: {{type: bool, valid_for: $(valid_{number}), label: $(title_{number})}}"
-    yield "    perception:"
+        valid_for, label = value("valid", number), value("title", number)
+        yield f"  {bay}_door_{number}_open: {{type: bool, valid_for: {valid_for}, label: {label}}}"
+
+
+def _perception(bay: str, value: _Value) -> Iterator[str]:
     for number in range(OBSERVERS_PER_CHAIN):
-        arguments = ", ".join(f"{name}: $({name}_{number})" for name in ("hinge", "width", "lit"))
-        yield f"      find_{bay}_door_{number}:"
-        yield "        call: robot.perception:find_door"
-        yield f"        with: {{{arguments}}}"
-        yield "        uses: {camera: read, vision: slot}"
-        yield f"        timeout: $(timeout_{number})"
-        yield f"        min_interval: $(interval_{number})"
-        yield f"        returns: {_TYPES}"
-        yield "        observable_when:"
-        yield from (f"          - {name}" for name in _preconditions(bay, number))
-        yield f"        accept_when: [markers >= $(least_{number})]"
-        yield f"        identifies: {{{bay}_door_{number}_open: angle > $(angle_{number})}}"
-    yield "    skills:"
-    yield f"      pass_{bay}:"
-    yield f"        preview: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open]"
-    yield f"        monitor: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open, {bay}_door_{OBSERVERS_PER_CHAIN - 2}_open]"
-    yield f"        changes: [{bay}_is_near]"
+        arguments = ", ".join(f"{name}: {value(name, number)}" for name in ("hinge", "width", "lit"))
+        yield f"  find_{bay}_door_{number}:"
+        yield "    call: robot.perception:find_door"
+        yield f"    with: {{{arguments}}}"
+        yield "    uses: {camera: read, vision: slot}"
+        yield f"    timeout: {value('timeout', number)}"
+        yield f"    min_interval: {value('interval', number)}"
+        yield f"    returns: {_TYPES}"
+        yield "    observable_when:"
+        yield from (f"      - {name}" for name in _preconditions(bay, number))
+        yield f"    accept_when: [markers >= {value('least', number)}]"
+        yield f"    identifies: {{{bay}_door_{number}_open: angle > {value('angle', number)}}}"
+
+
+def _skills(bay: str, _: _Value | None = None) -> Iterator[str]:
+    yield f"  pass_{bay}:"
+    yield f"    preview: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open]"
+    yield f"    monitor: [{bay}_door_{OBSERVERS_PER_CHAIN - 1}_open, {bay}_door_{OBSERVERS_PER_CHAIN - 2}_open]"
+    yield f"    changes: [{bay}_is_near]"
+
+
+_Value = Callable[[str, int], str]
+"""Returns the text for a parameter, given its name and the number of its door."""
+
+_SECTIONS: Mapping[str, Callable[[str, _Value], Iterator[str]]] = {
+    "context": _context,
+    "perception": _perception,
+    "skills": _skills,
+}
+"""For each section, the function that returns the declarations of a bay."""

@@ -16,7 +16,6 @@ from codra_dsl.collector import paused_collector
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.names import taken_class_name
-from codra_dsl.generation.emit import emit, package_text
 from codra_dsl.generation.output import RULES, digests, holds
 from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
@@ -306,6 +305,8 @@ def _emit(
 
     The files include the `__init__.py` of the package that contains the packages of the specs.
     """
+    from codra_dsl.generation.emit import emit, package_text  # noqa: PLC0415  slow, and `codra lint` never needs it
+
     with timings.stage("emit"):
         files = {"__init__.py": package_text()}
         output_digests = dict(digests(files))

@@ -10,7 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.compiler import plan_paths
+from codra_dsl.compiler import Planned, plan_paths
+from codra_dsl.generation.build_plan import verify
+from codra_dsl.generation.emit import emit
+from codra_dsl.generation.emit.self_check import prove
 from codra_dsl.tooling.report.findings import render_full
 
 CASES = Path(__file__).parent / "cases"
@@ -22,16 +25,25 @@ def cases(folder: str) -> list[Path]:
     return sorted(paths)
 
 
+def planned(case: Path) -> Planned:
+    path, root = (case / "spec.yaml", case) if case.is_dir() else (case, case.parent)
+    return plan_paths([path], root)
+
+
 def all_findings(case: Path) -> str:
     """Return the findings about a case in the form for people, as `codra lint` prints them."""
-    path, root = (case / "spec.yaml", case) if case.is_dir() else (case, case.parent)
-    findings = plan_paths([path], root).diagnostics
-    return render_full(findings, lambda file: (root / file).read_text("utf-8", errors="replace"))
+    result = planned(case)
+    return render_full(result.diagnostics, lambda file: (result.root / file).read_text("utf-8", errors="replace"))
 
 
 @pytest.mark.parametrize("case", cases("valid"), ids=lambda case: case.stem)
-def test_a_valid_spec_gives_no_finding(case: Path) -> None:
-    assert all_findings(case) == ""
+def test_a_valid_spec_gives_no_finding_and_its_plan_and_output_are_proven(case: Path) -> None:
+    result = planned(case)
+
+    assert result.diagnostics == ()
+    for plan in result.plans:
+        verify(plan, plan.checked)
+        prove(emit(plan))
 
 
 @pytest.mark.parametrize("case", cases("invalid"), ids=lambda case: case.stem)

@@ -1,5 +1,7 @@
 """The command `codra`."""
 
+import gc
+
 __all__ = ["main"]
 
 
@@ -11,4 +13,5 @@ def main() -> None:
         code = command_line()
     except KeyboardInterrupt:  # also while modules are still being loaded
         code = 130
+    gc.freeze()  # Python collects garbage twice at its end, and would traverse all modules and values for nothing
     raise SystemExit(code)

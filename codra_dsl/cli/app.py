@@ -10,31 +10,44 @@ import os
 import sys
 import traceback
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from codra_dsl.cli.compile import compile_command
 from codra_dsl.cli.console import ExitCode, say
-from codra_dsl.cli.diff import diff_command
-from codra_dsl.cli.explain import explain_command
-from codra_dsl.cli.graph import graph_command
-from codra_dsl.cli.init import init_command
-from codra_dsl.cli.journal import journal_commands
-from codra_dsl.cli.lint import lint_command
-from codra_dsl.cli.plugins import PluginGroup
-from codra_dsl.cli.replay import replay_command
-from codra_dsl.cli.run import RunCommand, run_command
-from codra_dsl.cli.shadow import shadow_command
-from codra_dsl.cli.sweep import sweep_command
-from codra_dsl.cli.why import why_command
+from codra_dsl.cli.plugins import LazyCommands, PluginGroup
 from codra_dsl.isolation.error_text import described
 
 _MAX_SHOWN_NAME = 200
 
+_COMMANDS = {
+    "compile": "codra_dsl.cli.compile:compile_command",
+    "lint": "codra_dsl.cli.lint:lint_command",
+    "explain": "codra_dsl.cli.explain:explain_command",
+    "graph": "codra_dsl.cli.graph:graph_command",
+    "run": "codra_dsl.cli.run:run_commands",
+    "sweep": "codra_dsl.cli.sweep:sweep_command",
+    "diff": "codra_dsl.cli.diff:diff_command",
+    "init": "codra_dsl.cli.init:init_command",
+    "shadow": "codra_dsl.cli.shadow:shadow_command",
+    "why": "codra_dsl.cli.why:why_command",
+    "replay": "codra_dsl.cli.replay:replay_command",
+    "journal": "codra_dsl.cli.journal:journal_commands",
+}
+"""The commands in the order in which the help lists them."""
+
+
+class _Codra(PluginGroup):
+    """All commands. Only the module of the command that runs is imported."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = LazyCommands(_COMMANDS)
+
+
 app = typer.Typer(
     name="codra",
-    cls=PluginGroup,
+    cls=_Codra,
     help="Declare what context a robot's decisions need; compile it to observers; check it.",
     no_args_is_help=True,
     add_completion=True,
@@ -42,18 +55,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("compile")(compile_command)
-app.command("lint")(lint_command)
-app.command("explain")(explain_command)
-app.command("graph")(graph_command)
-app.command("run", cls=RunCommand)(run_command)
-app.command("sweep")(sweep_command)
-app.command("diff")(diff_command)
-app.command("init")(init_command)
-app.command("shadow")(shadow_command)
-app.command("why")(why_command)
-app.command("replay")(replay_command)
-app.add_typer(journal_commands, name="journal")
 
 
 def _print_version(is_requested: bool) -> None:

@@ -148,9 +148,17 @@ def _compile_or_recall(
 
 
 def _compare_output(compilation: Compilation, folder: Path) -> _OutputResult:
-    """Return the difference between the output folder and the compiled files. Write nothing."""
+    """Return the difference between the output folder and the compiled files. Write nothing.
+
+    `--check` is for CI, so it also verifies the work of the compiler itself.
+    """
+    from codra_dsl.generation.build_plan import verify
+    from codra_dsl.generation.emit.self_check import prove
     from codra_dsl.generation.output import drift_finding, freshness
 
+    for build_plan in compilation.planned.plans:
+        verify(build_plan, build_plan.checked)
+    prove(compilation.files)
     comparison = freshness(compilation.files, folder, compilation.covered, compilation.output_digests)
     findings = (*comparison.diagnostics, *map(drift_finding, comparison.drifts))
     return _OutputResult(diagnostics=findings, diff="".join(drift.diff for drift in comparison.drifts))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from codra_dsl.cli.arguments import QuickCommand
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, text_for_log, write_result
 from codra_dsl.regular_files import real_path
 
@@ -57,7 +58,10 @@ WhatOption = Annotated[
 _LINES_PER_WRITE = 1000
 
 journal_commands = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]}
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
@@ -66,7 +70,7 @@ def _journal() -> None:
     """Show the journal of a run, or repair the journal of a run that was killed."""
 
 
-@journal_commands.command("recover")
+@journal_commands.command("recover", cls=QuickCommand)
 def recover_command(file: JournalFile, *, output: OutputOption = None) -> None:
     """Write a complete journal with everything that a damaged journal holds, and report losses. FILE is kept."""
     from codra_dsl.runtime.journal.reader import JournalError
@@ -87,7 +91,7 @@ def recover_command(file: JournalFile, *, output: OutputOption = None) -> None:
     write_result(harmless_text(f"{target}: {_recovery_text(recovery)}\n"))
 
 
-@journal_commands.command("show")
+@journal_commands.command("show", cls=QuickCommand)
 def show_command(
     file: JournalFile, *, kind: KindOption = None, about: AboutOption = None, what: WhatOption = None
 ) -> None:

@@ -6,18 +6,22 @@ function in the group `codra.worlds`. Listing plug-ins does not import them.
 
 from __future__ import annotations
 
+from collections import UserDict
 from collections.abc import Mapping
-from importlib.metadata import EntryPoint, entry_points
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from codra_dsl.cli.arguments import QuickCommand, QuickConversion
 from codra_dsl.cli.console import ExitCode, say
 from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from typer._click import Command, Context, HelpFormatter
 
 COMMANDS_GROUP = "codra.commands"
@@ -32,6 +36,8 @@ def find_plugins(group: str) -> Mapping[str, EntryPoint]:
 
     If several distributions declare the same name, the first of them on the import path is used.
     """
+    from importlib.metadata import entry_points  # slow, and most runs need no plug-in
+
     entry_points_by_name: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
         entry_points_by_name.setdefault(entry_point.name, entry_point)
@@ -53,12 +59,12 @@ def _origin_text(entry_point: EntryPoint) -> str:
     return f" from {entry_point.dist.name}" if entry_point.dist is not None else ""
 
 
-class PluginGroup(TyperGroup):
+class PluginGroup(QuickConversion, TyperGroup):
     """The commands of `codra` itself, and commands of other distributions, which must have other names."""
 
-    def list_commands(self, ctx: Context) -> list[str]:
+    def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002  the signature is typer's
         """Return the names of all commands. The commands of `codra` itself are first."""
-        own_command_names = super().list_commands(ctx)
+        own_command_names = list(self.commands)
         return [*own_command_names, *(name for name in find_plugins(COMMANDS_GROUP) if name not in own_command_names)]
 
     def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
@@ -77,6 +83,15 @@ class PluginGroup(TyperGroup):
         return None if entry_point is None else _PluginCommand(entry_point)
 
 
+class LazyCommands(UserDict[str, Any]):
+    """Commands by name, given by name as `module:object`. A module is imported when its command is looked up."""
+
+    def __getitem__(self, name: str) -> Command:
+        """Return a command."""
+        module_name, _, object_name = self.data[name].partition(":")
+        return command_of(getattr(import_module(module_name), object_name), name)
+
+
 class _PluginCommand(TyperCommand):
     """A command of another distribution. It is imported when its arguments are parsed."""
 
@@ -90,7 +105,7 @@ class _PluginCommand(TyperCommand):
         return command.make_context(info_name, args, parent, **extra)
 
 
-def command_of(plugin: Any, name: str, cls: type[TyperCommand] = TyperCommand) -> Command:
+def command_of(plugin: Any, name: str, cls: type[TyperCommand] = QuickCommand) -> Command:
     """Return the command that a function, or a `typer.Typer`, declares."""
     if isinstance(plugin, typer.Typer):
         return get_command(plugin)

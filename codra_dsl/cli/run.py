@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperCommand
 
+from codra_dsl.cli.arguments import QuickCommand
 from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, pip_install, say
 from codra_dsl.cli.options import ColourOption
 from codra_dsl.cli.plugins import WORLDS_GROUP, command_of, find_plugins, load_plugin
@@ -50,7 +50,7 @@ JournalOption = Annotated[
 _DEFAULT_WORLD = "lab"
 
 
-class RunCommand(TyperCommand):
+class _RunCommand(QuickCommand):
     """The command `run`, with the options of the world that its arguments name."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
@@ -71,6 +71,10 @@ class RunCommand(TyperCommand):
             raise typer.BadParameter(message, ctx=getattr(error, "ctx", None), param_hint=option) from error
 
 
+run_commands = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+@run_commands.command("run", cls=_RunCommand)
 def run_command(
     spec: SpecFile,
     *,

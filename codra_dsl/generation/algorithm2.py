@@ -37,7 +37,6 @@ from dataclasses import dataclass
 from itertools import chain, pairwise
 
 from codra_dsl.generation.build_plan.dependencies import dependencies
-from codra_dsl.generation.build_plan.gate import verify
 from codra_dsl.generation.build_plan.module_assignment import assign_modules
 from codra_dsl.generation.build_plan.names import MODULE_NAMES, class_name, python_name
 from codra_dsl.generation.build_plan.values import Branch, BuildPlan, Tree
@@ -49,7 +48,7 @@ from codra_dsl.language.model import ObserverSetting
 def plan(checked: CheckedSpec) -> BuildPlan:
     """Return the build plan of a checked spec, made by Algorithm 2 (line 1)."""
     in_force, forest = _build_observer_system(checked)
-    build_plan = BuildPlan(
+    return BuildPlan(
         checked=checked,
         class_name=class_name(checked.spec.name),
         in_force=in_force,
@@ -57,8 +56,6 @@ def plan(checked: CheckedSpec) -> BuildPlan:
         modules=assign_modules(checked, forest),
         edges=dependencies(checked, forest),
     )
-    verify(build_plan, checked)
-    return build_plan
 
 
 def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple[Tree, ...]]:

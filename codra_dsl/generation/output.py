@@ -153,20 +153,14 @@ def _digest(data: bytes | None) -> str:
 def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = (), intact: Iterable[str] = ()) -> WriteResult:
     """Bring an output folder up to date: write changed files and remove orphans; nothing else is touched.
 
-    New text is compiled before it replaces the old text, and each file is replaced atomically. A folder that is not
-    ours is left unchanged, and a finding reports it.
+    Each file is replaced atomically. A folder that is not ours is left unchanged, and a finding reports it.
 
     Args:
         files: the expected files, by path relative to the folder.
         out: the output folder, as an absolute path.
         covered: the files and folders of specs that this run covers, relative to the project root.
         intact: the paths of further expected files, which the folder is known to have.
-
-    Raises:
-        BrokenOutputError: if a text does not compile. Then nothing is written.
     """
-    from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  only a run that writes needs the emitter
-
     try:
         expected_paths = {*files, *intact}
         refusals = tuple(_foreign_folder_findings(expected_paths, out))
@@ -174,7 +168,6 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = (), inta
             return WriteResult(diagnostics=refusals)
         orphans = _orphans(expected_paths, out, covered)
         changed_files = {path: text for path, text in sorted(files.items()) if not _holds(out / path, text)}
-        prove(changed_files)
         _replace(changed_files, out)
         _remove(orphans, out)
     except OSError as error:

@@ -86,11 +86,17 @@ class Place(_LazyPlace):
     use: Span | None = None
 
 
+# A spec has many places: the functions that fill the slots of a frozen value are looked up once.
+_new_place = object.__new__
+_set_text_range = _LazyPlace.__dict__["_text_range"].__set__
+_set_use = Place.__dict__["use"].__set__
+
+
 def lazy_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
     """Return the place of a range of a text; the span of the place is computed on first access."""
-    place = object.__new__(Place)
-    object.__setattr__(place, "_text_range", (text, start, end))
-    object.__setattr__(place, "use", use)
+    place = _new_place(Place)
+    _set_text_range(place, (text, start, end))
+    _set_use(place, use)
     return place
 
 

@@ -71,6 +71,18 @@ def read_file(
     return data
 
 
+def file_size(path: Path, file: str, texts: Mapping[str, bytes]) -> int:
+    """Return the size of a regular file in bytes, or the size of the content that replaces it in `texts`.
+
+    The size of a file that is not regular, or that cannot be examined, is 0.
+    """
+    text = texts.get(file)
+    size_on_disk_bytes = os.path.getsize(path) if os.path.isfile(path) else 0  # noqa: PTH113, PTH202 - faster than Path
+    size_bytes = size_on_disk_bytes if text is None else len(text)
+    _record(("file_size", _text(path), file), str(size_bytes))
+    return size_bytes
+
+
 def real_path(path: Path) -> Path:
     """Return an absolute path with all links followed; links that form a circle stay in it."""
     followed_path = unrecorded_real_path(path)
@@ -122,12 +134,16 @@ def folder_names(folder: Path, max_count: int, pattern: str) -> frozenset[str]:
 
 _FUNCTIONS: Mapping[str, tuple[Callable[..., Any], tuple[type, ...]]] = {
     read_file.__name__: (read_file, (str, int, str, str)),
+    file_size.__name__: (file_size, (str, str)),
     real_path.__name__: (real_path, (str,)),
     is_file.__name__: (is_file, (str,)),
     is_folder.__name__: (is_folder, (str,)),
     folder_names.__name__: (folder_names, (str, int, str)),
 }
 """The functions by the names in queries, with the types of the arguments in queries."""
+
+
+_FUNCTIONS_OF_CONTENTS = {read_file.__name__, file_size.__name__}
 
 
 def is_query(values: tuple[object, ...]) -> bool:
@@ -156,7 +172,7 @@ class PresentAnswers:
         """Return the present answer to a query, or None if there is none."""
         if query not in self._answers:
             name, *arguments = query
-            more_arguments = (self._texts,) if name == read_file.__name__ else ()
+            more_arguments = (self._texts or {},) if name in _FUNCTIONS_OF_CONTENTS else ()
             with recorded_queries() as answers, suppress(OSError, ValueError):
                 _FUNCTIONS[str(name)][0](*arguments, *more_arguments)
             self._answers.update(answers)

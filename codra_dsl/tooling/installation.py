@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import distribution as installed_distribution
 from pathlib import Path
 
 import codra_dsl
@@ -53,6 +51,10 @@ def requirement_from_origin(origin: str | None, distribution: str = DSL, extras:
 
 def _origin_text(distribution: str) -> str | None:
     """Return where a distribution comes from, as pip records it; None if it was installed by its name."""
+    # slow to import, and every command imports this module
+    from importlib.metadata import PackageNotFoundError  # noqa: PLC0415
+    from importlib.metadata import distribution as installed_distribution  # noqa: PLC0415
+
     try:
         return installed_distribution(distribution).read_text("direct_url.json")
     except PackageNotFoundError:

@@ -107,6 +107,7 @@ def test_the_plan_equals_the_result_of_the_papers_recursion(spec: CheckedSpec) -
 
     made = plan(spec)
 
+    verify(made, spec)
     assert set(made.in_force) == expected.context
     assert {
         frozenset(branch.name for branch in tree.branches): set(tree.needs) for tree in made.forest
@@ -478,8 +479,10 @@ def test_the_gate_refuses_elements_that_are_not_needed() -> None:
 
 
 def test_the_gate_refuses_a_variable_without_an_origin() -> None:
+    spec = checked_spec([ShortAlgorithm(name="p", identifies=["a"], needs=["x"])], variables=[variable("x")])
+
     with pytest.raises(PlanError, match="x is in force, but no tree identifies it"):
-        plan(checked_spec([ShortAlgorithm(name="p", identifies=["a"], needs=["x"])], variables=[variable("x")]))
+        verify(plan(spec), spec)
 
 
 def test_the_gate_lets_every_plan_of_algorithm_2_pass() -> None:

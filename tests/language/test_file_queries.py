@@ -15,6 +15,7 @@ import pytest
 from codra_dsl.compiler import lint_paths
 from codra_dsl.language.file_queries import (
     PresentAnswers,
+    file_size,
     folder_names,
     is_file,
     is_folder,
@@ -57,6 +58,7 @@ def _ask_all(folder: Path) -> None:
         real_path(folder / name)
         is_file(folder / name)
         is_folder(folder / name)
+        file_size(folder / name, "", {})
         for ask in (lambda path: read_file(path, 5, folder), lambda path: folder_names(path, 5, r"\w+")):
             with suppress(OSError):
                 ask(folder / name)
@@ -107,6 +109,17 @@ def test_a_text_in_memory_replaces_only_files_that_were_read_under_its_name(fold
     assert PresentAnswers({"file": b"12345"}).agree_with(named)
     assert not PresentAnswers({"file": b"1"}).agree_with(named)
     assert PresentAnswers({"file": b"1"}).agree_with(unnamed)
+
+
+def test_a_size_is_that_of_the_text_in_memory(folder: Path) -> None:
+    with recorded_queries() as answers:
+        assert file_size(folder / "file", "file", {}) == 5
+        assert file_size(folder / "folder", "folder", {}) == 0
+
+    assert PresentAnswers({"file": b"54321"}).agree_with(answers)
+    assert not PresentAnswers({"file": b"1"}).agree_with(answers)
+    (folder / "file").write_text("123456")
+    assert not PresentAnswers().agree_with(answers)
 
 
 def test_an_enclosing_recording_goes_on_after_an_inner_one(folder: Path) -> None:

@@ -1,4 +1,8 @@
-"""The verification that every plan must pass."""
+"""The verification that every plan must pass.
+
+It takes as long as planning itself, and only a bug of codra can make it fail. So the tests verify every plan that they
+make, `codra compile --check` verifies the plans of a project, and other runs do not.
+"""
 
 from __future__ import annotations
 

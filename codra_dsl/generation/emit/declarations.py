@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 
 from codra_dsl.generation.build_plan import Branch, Tree
 from codra_dsl.generation.emit.conditions import condition_with_words
@@ -164,18 +165,22 @@ def tuple_of_names(element_names: Iterable[str]) -> Expression:
 
 
 def _result_type(returned: Returned, imports: Imports) -> Expression:
-    return (
-        value_type(returned.type, imports, optional="True") if returned.optional else value_type(returned.type, imports)
-    )
+    return value_type(returned.type, imports, optional=returned.optional)
 
 
-def value_type(declared_type: ValueType, imports: Imports, **optional: Expression) -> Expression:
+def value_type(declared_type: ValueType, imports: Imports, *, optional: bool = False) -> Expression:
     """Return the declaration of a value's type; an integer's bounds are written as integers if both are finite."""
-    function = _TYPES[declared_type.kind]
-    imports.use(function)
     bounds = declared_type.range if declared_type.range is not None else ()
-    has_integer_bounds = declared_type.kind is Kind.INT and all(map(math.isfinite, bounds))
+    imports.use(_TYPES[declared_type.kind])
+    imports.use_math_for([literal(bound) for bound in bounds])
+    # the ends are separate arguments, since the cache must distinguish a range with 0 from a range with 0.0
+    return _value_type(declared_type.kind, declared_type.unit, declared_type.values, *bounds, is_optional=optional)
+
+
+@lru_cache(maxsize=1024, typed=True)
+def _value_type(kind: Kind, unit: str | None, values: tuple[str, ...], *bounds: float, is_optional: bool) -> Expression:
+    has_integer_bounds = kind is Kind.INT and all(map(math.isfinite, bounds))
     arguments = [literal(int(bound) if has_integer_bounds else bound) for bound in bounds]
-    imports.use_math_for(arguments)
-    unit = {"unit": literal(declared_type.unit)} if declared_type.unit is not None else {}
-    return call(function, *arguments, *map(text_literal, declared_type.values), **unit, **optional)
+    keywords = {} if unit is None else {"unit": literal(unit)}
+    keywords |= {"optional": "True"} if is_optional else {}
+    return call(_TYPES[kind], *arguments, *map(text_literal, values), **keywords)

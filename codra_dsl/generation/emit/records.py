@@ -207,20 +207,16 @@ def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:
     return (spec.metrics, spec.actions, spec.adaptation, spec.trees, spec.loops, terms_and_rates, trees)
 
 
-def _meaning(value: Any) -> str:
-    """Return a value as the text of tuples and plain values; different meanings give different texts."""
-    return _WRITERS.get(type(value), _meaning_with_new_writer)(value)
+class _Writers(dict[type, Callable[[Any], str]]):
+    """The functions that write the values of each type as text. The function of a type is made on first use."""
 
-
-def _meaning_with_new_writer(value: Any) -> str:
-    """Return the meaning of a value whose type occurs for the first time, and keep the writer of this type."""
-    kind = type(value)
-    _WRITERS[kind] = _make_writer(kind)
-    return _WRITERS[kind](value)
+    def __missing__(self, kind: Any) -> Callable[[Any], str]:
+        """Return the function for an enumeration or a dataclass."""
+        writer = self[kind] = _make_writer(kind)
+        return writer
 
 
 def _make_writer(kind: Any) -> Callable[[Any], str]:
-    """Return the function that writes the values of a type, which is an enumeration or a dataclass."""
     if issubclass(kind, Enum):
         return lambda value: ascii(value.value)
     names = [field.name for field in dataclasses.fields(kind)]
@@ -230,17 +226,20 @@ def _make_writer(kind: Any) -> Callable[[Any], str]:
         if name not in _FIELDS_WITHOUT_MEANING and (kind, name) not in _REPEATED_FIELDS | _SEPARATELY_DIGESTED_FIELDS
     ]
     template = f"({', '.join([ascii(kind.__name__), *('%s' for _ in relevant_names)])}{'' if relevant_names else ','})"
-    fields = [attrgetter(name) for name in relevant_names]
-    return lambda value: template % tuple([_meaning(field(value)) for field in fields])
+    if len(relevant_names) < 2:  # then `attrgetter` would not return a tuple
+        return lambda value: template % tuple([_meaning(getattr(value, name)) for name in relevant_names])
+    fields = attrgetter(*relevant_names)
+    return lambda value: template % tuple([_WRITERS[type(item)](item) for item in fields(value)])
 
 
 def _tuple_meaning(values: tuple[Any, ...]) -> str:
     """Return the meanings of some values as the text of a tuple."""
-    return f"({', '.join(map(_meaning, values))}{',' if len(values) == 1 else ''})"
+    return f"({', '.join([_WRITERS[type(item)](item) for item in values])}{',' if len(values) == 1 else ''})"
 
 
-_WRITERS: dict[type, Callable[[Any], str]] = {
-    **dict.fromkeys((bool, int, float, str, type(None)), ascii),
-    tuple: _tuple_meaning,
-}
-"""The functions that write the values of each type; types of the model are added on first use."""
+_WRITERS = _Writers({**dict.fromkeys((bool, int, float, str, type(None)), ascii), tuple: _tuple_meaning})
+
+
+def _meaning(value: Any) -> str:
+    """Return a value as the text of tuples and plain values; different meanings give different texts."""
+    return _WRITERS[type(value)](value)

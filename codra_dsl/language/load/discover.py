@@ -124,6 +124,8 @@ def _is_spec(data: bytes | None) -> bool:
     """Return whether to read a file as a spec: it has a `name` and a key of this language, or its keys are unknown."""
     if data is None:
         return True
+    if len(data) >= MAX_BYTES:  # too large to look for its keys; `load_spec` reports it if it is of this language
+        return _VERSION_KEY_PATTERN.search(data) is not None
     if not _NAME_KEY_PATTERN.search(data):
         return False
     keys = set()

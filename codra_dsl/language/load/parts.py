@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from codra_dsl.language.diagnostics import Place, Related
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.file_queries import folder_names, is_file, real_path
+from codra_dsl.language.file_queries import file_size, folder_names, is_file, real_path
 from codra_dsl.language.load.schema.document import Document, read_document
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import ScalarNode
@@ -37,6 +38,7 @@ class Parts:
     Attributes:
         documents: the documents: first the spec itself, then parts in the order of inclusion.
         is_complete: whether every part could be read.
+        are_too_large: whether the parts have more bytes than are allowed. Then the spec cannot be read.
     """
 
     def __init__(self, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> None:
@@ -46,26 +48,52 @@ class Parts:
         """
         self.documents: list[Document] = []
         self.is_complete = True
+        self.are_too_large = False
         self._root = real_path(root)
         self._findings = findings
         self._texts = texts
         self._first_places: dict[Path, Place] = {}
-        self._character_count = 0
+        self._weighed_paths: set[Path] = set()
+        self._size_bytes = 0
         self._include_count = 0
 
     def read_all(self, document: Document, path: Path) -> None:
         """Read a document's parts, recursively."""
         self._first_places[path] = document.origin.of(document.subject.key)
+        self._weighed_paths.add(path)
+        self._size_bytes = len(document.origin.source.text)
         self._add(document, _IncludingFile(path, (path,)))
 
     def _add(self, document: Document, open_file: _IncludingFile) -> None:
         self.documents.append(document)
-        self._character_count += len(document.origin.source.text)
+        self._weigh(document, open_file)
         for node in document.includes:
+            if self.are_too_large:
+                break
             if node.reported or not self._include(document, node, open_file):
                 self.is_complete = False
             if self._include_count > MAX_PARTS:  # already reported; every further include would cause a finding
                 break
+
+    def _weigh(self, document: Document, open_file: _IncludingFile) -> None:
+        """Add up the sizes of the parts that a document includes, before any of them is read; report a size too large.
+
+        Reading parts of this size takes a minute, and seeing it a millisecond.
+        """
+        for node in document.includes[:MAX_PARTS]:
+            with suppress(OSError, RuntimeError, ValueError):  # such a part is reported when it is located
+                self._weigh_part(real_path(open_file.path.parent / node.text))
+            if self._size_bytes > MAX_BYTES:
+                self.are_too_large, self.is_complete = True, False
+                self._report_too_many_parts(document.origin.of(node))
+                return
+
+    def _weigh_part(self, path: Path) -> None:
+        if path in self._weighed_paths or not path.is_relative_to(self._root):
+            return
+        self._weighed_paths.add(path)
+        size_bytes = file_size(path, path.relative_to(self._root).as_posix(), self._texts)
+        self._size_bytes += size_bytes if size_bytes <= MAX_BYTES else 0  # a part that is too large is not read
 
     def _include(self, document: Document, node: ScalarNode, open_file: _IncludingFile) -> bool:
         """Read one part; return whether its elements are known."""
@@ -77,11 +105,7 @@ class Parts:
         path = self._locate(node, open_file, place)
         if path is None or not self._is_first(path, node, open_file, place):
             return path is not None and path in self._first_places and path not in open_file.include_chain
-        if (
-            len(self.documents) > MAX_PARTS
-            or len(open_file.include_chain) > MAX_INCLUDE_DEPTH
-            or self._character_count > MAX_BYTES
-        ):
+        if len(self.documents) > MAX_PARTS or len(open_file.include_chain) > MAX_INCLUDE_DEPTH:
             self._report_too_many_parts(place)
             return False
         self._first_places[path] = place

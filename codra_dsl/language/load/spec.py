@@ -78,6 +78,8 @@ def _load(
         findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=help_text)
     parts = Parts(root, findings, texts)
     parts.read_all(document, real_path(path))
+    if parts.are_too_large:
+        return None, _sorted_diagnostics(findings)
     spec = _read_spec(document, name, parts, root, findings)
     return spec, _sorted_diagnostics(findings)
 

@@ -9,6 +9,7 @@ import pytest
 
 from codra_dsl.language.load import find_files, load_spec, load_text
 from codra_dsl.language.load.parts import MAX_INCLUDE_DEPTH, MAX_PARTS
+from codra_dsl.language.load.yaml.source import MAX_BYTES
 
 SPEC = "codra: 1\nname: kitchen\n"
 PART = "codra: 1\nresources: {camera: {}}\n"
@@ -97,6 +98,59 @@ def test_a_chain_of_includes_ends_at_the_limit(tmp_path: Path) -> None:
     write(tmp_path, **{f"part{n}": f"codra: 1\ninclude: [part{n + 1}.yaml]\n" for n in range(MAX_INCLUDE_DEPTH + 5)})
 
     assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["too-many-parts"]
+
+
+def sparse(path: Path, size_bytes: int) -> None:
+    """Make a file of a size whose content would be refused if it was read: it has only null characters."""
+    with path.open("wb") as file:
+        file.truncate(size_bytes)
+
+
+def test_parts_that_are_too_large_together_are_refused_before_any_of_them_is_read(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [a.yaml, b.yaml, c.yaml]\nresources: {{arm: 3}}\n")
+    for name in ("a", "b", "c"):
+        sparse(tmp_path / f"{name}.yaml", MAX_BYTES // 2 - 1000)
+    spec, findings = load_spec(tmp_path / "kitchen.yaml", tmp_path)
+
+    assert spec is None
+    assert [(finding.rule.name, finding.place.span.column) for finding in findings] == [("too-many-parts", 27)]
+
+
+def test_a_part_of_a_part_counts_before_it_is_read(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [a.yaml, b.yaml]\n", a="codra: 1\ninclude: [c.yaml]\n")
+    sparse(tmp_path / "b.yaml", MAX_BYTES // 2)
+    sparse(tmp_path / "c.yaml", MAX_BYTES // 2)
+    spec, findings = load_spec(tmp_path / "kitchen.yaml", tmp_path)
+
+    assert spec is None
+    assert [(finding.rule.name, finding.place.span.file) for finding in findings] == [("too-many-parts", "a.yaml")]
+
+
+def test_a_part_that_is_too_large_alone_is_reported_as_such(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [a.yaml, b.yaml]\n", b="codra: 1\nresources: {arm: 3}\n")
+    sparse(tmp_path / "a.yaml", MAX_BYTES + 1)
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["file-too-large", "wrong-type"]
+
+
+def test_a_file_beyond_the_limit_is_a_spec_if_it_has_a_version_wherever_its_name_is(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{PART}\nname: kitchen\n", table="rows: []\n", small=SPEC)
+    for name in ("kitchen", "table"):
+        with (tmp_path / f"{name}.yaml").open("ab") as file:
+            file.truncate(MAX_BYTES + 1)
+    files = find_files([tmp_path], tmp_path)
+
+    assert [path.stem for path in files.specs] == ["kitchen", "small"]
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["file-too-large"]
+
+
+def test_parts_given_as_text_count_with_the_size_of_the_text(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [a.yaml, b.yaml]\n", a=PART, b="")
+    sparse(tmp_path / "b.yaml", MAX_BYTES - 10)
+
+    assert [finding.rule.name for finding in load_spec(tmp_path / "kitchen.yaml", tmp_path, {"b.yaml": b""})[1]] == [
+        "not-a-spec"
+    ]
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load import load_text
-from codra_dsl.language.load.schema.schema import errors_of
+from codra_dsl.language.load.schema.schema import FILE_DEFINITION, errors_of
+from codra_dsl.language.load.schema_file import schema
 from tests.language.load.texts import NOWHERE
 
 
@@ -32,3 +39,26 @@ def test_errors_of_equal_data_are_computed_once() -> None:
 
     assert errors_of("context_variable", dict(data)) is errors_of("context_variable", dict(data))
     assert errors_of("context_variable", {**data, "typ": "float"})[0].data["typ"] == "float"
+
+
+CLOSED_DEFINITIONS = [name for name, part in schema()["$defs"].items() if part.get("additionalProperties") is False]
+
+
+@settings(max_examples=150)
+@given(st.sampled_from([*CLOSED_DEFINITIONS, FILE_DEFINITION]), st.data())
+def test_errors_of_data_with_unknown_keys_are_those_of_the_schema(definition: str, data: st.DataObject) -> None:
+    """Each element has some of the known keys, with values that the schema shows as examples, and unknown keys."""
+    part = schema()["$defs"][definition] if definition else schema()
+    examples = {key: value["examples"][0] for key, value in part.get("properties", {}).items() if "examples" in value}
+    keys = data.draw(st.lists(st.sampled_from(sorted(examples)), unique=True)) if examples else []
+    unknown_keys = data.draw(st.lists(st.sampled_from(["typ", "colour", "9"]), unique=True))
+    element: dict[str, Any] = {key: examples[key] for key in keys} | dict.fromkeys(unknown_keys, 1)
+    whole = {"$ref": f"#/$defs/{definition}", "$defs": schema()["$defs"]} if definition else schema()
+
+    errors = [(error.path, error.keyword, error.limit, error.schema) for error in errors_of(definition, element)]
+
+    assert [error for error in errors if not error[0]] == [
+        ((), error.validator, error.validator_value, error.schema)
+        for error in Draft202012Validator(whole).iter_errors(element)
+        if not error.absolute_path and error.validator != "anyOf"
+    ]

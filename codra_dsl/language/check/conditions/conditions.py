@@ -49,6 +49,10 @@ CONTEXT_ROLES = frozenset({Role.OBSERVABLE_WHEN, *KNOWLEDGE_ROLES, *LOOP_ROLES})
 """The roles of conditions that read context."""
 
 
+RESULT_ROLES = frozenset({Role.ACCEPT_WHEN, Role.IDENTIFIES})
+"""The roles of conditions that read the values that an algorithm returns."""
+
+
 class Result(StrEnum):
     """The kind of result of a condition: true or false, or the value of a context-variable."""
 

@@ -14,11 +14,11 @@ def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Ite
     """Every variable is identified by an algorithm or names another writer under `source`."""
     if spec_index.has_damage("perception", "identifies"):
         return
-    unidentified_names = [
+    unidentified_names = {
         name
         for name, variable in spec_index.variables.items()
         if name not in spec_index.producers and not variable.sources
-    ]
+    }
     undeclared_names = [name for name in spec_index.producers if not spec_index.declares("context", name)]
     for variable in spec_index.variables.values():
         name = variable.name
@@ -73,6 +73,8 @@ def variables_without_observer_source(spec_index: SpecIndex, faults: FaultyEleme
 def same_ranks(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Alternatives have different ranks, which define the order in which they are tried."""
     for group in spec_index.groups:
+        if len(group.algorithms) == 1:  # the most frequent case
+            continue
         for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
             tied_algorithms = sorted(
                 (algorithm for algorithm in group.algorithms if algorithm.rank == rank),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, Site
@@ -31,17 +31,29 @@ class Mention:
 
 def references(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of a context-variable outside conditions."""
+    return (mention_of(*reference) for reference in _references(spec_index))
+
+
+def undeclared_references(spec_index: SpecIndex) -> Iterator[Mention]:
+    """Yield every mention of an undeclared context-variable outside conditions; almost all references are declared."""
+    for reference in _references(spec_index):
+        if not spec_index.declares("context", reference[0].name):
+            yield mention_of(*reference)
+
+
+def _references(spec_index: SpecIndex) -> Iterator[tuple[Reference, str, str, str]]:
+    """Yield every reference to a context-variable outside conditions, with the arguments of `mention_of`."""
     for algorithm in spec_index.spec.perception:
         for reference in algorithm.given:
-            yield mention_of(reference, "perception", algorithm.name, "given")
+            yield reference, "perception", algorithm.name, "given"
         for entry in algorithm.identifies:
-            yield mention_of(entry.variable, "perception", algorithm.name, "identifies")
+            yield entry.variable, "perception", algorithm.name, "identifies"
     for variable in spec_index.spec.context:
         if variable.rate is not None:
-            yield mention_of(variable.rate.of, "context", variable.name, "rate_of")
+            yield variable.rate.of, "context", variable.name, "rate_of"
     for adaptation in spec_index.spec.adaptation:
         if isinstance(adaptation.does, Parameter):
-            yield mention_of(adaptation.does.variable, "adaptation", adaptation.name, "set")
+            yield adaptation.does.variable, "adaptation", adaptation.name, "set"
     for skill in spec_index.spec.skills:
         monitored_variables = [expectation.variable for expectation in skill.monitor]
         for key, references_of_key in (
@@ -50,17 +62,18 @@ def references(spec_index: SpecIndex) -> Iterator[Mention]:
             ("changes", skill.changes),
         ):
             for reference in references_of_key:
-                yield mention_of(reference, "skills", skill.name, key)
+                yield reference, "skills", skill.name, key
     for observer in spec_index.spec.observers:
         for reference in observer.identifies:
-            yield mention_of(reference, "observers", observer.name, "identifies")
+            yield reference, "observers", observer.name, "identifies"
 
 
-def resource_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
-    """Yield every mention of a resource in an algorithm."""
+def resource_mentions(spec_index: SpecIndex, *, declared: Collection[str] = ()) -> Iterator[Mention]:
+    """Yield every mention of a resource in an algorithm, except mentions of the declared resources."""
     for algorithm in spec_index.spec.perception:
         for usage in algorithm.uses:
-            yield mention_of(usage.resource, "perception", algorithm.name, "uses")
+            if usage.resource.name not in declared:
+                yield mention_of(usage.resource, "perception", algorithm.name, "uses")
 
 
 def source_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
@@ -103,7 +116,8 @@ def mentions_in_preconditions(spec_index: SpecIndex) -> Iterator[Mention]:
             names = [
                 name for name in site.names if not spec_index.declares("context", name.name) and is_name(name.name)
             ]
-            yield from mentions_of(site, names)
+            if names:
+                yield from mentions_of(site, names)
 
 
 def mentions_of(site: Site, names: Iterable[Name]) -> Iterator[Mention]:

@@ -83,6 +83,8 @@ _READING_KEYS = {
 
 def unread_outputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every metric is read, and every action can be chosen."""
+    if not (spec_index.spec.metrics or spec_index.spec.actions):
+        return
     if any(spec_index.has_damage(section, *keys) for section, keys in _READING_KEYS.items()):
         return
     read_names = {name for key in spec_index.parsed_rules.rules for name in spec_index.parsed_rules.input_names(*key)}

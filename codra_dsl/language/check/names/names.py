@@ -6,15 +6,15 @@ import re
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from itertools import chain
 
-from codra_dsl.language.check.conditions.conditions import Role
+from codra_dsl.language.check.conditions.conditions import RESULT_ROLES, Role
 from codra_dsl.language.check.index.fixes import renaming_fix
 from codra_dsl.language.check.index.mentions import (
     Mention,
     mentions_in_preconditions,
     mentions_of,
-    references,
     resource_mentions,
     source_mentions,
+    undeclared_references,
     unknown_mentions,
     used_variables,
 )
@@ -40,7 +40,9 @@ _WORD = re.compile(r"\w+")
 def unknown_variables(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every context-variable that something refers to is declared. All mentions of a name are in one finding."""
     groups = list(
-        unknown_mentions(spec_index, "context", chain(references(spec_index), mentions_in_preconditions(spec_index)))
+        unknown_mentions(
+            spec_index, "context", chain(undeclared_references(spec_index), mentions_in_preconditions(spec_index))
+        )
     )
     if not groups:
         return
@@ -72,7 +74,8 @@ def unknown_variables(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diag
 
 def unknown_resources(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every resource that an algorithm uses is declared."""
-    groups = list(unknown_mentions(spec_index, "resources", resource_mentions(spec_index)))
+    unknown_resource_mentions = resource_mentions(spec_index, declared=spec_index.resources)
+    groups = list(unknown_mentions(spec_index, "resources", unknown_resource_mentions))
     if groups:
         used_names = (mention.name for mention in resource_mentions(spec_index))
         for first, *others in (
@@ -102,10 +105,11 @@ def unknown_names_in_results(spec_index: SpecIndex, _: FaultyElements) -> Iterat
     """`accept_when` and `identifies` read only the values that the algorithm returns."""
     groups_by_algorithm: dict[str, dict[str, list[Mention]]] = {}
     for site in spec_index.sites:
-        if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES) and spec_index.is_readable(*site.owner, "returns"):
+        if site.role in RESULT_ROLES and spec_index.is_readable(*site.owner, "returns"):
             algorithm = site.owner[1]
             returned = spec_index.returned_types[algorithm]
-            for mention in mentions_of(site, [name for name in site.values if name.name not in returned]):
+            unknown_names = [name for name in site.values if name.name not in returned]
+            for mention in mentions_of(site, unknown_names) if unknown_names else ():
                 groups_by_algorithm.setdefault(algorithm, {}).setdefault(mention.name, []).append(mention)
     for algorithm, groups in groups_by_algorithm.items():
         yield from _unknown_in_results(spec_index, algorithm, list(groups.values()))

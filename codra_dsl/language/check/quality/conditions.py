@@ -109,6 +109,8 @@ def _sound_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) ->
 def _parts_of_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions of a list, except plain and negated names. The parts of an `and` are yielded separately."""
     for condition in conditions:
+        if isinstance(condition.tree, Name) and condition.tree.pose_comparison is None:
+            continue  # the most frequent case
         for stated_condition in _sound_conditions(spec_index, [condition]):
             for part in stated_condition.parts or (stated_condition,):
                 if not isinstance(part.tree.operand if isinstance(part.tree, Not) else part.tree, Name):

@@ -93,6 +93,8 @@ def build_algorithm(reader: Reader) -> Algorithm:
 
 def _read_setting(reader: Reader, setting: Setting) -> Any:
     """Return the value of a setting; it has the same type as the setting's default."""
+    if setting.key not in reader.node.entries:
+        return setting.default
     if isinstance(setting.default, StrEnum):
         return reader.choice(setting.key, setting.default)
     if isinstance(setting.default, int):

@@ -161,8 +161,9 @@ def _record_suspect_comment(reader: Reader, node: YamlNode, condition: Condition
 def _comment_after(reader: Reader, node: YamlNode) -> str | None:
     """Return the comment that follows a plain scalar on its line."""
     text = reader.origin.source.text
-    is_plain = isinstance(node, ScalarNode) and node.style is Style.PLAIN
-    if not is_plain or text[node.end : node.end + 1] not in (" ", "\t"):
+    if text[node.end : node.end + 1] not in (" ", "\t"):
+        return None
+    if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
         return None
     comment = _COMMENT.match(text, node.end)
     return None if comment is None else comment[1]

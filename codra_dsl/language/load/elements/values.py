@@ -19,26 +19,28 @@ _QUANTITY_PATTERN = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*
 
 def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType:
     """Return the type of a mapping with `type`, `unit`, `range` and `values`, as far as it can be read."""
-    type_entries = {key: entry for key, entry in node.entries.items() if key in _TYPE_KEYS}
+    entries = node.entries
     type_node = node.value("type")
     kind = _KINDS.get(type_node.text) if isinstance(type_node, ScalarNode) else None
-    unit = _read_unit(reader, type_entries["unit"], *steps) if "unit" in type_entries else None
-    value_range = _read_range(reader, type_entries["range"], unit, *steps) if "range" in type_entries else None
+    unit = _read_unit(reader, entries["unit"], *steps) if "unit" in entries else None
+    value_range = _read_range(reader, entries["range"], unit, *steps) if "range" in entries else None
+    members = tuple(_members(entries["values"])) if "values" in entries else ()
     if kind is None:
         reader.damage(*steps, "type")
     if node.unread:
         reader.damage(*steps)
-    for key, (_, value) in type_entries.items():
-        if value.reported or (isinstance(value, SequenceNode) and any(item.reported for item in value.items)):
-            reader.damage(*steps, key)
-    ranges = {key: visible_range(*entry) for key, entry in type_entries.items()}
-    if "values" in type_entries:
-        ranges.update((f"values.{item.text}", (item.start, item.end)) for item in _members(type_entries["values"]))
+    ranges: dict[str, tuple[int, int]] = {}
+    for key, (key_node, value) in entries.items():
+        if key in _TYPE_KEYS:
+            ranges[key] = visible_range(key_node, value)
+            if value.reported or (isinstance(value, SequenceNode) and any(item.reported for item in value.items)):
+                reader.damage(*steps, key)
+    ranges.update((f"values.{item.text}", (item.start, item.end)) for item in members)
     return ValueType(
         kind=Kind.BOOL if kind is None else kind,
         unit=None if unit is None else unit[0],
         range=value_range,
-        values=tuple(item.text for item in _members(type_entries["values"])) if "values" in type_entries else (),
+        values=tuple([item.text for item in members]),
         places=Places(reader.place_of, ranges),
     )
 

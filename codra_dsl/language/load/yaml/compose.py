@@ -139,7 +139,6 @@ class _Composer:
     def document(self) -> YamlNode | None:
         """Return the root of the first document."""
         handlers: dict[type, Callable[[Any], None]] = {
-            yaml.ScalarEvent: self._scalar,
             yaml.MappingStartEvent: self._open_mapping,
             yaml.SequenceStartEvent: self._open_sequence,
             yaml.MappingEndEvent: self._close,
@@ -148,10 +147,12 @@ class _Composer:
             yaml.DocumentStartEvent: self._begin_document,
         }
         parser = Parser(self._text)
+        scalar_event, handle_scalar = yaml.ScalarEvent, self._scalar
         try:
             for event in iter(parser.get_event, None):
-                handler = handlers.get(type(event))
-                if handler is not None:
+                if type(event) is scalar_event:
+                    handle_scalar(event)
+                elif (handler := handlers.get(type(event))) is not None:
                     handler(event)
                     if self._documents == 2:
                         break
@@ -171,9 +172,9 @@ class _Composer:
 
     def _scalar(self, event: Any) -> None:
         """Handle a scalar. This event is the most frequent one, so rare cases are left to `_look_closely`."""
-        text = event.value
-        node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, _STYLES[event.style])
-        if text[:1] in SPECIAL_FIRST or node.style is not Style.PLAIN or len(text) > MAX_TEXT or self._reported_offsets:
+        text, style = event.value, event.style
+        node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, _STYLES[style])
+        if style or text[:1] in SPECIAL_FIRST or len(text) > MAX_TEXT or self._reported_offsets:
             self._look_closely(event, node)
         elif event.tag is not None or event.anchor is not None:
             self._refuse_properties(event, node)

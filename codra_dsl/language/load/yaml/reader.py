@@ -97,9 +97,10 @@ class Reader:
 
     def scalar(self, key: str) -> ScalarNode | None:
         """Return the scalar of a key, or None if it is absent or unreadable."""
-        node = self.node.value(key)
-        if node is None:
+        entry = self.node.entries.get(key)
+        if entry is None:
             return None
+        node = entry[1]
         if node.reported or not isinstance(node, ScalarNode):
             self.damage(key)
             return None
@@ -143,6 +144,8 @@ class Reader:
 
     def references(self, key: str) -> tuple[Reference, ...]:
         """Return references to the names in a list, or to the single name that is written instead of a list."""
+        if key not in self.node.entries:
+            return ()
         node = self.node.value(key)
         names = node.items if isinstance(node, SequenceNode) else [] if node is None else [node]
         scalars = (name for name in names if isinstance(name, ScalarNode) and not name.reported)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 from codra_dsl.language.load.yaml.nodes import Data
 from codra_dsl.language.units import MAX_MAGNITUDE
@@ -25,6 +26,7 @@ _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 _MAX_DIGITS = 110
 
 
+@lru_cache(maxsize=4096)
 def resolve(text: str) -> Data:
     """Return the value of a plain scalar.
 
