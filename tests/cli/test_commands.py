@@ -512,8 +512,8 @@ def interrupt(process: subprocess.Popen[bytes]) -> None:
 
 BROKEN_INSIDE = """
 import codra_dsl.compiler as pipeline
-def plan(checked): raise KeyError("door_open")
-pipeline.plan = plan
+def check(*arguments): raise KeyError("door_open")
+pipeline.check = check
 import sys
 from codra_dsl.cli import main
 sys.argv = ["codra", "lint", "specs"]
