@@ -40,7 +40,7 @@ _INDEX_ENTRY_BYTES = 16
 
 RECORD_HEADER = struct.Struct("<BQ")
 _INDEXED_MESSAGE_FIELDS = struct.Struct("<HIQ")
-_FOOTER_FIELDS = struct.Struct("<BQQQ")
+FOOTER_FIELDS = struct.Struct("<BQQQ")
 _FOOTER_FIELDS_BYTES = 20
 
 
@@ -165,7 +165,7 @@ def make_end(
         )
     group_offsets_start = summary_offset + len(summary)
     summary += group_offsets
-    footer_fields = _FOOTER_FIELDS.pack(Opcode.FOOTER, _FOOTER_FIELDS_BYTES, summary_offset, group_offsets_start)
+    footer_fields = FOOTER_FIELDS.pack(Opcode.FOOTER, _FOOTER_FIELDS_BYTES, summary_offset, group_offsets_start)
     footer = Footer(
         summary_start=summary_offset,
         summary_offset_start=group_offsets_start,
