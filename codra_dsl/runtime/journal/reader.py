@@ -24,11 +24,17 @@ from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 
-from codra_dsl.runtime.journal.chunks import TooLargeError, decompress, split_records
+from codra_dsl.runtime.journal.chunks import (
+    IndexedChunk,
+    TooLargeError,
+    decompress,
+    indexed_chunks,
+    read_summary_section,
+    split_records,
+)
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.file_creation import MAGIC, is_being_written
-from codra_dsl.runtime.journal.file_index import IndexedChunk, indexed_chunks, read_summary_section
 from codra_dsl.runtime.journal.limits import (
     MAX_CONDITIONS_LENGTH,
     MAX_MESSAGE_VALUES,
