@@ -241,9 +241,8 @@ class JournalReader:
             channel_ids[channel.topic] = channel_ids.get(channel.topic, frozenset()) | {number}
         return channel_ids
 
-    def read_kinds(self) -> frozenset[Kind]:
-        """Return the kinds of events that the journal has. Call this before messages are read."""
-        self.index()
+    def kinds(self) -> frozenset[Kind]:
+        """Return the kinds of events that the journal has; `index` must have been called."""
         return frozenset(kind for topic in self.channel_ids() if (kind := kind_of(topic)) is not None)
 
     def messages_at(self, chunk_offset: int) -> list[RawMessage]:
