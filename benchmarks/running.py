@@ -44,14 +44,14 @@ def rows_of(name: str) -> Callable[[Path], Iterator[Row]]:
     """Return the function that measures one row."""
 
     def rows(scratch: Path) -> Iterator[Row]:
-        yield _MEASURE_FUNCTIONS[name](_package(scratch))
+        yield _MEASURE_FUNCTIONS[name](compile_forest(scratch, CHAIN_COUNT))
 
     return rows
 
 
-def _package(scratch: Path) -> ModuleType:
-    """Compile a forest of a thousand observers and import it."""
-    write({**flat(CHAIN_COUNT * (OBSERVERS_PER_CHAIN + WRITTEN_PER_CHAIN)), "robot/perception.py": _ROBOT}, scratch)
+def compile_forest(scratch: Path, chain_count: int) -> ModuleType:
+    """Compile a forest of some chains of observers and import it."""
+    write({**flat(chain_count * (OBSERVERS_PER_CHAIN + WRITTEN_PER_CHAIN)), "robot/perception.py": _ROBOT}, scratch)
     subprocess.run((sys.executable, "-m", "codra_dsl", "compile", "."), cwd=scratch, check=True, capture_output=True)
     for module in [name for name in sys.modules if name.split(".")[0] in ("generated", "robot")]:
         del sys.modules[module]
@@ -65,11 +65,13 @@ def _running_robot(package: ModuleType, clock: Clock, camera: float | None = Non
         yield codra
 
 
-def _near_variable(chain: int) -> str:
+def near_variable(chain: int) -> str:
+    """Return the variable that says whether the robot is near the doors of a chain."""
     return f"bay_{chain:05}_is_near"
 
 
-def _last_door_variable(chain: int) -> str:
+def last_door_variable(chain: int) -> str:
+    """Return the variable of the last door of a chain, which needs all others of the chain."""
     return f"bay_{chain:05}_door_{OBSERVERS_PER_CHAIN - 1}_open"
 
 
@@ -79,7 +81,7 @@ def _last_door_variable(chain: int) -> str:
 def _get(package: ModuleType) -> Row:
     """Measure reading a variable with a validity, beside reading a blackboard value without a validity."""
     with WallClock() as clock, _running_robot(package, clock) as codra:
-        blackboard, name = _client(), _near_variable(0)
+        blackboard, name = _client(), near_variable(0)
         codra.set(name, True)
         blackboard.set(name, True)
         ours, peer = in_turns([partial(codra.get, name), partial(blackboard.get, name)], [5000, 5000])
@@ -89,7 +91,7 @@ def _get(package: ModuleType) -> Row:
 def _set(package: ModuleType) -> Row:
     """Measure writing a new value on which a running observer depends."""
     with WallClock() as clock, _running_robot(package, clock) as codra:
-        blackboard, name = _client(), _near_variable(0)
+        blackboard, name = _client(), near_variable(0)
         codra.declare(f"bay_{0:05}_door_0_open")
         values = [True, False]
 
@@ -108,22 +110,22 @@ def _set(package: ModuleType) -> Row:
 def _client() -> Client:
     Blackboard.clear()
     client = Client(name="robot")
-    client.register_key(key=_near_variable(0), access=Access.WRITE)
+    client.register_key(key=near_variable(0), access=Access.WRITE)
     return client
 
 
 def _get_under_load(package: ModuleType) -> Row:
     """Measure the slowest of a hundred reads while seven threads write, and a callback and perception take a second."""
     with WallClock() as clock, _running_robot(package, clock, camera=1.0) as codra:
-        name, is_over = _near_variable(0), threading.Event()
+        name, is_over = near_variable(0), threading.Event()
         codra.set(name, True)
-        codra.declare(_last_door_variable(1))
+        codra.declare(last_door_variable(1))
 
         def keep_writing(number: int) -> None:
             value = True
             while not is_over.is_set():
                 value = not value
-                codra.set(_near_variable(number), value)
+                codra.set(near_variable(number), value)
 
         idle_s = statistics.median(_p99_s(codra, name) for _ in range(5))
         threads = [threading.Thread(target=keep_writing, args=(number,), daemon=True) for number in range(WRITER_COUNT)]
@@ -176,15 +178,15 @@ def _due(package: ModuleType) -> Row:
 
 def _run_chain(codra: Any, chain: int) -> None:
     codra.set(f"bay_{chain:05}_is_lit", True)
-    codra.set(_near_variable(chain), True)
-    codra.declare(_last_door_variable(chain))
+    codra.set(near_variable(chain), True)
+    codra.declare(last_door_variable(chain))
 
 
 def _require_that_all_look(codra: Any, clock: SimClock) -> None:
     """Require that all observers look, because a forest that does nothing would be the fastest."""
     for chain in range(CHAIN_COUNT):
         codra.set(f"bay_{chain:05}_is_lit", True)
-        codra.set(_near_variable(chain), True)
+        codra.set(near_variable(chain), True)
     clock.sleep(1.0)
     doors = [
         f"bay_{chain:05}_door_{number}_open" for chain in range(CHAIN_COUNT) for number in range(OBSERVERS_PER_CHAIN)

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from codra_dsl import runtime
+
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/reference/public-api.md"
 ROW_PATTERN = re.compile(r"^\| `(?P<module>codra_dsl[\w.]*)` \| [^|]+ \| (?P<names>[^|]+) \|$", re.MULTILINE)
@@ -44,6 +46,8 @@ def defined_names(tree: ast.Module) -> Iterator[str]:
                 yield from (target.id for target in targets if isinstance(target, ast.Name))
             case ast.AnnAssign(target=ast.Name(id=name)):
                 yield name
+            case ast.If(test=ast.Name(id="TYPE_CHECKING"), body=body):  # imported when a program first uses it
+                yield from defined_names(ast.Module(body, []))
 
 
 @pytest.mark.parametrize("module", LISTED_NAMES)
@@ -57,6 +61,13 @@ def test_the_page_lists_what_a_public_module_declares(module: str) -> None:
 
     assert declared_lists == [list(LISTED_NAMES[module])]
     assert set(LISTED_NAMES[module]) <= set(defined_names(tree))
+
+
+def test_every_name_of_the_runtime_can_be_imported_and_no_other() -> None:
+    assert [name for name in runtime.__all__ if not hasattr(runtime, name)] == []
+    assert set(runtime.__all__) <= set(dir(runtime))
+    with pytest.raises(AttributeError, match="has no attribute 'Observer'"):
+        runtime.Observer  # noqa: B018
 
 
 def product_imports(text: str) -> Iterator[tuple[str, str]]:

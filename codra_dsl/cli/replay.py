@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
     from codra_dsl.runtime.knowledge import KnowledgeModel
     from codra_dsl.runtime.replay import Build, Difference, Replayed
+    from codra_dsl.runtime.replay.recording import Recording
 
     KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
 
@@ -82,17 +83,24 @@ def replay_command(
 ) -> None:
     """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
     from codra_dsl.cli.journals import open_journal, report_damage
+    from codra_dsl.runtime.journal.events_in_file import EventsInFile
+    from codra_dsl.runtime.journal.reader import Damage
+    from codra_dsl.runtime.replay.recording import Recording
 
     existing([path for path in (file, package, spec, dsr) if path is not None])
     if package is not None and spec is not None:
         raise typer.BadParameter("give either --package or --spec, not both", param_hint="--spec")
     if journal is not None and real_path(journal) == real_path(file):
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
-    with open_journal(file) as reader:
-        header, events = reader.header(), tuple(reader.events())
-        report_damage(reader, events[-1].instant_s if events else header.start_s)
     make_knowledge = _declared_knowledge if dsr is None else partial(_knowledge_from_dsr, dsr, dsr_unit_m)
-    replay_result, is_journal_complete = _load_and_replay(header, events, package, spec, make_knowledge, journal)
+    with open_journal(file) as index_reader, open_journal(file) as reader:
+        header = index_reader.header()
+        end_s = EventsInFile(index_reader, header.summary).end_s
+        report_damage(index_reader, header.start_s if end_s is None else end_s)
+        recording = Recording.of_file(reader, index_reader.kinds())
+        replay_result, is_journal_complete = _load_and_replay(header, recording, package, spec, make_knowledge, journal)
+        if index_reader.damage == Damage():  # otherwise the whole file was read to build its index
+            report_damage(reader, header.start_s if recording.end_s is None else recording.end_s)
     is_text = format_ is ReplayFormat.TEXT
     text = harmless_text(_replay_result_text(replay_result, header)) if is_text else _replay_result_json(replay_result)
     write_result(text)
@@ -127,7 +135,7 @@ def _knowledge_from_dsr(dsr: Path, unit_m: float, knowledge: KnowledgeModel | No
 
 def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
     header: RunHeader,
-    events: tuple[Event, ...],
+    recording: Recording,
     package: Path | None,
     spec: Path | None,
     make_knowledge: KnowledgeFactory,
@@ -153,7 +161,7 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
         _report_version_differences(header, folder)
         try:
             knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
-            return _replay(header, events, module, knowledge, _create_journal(journal))
+            return _replay(header, recording, module, knowledge, _create_journal(journal))
         except _REPLAY_ERRORS as error:
             say(f"codra: the journal cannot be replayed: {described(error)}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -169,7 +177,7 @@ def _manager_class(module: ModuleType) -> Build:
 
 def _replay(
     header: RunHeader,
-    events: tuple[Event, ...],
+    recording: Recording,
     module: ModuleType,
     knowledge: KnowledgeModel | None,
     derived_journal: Journal | None,
@@ -178,7 +186,9 @@ def _replay(
     from codra_dsl.runtime.replay import replay
 
     progress = Progress()
-    replay_result = replay(header, events, module.MODEL, _manager_class(module), derived_journal, knowledge, progress)
+    replay_result = replay(
+        header, recording, module.MODEL, _manager_class(module), derived_journal, knowledge, progress
+    )
     progress.clear()
     if derived_journal is None or derived_journal.failure is None:
         return replay_result, True

@@ -14,7 +14,7 @@ from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_
 from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime.journal.checkpoints import Checkpoints
+    from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.journal.run_header import RunHeader
     from codra_dsl.runtime.why import Why
 
@@ -83,33 +83,33 @@ def why_command(
 ) -> None:
     """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
     from codra_dsl.cli.journals import open_journal, report_damage
-    from codra_dsl.runtime.journal.checkpoints import Checkpoints
+    from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.why.values import instant_text
 
     existing([journal])
     with open_journal(journal) as reader:
         header = reader.header()
         at_s = None if at is None else _instant_s(at, header)
-        is_before_start = at_s is not None and at_s < header.start_s  # then the message below names the whole run
-        checkpoints = Checkpoints(reader, math.inf if at_s is None or is_before_start else at_s)
-        end_s = header.start_s if checkpoints.end_s is None else checkpoints.end_s
-        report_damage(reader, end_s)
-        if at_s is not None and not header.start_s <= at_s <= end_s:
-            message = (
-                f"the journal holds {instant_text(header.start_s)} to {instant_text(end_s)}, not {instant_text(at_s)}"
-            )
-            raise typer.BadParameter(message, param_hint="--at")
-        explanation = _explain(header, checkpoints, variable, end_s if at_s is None else at_s, journal)
+        events = EventsInFile(reader, header.summary, ends_before_close=at_s is None)
+        end_s = header.start_s if events.end_s is None else events.end_s
+        try:
+            if at_s is not None and not header.start_s <= at_s <= end_s:
+                span_text = f"{instant_text(header.start_s)} to {instant_text(end_s)}"
+                message = f"the journal holds {span_text}, not {instant_text(at_s)}"
+                raise typer.BadParameter(message, param_hint="--at")
+            explanation = _explain(header, events, variable, end_s if at_s is None else at_s, journal)
+        finally:
+            report_damage(reader, end_s)
     is_text = format_ is WhyFormat.TEXT
     write_result(harmless_text(f"{explanation}\n") if is_text else _explanation_json(explanation))
 
 
-def _explain(header: RunHeader, checkpoints: Checkpoints, variable: str, at_s: float, journal: Path) -> Why:
+def _explain(header: RunHeader, events: EventsInFile, variable: str, at_s: float, journal: Path) -> Why:
     from codra_dsl.runtime.errors import UnknownNameError
     from codra_dsl.runtime.why import explain
 
     try:
-        return explain(header.summary, checkpoints.latest_events, variable, at_s)
+        return explain(header.summary, events.latest_events, variable, at_s)
     except UnknownNameError as error:
         _refuse_undeclared_variable(variable, header)
         raise typer.BadParameter(harmless_text(str(error)), param_hint="VARIABLE") from error

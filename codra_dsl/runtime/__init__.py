@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-from codra_dsl.logic import Value
-from codra_dsl.runtime.callbacks import Subscription
-from codra_dsl.runtime.clock import Clock, SimClock, WallClock
-from codra_dsl.runtime.context.agents import Agent
-from codra_dsl.runtime.context.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
-from codra_dsl.runtime.context.model import ContextModel
-from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
-from codra_dsl.runtime.context.shadow import ShadowReport
-from codra_dsl.runtime.errors import NotASourceError
-from codra_dsl.runtime.journal import Event, EventLog, Kind
-from codra_dsl.runtime.journal.journal import Journal
-from codra_dsl.runtime.observers.expectations import Outcome, Verdict, Verification
-from codra_dsl.runtime.perception import CallError, Cost, Job
-from codra_dsl.runtime.values.cell import Reading, Reason, UnknownValueError
-from codra_dsl.runtime.values.declarations import MAIN
-from codra_dsl.runtime.values.model import (
-    NotOfTypeError,
-    ValueType,
-    VariableModel,
-    boolean,
-    integer,
-    member,
-    real,
-    text,
-)
-from codra_dsl.runtime.why import Why
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from codra_dsl.logic import Value
+    from codra_dsl.runtime.callbacks import Subscription
+    from codra_dsl.runtime.clock import Clock, SimClock, WallClock
+    from codra_dsl.runtime.context.agents import Agent
+    from codra_dsl.runtime.context.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
+    from codra_dsl.runtime.context.model import ContextModel
+    from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
+    from codra_dsl.runtime.context.shadow import ShadowReport
+    from codra_dsl.runtime.errors import NotASourceError
+    from codra_dsl.runtime.journal import Event, EventLog, Kind
+    from codra_dsl.runtime.journal.journal import Journal
+    from codra_dsl.runtime.observers.expectations import Outcome, Verdict, Verification
+    from codra_dsl.runtime.perception import CallError, Cost, Job
+    from codra_dsl.runtime.values.cell import Reading, Reason, UnknownValueError
+    from codra_dsl.runtime.values.declarations import MAIN
+    from codra_dsl.runtime.values.model import (
+        NotOfTypeError,
+        ValueType,
+        VariableModel,
+        boolean,
+        integer,
+        member,
+        real,
+        text,
+    )
+    from codra_dsl.runtime.why import Why
 
 __all__ = [
     "MAIN",
@@ -69,3 +73,36 @@ __all__ = [
     "real",
     "text",
 ]
+
+_NAMES_BY_MODULE = {
+    "codra_dsl.logic": "Value",
+    "codra_dsl.runtime.callbacks": "Subscription",
+    "codra_dsl.runtime.clock": "Clock SimClock WallClock",
+    "codra_dsl.runtime.context.agents": "Agent",
+    "codra_dsl.runtime.context.context": "ContextManager NotDeclaredError Skill UnknownNameError",
+    "codra_dsl.runtime.context.model": "ContextModel",
+    "codra_dsl.runtime.context.pending_decision": "DecisionState PendingDecision",
+    "codra_dsl.runtime.context.shadow": "ShadowReport",
+    "codra_dsl.runtime.errors": "NotASourceError",
+    "codra_dsl.runtime.journal": "Event EventLog Kind",
+    "codra_dsl.runtime.journal.journal": "Journal",
+    "codra_dsl.runtime.observers.expectations": "Outcome Verdict Verification",
+    "codra_dsl.runtime.perception": "CallError Cost Job",
+    "codra_dsl.runtime.values.cell": "Reading Reason UnknownValueError",
+    "codra_dsl.runtime.values.declarations": "MAIN",
+    "codra_dsl.runtime.values.model": "NotOfTypeError ValueType VariableModel boolean integer member real text",
+    "codra_dsl.runtime.why": "Why",
+}
+_MODULES = {name: module for module, names in _NAMES_BY_MODULE.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    """Import an object when it is first used: `codra why` reads journals without observers and behavior trees."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_MODULES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

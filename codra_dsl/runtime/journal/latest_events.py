@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Protocol, Self, TypeVar
 
 from codra_dsl.runtime.journal.events import Event, Kind
+
+Found_co = TypeVar("Found_co", covariant=True)
 
 _MAPPING_ATTRIBUTES = (
     "present_events",
@@ -22,7 +24,7 @@ _MAPPING_ATTRIBUTES = (
     "adaptation_events",
 )
 
-_JOB_END_NAMES = frozenset({"returned", "failed", "voided", "cancelled"})
+JOB_END_NAMES = frozenset({"returned", "failed", "voided", "cancelled"})
 
 
 @dataclass(slots=True)
@@ -47,23 +49,82 @@ class EventsAfterReading:
         return EventsAfterReading(dict(self.event_counts), dict(self.last_events))
 
 
+class EventsByName(Protocol[Found_co]):
+    """A mapping from the names of subjects to their events, which may find the events when they are needed."""
+
+    def get(self, name: str, /) -> Found_co | None:
+        """Return the events of a subject; None if there are none."""
+        ...
+
+
+class LatestEventsView(Protocol):
+    """The latest events up to an instant, for reading."""
+
+    @property
+    def present_events(self) -> EventsByName[Event]:
+        """Return, for each variable, the event that gave the variable its present reading."""
+        ...
+
+    @property
+    def last_value_events(self) -> EventsByName[Event]:
+        """Return, for each variable, the last event that gave the variable a value."""
+        ...
+
+    @property
+    def basis_jobs(self) -> EventsByName[Event]:
+        """Return, for each variable whose last value a job produced, the event that ended this job."""
+        ...
+
+    @property
+    def later_events(self) -> EventsByName[EventsAfterReading]:
+        """Return, for each variable, the events after its present reading."""
+        ...
+
+    @property
+    def observer_events(self) -> EventsByName[Event]:
+        """Return, for each observer, its last start, stop or failure."""
+        ...
+
+    @property
+    def job_starts(self) -> EventsByName[Event]:
+        """Return, for each algorithm, the start of its last job."""
+        ...
+
+    @property
+    def job_ends(self) -> EventsByName[Event]:
+        """Return, for each algorithm, the last end of a job."""
+        ...
+
+    @property
+    def declaration_events(self) -> EventsByName[Event]:
+        """Return, for each variable, its last declaration or withdrawal."""
+        ...
+
+    @property
+    def expectation_events(self) -> EventsByName[Event]:
+        """Return, for each variable, the last result of a skill's expectation about the variable."""
+        ...
+
+    @property
+    def knowledge_events(self) -> Mapping[str, Mapping[str, Event]]:
+        """Return, for each node, attribute, edge or task, its last event of each `what`."""
+        ...
+
+    @property
+    def adaptation_events(self) -> Mapping[str, Mapping[str, Event]]:
+        """Return the last adaptation event of each `what`.
+
+        The key is `adaptation/NAME` for a course or parameter, and `context/NAME` for the variable that holds a course,
+        parameter, metric or weight.
+        """
+        ...
+
+
 class LatestEvents:
-    """The latest events. Events are added one by one, in order. All attributes except `until_s` are mappings.
+    """The latest events. Events are added one by one, in order.
 
     Attributes:
         until_s: the instant of the last event.
-        present_events: for each variable, the event that gave the variable its present reading.
-        last_value_events: for each variable, the last event that gave the variable a value.
-        basis_jobs: for each variable whose last value a job produced, the event that ended this job.
-        later_events: for each variable, the events after its present reading.
-        observer_events: for each observer, its last start, stop or failure.
-        job_starts: for each algorithm, the start of its last job.
-        job_ends: for each algorithm, the last end of a job.
-        declaration_events: for each variable, its last declaration or withdrawal.
-        expectation_events: for each variable, the last result of a skill's expectation about the variable.
-        knowledge_events: for each node, attribute, edge or task, its last event of each `what`.
-        adaptation_events: the last event of each `what`. The key is `adaptation/NAME` for a course or parameter, and
-            `context/NAME` for the variable that holds a course, parameter, metric or weight.
     """
 
     def __init__(self) -> None:
@@ -145,7 +206,7 @@ class LatestEvents:
     def _add_job_event(self, event: Event) -> None:
         if event.what == "started":
             self.job_starts[event.name] = event
-        elif event.what in _JOB_END_NAMES:
+        elif event.what in JOB_END_NAMES:
             self.job_ends[event.name] = event
         elif event.what == "rejected":
             for variable in event.details["variables"]:

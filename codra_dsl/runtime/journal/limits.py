@@ -22,6 +22,9 @@ MAX_START_BYTES = 16 * MEBIBYTE
 MAX_SUMMARY_BYTES = 4 * MEBIBYTE
 """The maximum size of the attached spec summary; the summary of a spec with 100 variables has about 100 KB."""
 
+MAX_SUMMARY_SECTION_BYTES = 16 * MEBIBYTE
+"""The maximum size of the records at the end of a file; for a longer index, the whole file is read."""
+
 MAX_CONDITIONS_LENGTH = 256 * 1024
 """The maximum length of all conditions in a spec summary, in characters of their Python text."""
 

@@ -21,12 +21,12 @@ import errno
 import os
 import struct
 import threading
-import zlib
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, BinaryIO, NamedTuple, NoReturn, TypeVar
+from zlib import crc32
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
@@ -34,6 +34,7 @@ from mcap.records import Channel, Schema
 from codra_dsl.runtime.journal.file_creation import unlock
 from codra_dsl.runtime.journal.mcap_records import (
     RECORD_HEADER,
+    IndexEntry,
     WrittenChunk,
     make_chunk,
     make_end,
@@ -77,42 +78,52 @@ class ChannelDeclaration:
     metadata: Mapping[str, str]
 
 
-class _Message(NamedTuple):
-    channel: ChannelDeclaration
-    log_ns: int
-    publish_ns: int
-    data: bytes
-    sequence: int | None
+_Message = tuple[ChannelDeclaration, int, int, bytes, int | None]
+"""A message: its channel, its log time and publish time in nanoseconds, its data, and its sequence number.
 
+A plain tuple is created much faster than an object of a class.
+"""
 
-_END = _Message(ChannelDeclaration("", "", b"", {}), 0, 0, b"", None)
+_END: _Message = (ChannelDeclaration("", "", b"", {}), 0, 0, b"", None)
 """In the queue, the end of the file."""
+
+
+class _Parts(NamedTuple):
+    """The parts of the file that few messages change.
+
+    Attributes:
+        chunk_offset: the offset at which the open chunk will be written; 0 before the head is written.
+        offset_checksum: the checksum of this offset, with which the checksum of each record in the region begins.
+        chunk_count: the number of chunks in the file.
+        schema_count: the number of declared schemas.
+        channel_count: the number of declared channels.
+    """
+
+    chunk_offset: int = 0
+    offset_checksum: int = 0
+    chunk_count: int = 0
+    schema_count: int = 0
+    channel_count: int = 0
 
 
 class _State(NamedTuple):
     """The content of the file; one assignment replaces the state after each step.
 
     Attributes:
-        last_message: the last message in the file.
+        last_message: the last message in the file; the end of the file if it is complete.
         sequence: the sequence number of this message.
         chunk_bytes: the size of the records in the open chunk.
+        message_count: the number of messages in the open chunk.
         region_bytes: the size of the used part of the region.
-        chunk_offset: the offset at which the open chunk will be written; 0 before the head is written.
-        chunk_count: the number of chunks in the file.
-        schema_count: the number of declared schemas.
-        channel_count: the number of declared channels.
-        is_finished: whether the end of the file is written.
+        parts: the other parts of the file.
     """
 
     last_message: _Message | None = None
     sequence: int = 0
     chunk_bytes: int = 0
+    message_count: int = 0
     region_bytes: int = 0
-    chunk_offset: int = 0
-    chunk_count: int = 0
-    schema_count: int = 0
-    channel_count: int = 0
-    is_finished: bool = False
+    parts: _Parts = _Parts()
 
 
 class McapFile:
@@ -142,6 +153,7 @@ class McapFile:
         self._state = _State()
         # A step may add to these before it is interrupted: only what the state counts is valid.
         self._chunk = bytearray()
+        self._entries: list[IndexEntry] = []
         self._chunks: list[WrittenChunk] = []
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -151,7 +163,7 @@ class McapFile:
     @property
     def is_over(self) -> bool:
         """Return whether the file is complete or has failed, so that no message is written any more."""
-        return self._state.is_finished or self.failure is not None
+        return self._state.last_message is _END or self.failure is not None
 
     def add(
         self, channel: ChannelDeclaration, log_ns: int, publish_ns: int, data: bytes, sequence: int | None = None
@@ -169,7 +181,7 @@ class McapFile:
             OSError: if the message cannot be written, or the file was removed, truncated or overwritten. Then `failure`
                 is this error.
         """
-        self._accept(_Message(channel, log_ns, publish_ns, data, sequence))
+        self._accept((channel, log_ns, publish_ns, data, sequence))
 
     def finish(self) -> None:
         """Write the summary, which readers use as an index, clear the region, and close the stream.
@@ -196,20 +208,20 @@ class McapFile:
     def _write_pending(self) -> None:
         try:
             while self._pending_messages:
-                message = self._pending_messages[0]
-                while self._state.last_message is not message and not self.is_over:
-                    self._state = self._next_state(message)
+                message, state = self._pending_messages[0], self._state
+                while state.last_message is not message and state.last_message is not _END and self.failure is None:
+                    self._state = state = self._next_state(message)
                 self._pending_messages.popleft()
         finally:
-            if self.is_over:
+            if self.failure is not None or self._state.last_message is _END:
                 self._close()
 
     def _next_state(self, message: _Message) -> _State:
         """Take one step towards writing a message, and return the state after the step."""
         state = self._state
-        if not state.chunk_offset:
+        if not state.parts.chunk_offset:
             self._write(self._start + bytes(CHUNK_BYTES), 0)
-            return state._replace(chunk_offset=len(self._start) + CHUNK_BYTES)
+            return state._replace(parts=_at_offset(state.parts, len(self._start) + CHUNK_BYTES))
         if message is _END:
             return self._end_chunk(state) if state.chunk_bytes else self._finish(state)
         self._check_size(state)
@@ -217,28 +229,33 @@ class McapFile:
 
     def _add_to_chunk(self, message: _Message, state: _State) -> _State:
         """Add a message to the open chunk and the region. If the region has no room, write the chunk."""
-        channel_id, records, declared = self._channel_ids.get(message.channel, _NO_ID), list[bytes](), state
-        if channel_id > state.channel_count:
-            records, declared = self._declare(message.channel, state)
-            channel_id = declared.channel_count
-        sequence = state.sequence + 1 if message.sequence is None else message.sequence
-        length = _MESSAGE_FIELDS_BYTES + len(message.data)
-        numbers = (channel_id, sequence & _MAX_SEQUENCE, message.log_ns, message.publish_ns)
-        records.append(_MESSAGE_HEADER.pack(_MESSAGE_OPCODE, length, *numbers) + message.data)
-        frames = b"".join([_frame(record, state.chunk_offset) for record in records])
-        region_bytes = state.region_bytes + len(frames)
-        if region_bytes > CHUNK_BYTES and state.chunk_bytes:
+        channel, log_ns, publish_ns, data, sequence = message
+        _, last_sequence, chunk_bytes, message_count, region_start, parts = state
+        channel_id, declarations = self._channel_ids.get(channel, _NO_ID), b""
+        frames = b""
+        if channel_id > parts.channel_count:
+            records, parts = self._declare(channel, parts)
+            channel_id, declarations = parts.channel_count, b"".join(records)
+            frames = b"".join([_frame(record, parts) for record in records])
+        sequence = last_sequence + 1 if sequence is None else sequence
+        numbers = (channel_id, sequence & _MAX_SEQUENCE, log_ns, publish_ns)
+        record = _MESSAGE_HEADER.pack(_MESSAGE_OPCODE, _MESSAGE_FIELDS_BYTES + len(data), *numbers) + data
+        frames += _frame(record, parts)
+        region_bytes = region_start + len(frames)
+        if region_bytes > CHUNK_BYTES and chunk_bytes:
             return self._end_chunk(state)
-        self._chunk[state.chunk_bytes :] = b"".join(records)
-        following_state = _State(message, sequence, len(self._chunk), region_bytes, *declared[4:])
+        self._chunk[chunk_bytes:] = declarations + record
+        chunk_bytes = len(self._chunk)
+        self._entries[message_count:] = [(channel_id, log_ns, chunk_bytes - len(record))]
+        following_state = _State(message, sequence, chunk_bytes, message_count + 1, region_bytes, parts)
         if region_bytes > CHUNK_BYTES:  # a message that is larger than the region
             return self._end_chunk(following_state)
-        self._write(frames, len(self._start) + state.region_bytes)
+        self._write(frames, len(self._start) + region_start)
         return following_state
 
-    def _declare(self, declaration: ChannelDeclaration, state: _State) -> tuple[list[bytes], _State]:
-        """Return the records that declare a channel and, if it is new, its schema; and the state after them."""
-        records, schema_count, channel_id = list[bytes](), state.schema_count, state.channel_count + 1
+    def _declare(self, declaration: ChannelDeclaration, parts: _Parts) -> tuple[list[bytes], _Parts]:
+        """Return the records that declare a channel and, if it is new, its schema; and the parts with them."""
+        records, schema_count, channel_id = list[bytes](), parts.schema_count, parts.channel_count + 1
         schema_key = (declaration.schema_name, declaration.schema)
         schema_id = self._schema_ids.get(schema_key, _NO_ID)
         if schema_id > schema_count:
@@ -254,30 +271,35 @@ class McapFile:
             schema_id=schema_id,
         )
         self._channel_ids[declaration] = channel_id
-        self._channels[state.channel_count :] = [channel]
+        self._channels[parts.channel_count :] = [channel]
         records.append(record_bytes(channel))
-        return records, state._replace(schema_count=max(schema_count, schema_id), channel_count=channel_id)
+        return records, parts._replace(schema_count=max(schema_count, schema_id), channel_count=channel_id)
 
     def _end_chunk(self, state: _State) -> _State:
         """Write the open chunk of a state, and return the state after it."""
         self._check_file(state)
-        content, written_chunk = make_chunk(bytes(self._chunk[: state.chunk_bytes]), state.chunk_offset)
-        self._write(content, state.chunk_offset)
-        self._chunks[state.chunk_count :] = [written_chunk]
-        offset, count = state.chunk_offset + len(content), state.chunk_count + 1
-        return state._replace(chunk_bytes=0, region_bytes=0, chunk_offset=offset, chunk_count=count)
+        parts = state.parts
+        records, entries = bytes(self._chunk[: state.chunk_bytes]), self._entries[: state.message_count]
+        content, written_chunk = make_chunk(records, entries, parts.chunk_offset)
+        self._write(content, parts.chunk_offset)
+        self._chunks[parts.chunk_count :] = [written_chunk]
+        following_parts = _at_offset(parts, parts.chunk_offset + len(content))._replace(
+            chunk_count=parts.chunk_count + 1
+        )
+        return state._replace(chunk_bytes=0, message_count=0, region_bytes=0, parts=following_parts)
 
     def _finish(self, state: _State) -> _State:
         self._check_file(state)
-        chunks, schemas = self._chunks[: state.chunk_count], self._schemas[: state.schema_count]
-        channels = self._channels[: state.channel_count]
-        self._write(make_end(state.chunk_offset, self._head, chunks, schemas, channels), state.chunk_offset)
+        parts = state.parts
+        chunks, schemas = self._chunks[: parts.chunk_count], self._schemas[: parts.schema_count]
+        channels = self._channels[: parts.channel_count]
+        self._write(make_end(parts.chunk_offset, self._head, chunks, schemas, channels), parts.chunk_offset)
         self._write(bytes(CHUNK_BYTES), len(self._start))
-        return state._replace(last_message=_END, is_finished=True)
+        return state._replace(last_message=_END)
 
     def _check_size(self, state: _State) -> None:
         """Raise an error if the file was truncated; this takes less time than `os.fstat`."""
-        if self._call(os.lseek, self._descriptor, 0, os.SEEK_END) < state.chunk_offset:
+        if self._call(os.lseek, self._descriptor, 0, os.SEEK_END) < state.parts.chunk_offset:
             self._fail(OSError(errno.EIO, "the file was truncated while it was being written"))
 
     def _check_file(self, state: _State) -> None:
@@ -289,7 +311,7 @@ class McapFile:
             self._fail(OSError(errno.EIO, "the file was overwritten while it was being written"))
 
     def _write(self, content: bytes, offset: int) -> None:
-        written_bytes = 0
+        written_bytes = self._call(os.pwrite, self._descriptor, content, offset)
         while written_bytes < len(content):
             rest = content[written_bytes:]
             written_bytes += self._call(os.pwrite, self._descriptor, rest, offset + written_bytes)
@@ -316,12 +338,16 @@ class McapFile:
             self._call(self._stream.close)
 
 
-def _frame(record: bytes, chunk_offset: int) -> bytes:
-    return _FRAME_HEADER.pack(len(record), _checksum(chunk_offset, record), chunk_offset) + record
+def _at_offset(parts: _Parts, chunk_offset: int) -> _Parts:
+    return parts._replace(chunk_offset=chunk_offset, offset_checksum=_checksum_of_offset(chunk_offset))
 
 
-def _checksum(chunk_offset: int, record: bytes) -> int:
-    return zlib.crc32(record, zlib.crc32(chunk_offset.to_bytes(8, "little")))
+def _frame(record: bytes, parts: _Parts) -> bytes:
+    return _FRAME_HEADER.pack(len(record), crc32(record, parts.offset_checksum), parts.chunk_offset) + record
+
+
+def _checksum_of_offset(chunk_offset: int) -> int:
+    return crc32(chunk_offset.to_bytes(8, "little"))
 
 
 def parse_region(region: bytes) -> tuple[int, bytes]:
@@ -331,7 +357,7 @@ def parse_region(region: bytes) -> tuple[int, bytes]:
         length, checksum, offset = _FRAME_HEADER.unpack_from(region, position)
         position += _FRAME_HEADER.size
         record = region[position : position + length]
-        is_intact = 0 < length == len(record) and checksum == _checksum(offset, record)
+        is_intact = 0 < length == len(record) and checksum == crc32(record, _checksum_of_offset(offset))
         if not is_intact or offset != (offset if chunk_offset is None else chunk_offset):
             break
         chunk_offset = offset

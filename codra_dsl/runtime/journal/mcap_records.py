@@ -22,7 +22,6 @@ from mcap.records import (
     Footer,
     Header,
     McapRecord,
-    MessageIndex,
     Metadata,
     MetadataIndex,
     Schema,
@@ -36,12 +35,17 @@ from codra_dsl.runtime.journal.limits import value_count
 MAX_COMPRESSION = 24
 """The records of a chunk are at most this many times larger than the chunk in the file. Readers accept 32."""
 
-_INDEX_ENTRY_BYTES = 16
+_NUMBER_BYTES = 8
+_INDEX_ENTRY_BYTES = 2 * _NUMBER_BYTES
 
 RECORD_HEADER = struct.Struct("<BQ")
-_INDEXED_MESSAGE_FIELDS = struct.Struct("<HIQ")
-_FOOTER_FIELDS = struct.Struct("<BQQQ")
+_MESSAGE_INDEX_HEADER = struct.Struct("<BQHI")
+FOOTER_FIELDS = struct.Struct("<BQQQ")
 _FOOTER_FIELDS_BYTES = 20
+
+
+IndexEntry = tuple[int, int, int]
+"""A message in a chunk: the number of its channel, its time in nanoseconds, and its position in the chunk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,16 +103,16 @@ def make_head(metadata: Mapping[str, Mapping[str, str]], files: Mapping[str, byt
     return Head(bytes(content), tuple(metadata_indexes), tuple(attachment_indexes))
 
 
-def make_chunk(records: bytes, offset: int) -> tuple[bytes, WrittenChunk]:
+def make_chunk(records: bytes, entries: Sequence[IndexEntry], offset: int) -> tuple[bytes, WrittenChunk]:
     """Return a chunk with the indexes of its messages, as bytes, and what the summary states about the chunk.
 
     Args:
-        records: the concatenated records of the chunk, with at least one message.
+        records: the concatenated records of the chunk.
+        entries: the messages of the chunk, at least one.
         offset: the offset at which the chunk will be written.
     """
-    entries = _index_messages(records)
-    times_ns = [log_ns for channel_entries in entries.values() for log_ns, _ in channel_entries]
-    compression, stored_records = _compress(records, index_bytes=_INDEX_ENTRY_BYTES * len(times_ns))
+    times_ns = [log_ns for _, log_ns, _ in entries]
+    compression, stored_records = _compress(records, index_bytes=_INDEX_ENTRY_BYTES * len(entries))
     fields: dict[str, Any] = {
         "compression": compression,
         "message_start_time": min(times_ns),
@@ -116,10 +120,14 @@ def make_chunk(records: bytes, offset: int) -> tuple[bytes, WrittenChunk]:
         "uncompressed_size": len(records),
     }
     content = bytearray(record_bytes(Chunk(**fields, data=stored_records, uncompressed_crc=zlib.crc32(records))))
-    chunk_length, index_offsets = len(content), dict[int, int]()
-    for channel_id, channel_entries in entries.items():
+    chunk_length, index_offsets, numbers_by_channel = len(content), dict[int, int](), dict[int, list[int]]()
+    for channel_id, log_ns, position in entries:  # the order of the channels is that of their first messages
+        numbers_by_channel.setdefault(channel_id, []).extend((log_ns, position))
+    for channel_id, numbers in numbers_by_channel.items():
         index_offsets[channel_id] = offset + len(content)
-        content += record_bytes(MessageIndex(channel_id=channel_id, records=channel_entries))
+        byte_count = _NUMBER_BYTES * len(numbers)
+        content += _MESSAGE_INDEX_HEADER.pack(Opcode.MESSAGE_INDEX, 6 + byte_count, channel_id, byte_count)
+        content += struct.pack(f"<{len(numbers)}Q", *numbers)
     index = ChunkIndex(
         **fields,
         chunk_start_offset=offset,
@@ -128,7 +136,8 @@ def make_chunk(records: bytes, offset: int) -> tuple[bytes, WrittenChunk]:
         message_index_length=len(content) - chunk_length,
         compressed_size=len(stored_records),
     )
-    return bytes(content), WrittenChunk(index, {channel_id: len(found) for channel_id, found in entries.items()})
+    message_counts = {channel_id: len(numbers) // 2 for channel_id, numbers in numbers_by_channel.items()}
+    return bytes(content), WrittenChunk(index, message_counts)
 
 
 def _compress(records: bytes, index_bytes: int) -> tuple[str, bytes]:
@@ -165,29 +174,13 @@ def make_end(
         )
     group_offsets_start = summary_offset + len(summary)
     summary += group_offsets
-    footer_fields = _FOOTER_FIELDS.pack(Opcode.FOOTER, _FOOTER_FIELDS_BYTES, summary_offset, group_offsets_start)
+    footer_fields = FOOTER_FIELDS.pack(Opcode.FOOTER, _FOOTER_FIELDS_BYTES, summary_offset, group_offsets_start)
     footer = Footer(
         summary_start=summary_offset,
         summary_offset_start=group_offsets_start,
         summary_crc=zlib.crc32(footer_fields, zlib.crc32(summary)),
     )
     return data_end + bytes(summary) + record_bytes(footer) + MCAP0_MAGIC
-
-
-def _index_messages(records: bytes) -> dict[int, list[tuple[int, int]]]:
-    """Return the time and the position of each message in concatenated records. The key is the number of its channel.
-
-    The order of the channels is that of their first messages.
-    """
-    entries: dict[int, list[tuple[int, int]]] = {}
-    position = 0
-    while position < len(records):
-        opcode, length = RECORD_HEADER.unpack_from(records, position)
-        if opcode == Opcode.MESSAGE:
-            channel_id, _, log_ns = _INDEXED_MESSAGE_FIELDS.unpack_from(records, position + RECORD_HEADER.size)
-            entries.setdefault(channel_id, []).append((log_ns, position))
-        position += RECORD_HEADER.size + length
-    return entries
 
 
 def _make_statistics(

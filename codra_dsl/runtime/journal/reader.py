@@ -24,7 +24,14 @@ from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 
-from codra_dsl.runtime.journal.chunks import TooLargeError, decompress, split_records
+from codra_dsl.runtime.journal.chunks import (
+    IndexedChunk,
+    TooLargeError,
+    decompress,
+    indexed_chunks,
+    read_summary_section,
+    split_records,
+)
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.file_creation import MAGIC, is_being_written
@@ -41,7 +48,7 @@ from codra_dsl.runtime.journal.limits import (
 )
 from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK_OPCODE, RECORD_HEADER, parse_region
 from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
-from codra_dsl.runtime.journal.schemas import kind_of
+from codra_dsl.runtime.journal.schemas import Kind, kind_of
 from codra_dsl.runtime.journal.spec_summary_data import summary_from_data
 from codra_dsl.runtime.journal.writer import SUMMARY_FILE
 
@@ -104,7 +111,7 @@ class JournalReader:
         metadata: metadata that tools show about the file. The key is the name of the metadata.
         files: the attached files. The key is the name of the file.
         damage: missing and unreadable parts, complete once the journal has been read to its end.
-        chunk_offset: the offset of the chunk with the last message. Messages can be read again from this offset on.
+        chunk_offset: the offset of the chunk with the last message.
         is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 
@@ -136,6 +143,7 @@ class JournalReader:
         self._has_ended = False
         self._skips_large_chunks = skips_large_chunks
         self._budget = ReadingBudget(path, self.size())
+        self._counted_chunk_offsets: set[int] = set()
         try:
             self._read_start()
         except BaseException:
@@ -209,26 +217,81 @@ class JournalReader:
         """Yield all messages, in the order in which they were written."""
         last_sequence = 0
         for message, is_regained in self._messages():
-            channel = self._channels.get(message.channel_id)
-            schema = None if channel is None else self._schemas.get(channel.schema_id)
-            if channel is None or schema is None:
-                self._add_damage(f"message {message.sequence}: its channel is missing")
-                continue
-            self.damage.lost_message_count += max(message.sequence - last_sequence - 1, 0)
-            self.damage.regained_message_count += is_regained
-            last_sequence = message.sequence
-            yield RawMessage(schema, channel, message)
+            raw_message = self._with_channel(message)
+            if raw_message is not None:
+                self.damage.lost_message_count += max(message.sequence - last_sequence - 1, 0)
+                self.damage.regained_message_count += is_regained
+                last_sequence = message.sequence
+                yield raw_message
 
-    def raw_messages_from(self, chunk_offset: int) -> Iterator[RawMessage]:
-        """Yield the messages from an earlier `chunk_offset` on; `damage` is collected anew."""
-        self._stream.seek(chunk_offset)
-        self._pending_record, self._has_ended, self._is_region_outdated, self.damage = None, False, False, Damage()
-        self._budget = ReadingBudget(self.path, self.size())
-        return self.raw_messages()
+    def index(self) -> list[IndexedChunk]:
+        """Return the chunks that have messages, in order. Call this before messages are read.
+
+        If the end of the file has no intact index, all messages are read; only then is `damage` complete.
+        """
+        position = self._stream.tell()
+        section = read_summary_section(self._stream, self.size())
+        self._stream.seek(position)
+        return self._read_index(section) or self._build_index()
+
+    def channel_ids(self) -> dict[str, frozenset[int]]:
+        """Return the numbers of the channels of each topic, for the channels that were read so far."""
+        channel_ids: dict[str, frozenset[int]] = {}
+        for number, channel in self._channels.items():
+            channel_ids[channel.topic] = channel_ids.get(channel.topic, frozenset()) | {number}
+        return channel_ids
+
+    def kinds(self) -> frozenset[Kind]:
+        """Return the kinds of events that the journal has; `index` must have been called."""
+        return frozenset(kind for topic in self.channel_ids() if (kind := kind_of(topic)) is not None)
+
+    def messages_at(self, chunk_offset: int) -> list[RawMessage]:
+        """Return the messages of one of the chunks that `index` has returned."""
+        records: bytes | None = self._region[1]
+        if chunk_offset != self._region[0] or self._is_region_outdated:
+            records, self._has_ended = None, False
+            self._stream.seek(chunk_offset)
+            opcode, offset, content = next(self._records(), (0, 0, b""))
+            if (opcode, offset) == (Opcode.CHUNK, chunk_offset):
+                records = self._records_of_chunk(offset, content)
+            else:
+                self._add_damage(f"the chunk at byte {chunk_offset}: there is none")
+        is_counted = chunk_offset not in self._counted_chunk_offsets
+        self._counted_chunk_offsets.add(chunk_offset)
+        messages = self._messages_of_records(records or b"", f"the chunk at byte {chunk_offset}", is_counted=is_counted)
+        return [raw_message for message in messages if (raw_message := self._with_channel(message)) is not None]
 
     def size(self) -> int:
         """Return the current size in bytes; the file grows while a program writes it."""
         return os.fstat(self._stream.fileno()).st_size
+
+    def _read_index(self, summary_section: bytes | None) -> list[IndexedChunk]:
+        """Return the chunks from the records at the end of the file; return none if they do not state all topics."""
+        try:
+            for record in split_records(summary_section or b""):
+                self._register(record)
+            chunks = indexed_chunks(summary_section or b"")
+        except (ValueError, EndOfFile, struct.error):
+            return []
+        return chunks if all(chunk.channel_ids for chunk in chunks) else []
+
+    def _build_index(self) -> list[IndexedChunk]:
+        """Return the chunks, after all messages have been read."""
+        chunks: dict[int, tuple[float, set[int]]] = {}
+        for raw_message in self.raw_messages():
+            message = raw_message.message
+            chunks.setdefault(self.chunk_offset, (message.log_time / 1e9, set()))[1].add(message.channel_id)
+        self._counted_chunk_offsets.update(chunks)
+        return [IndexedChunk(offset, start_s, frozenset(ids)) for offset, (start_s, ids) in chunks.items()]
+
+    def _with_channel(self, message: Message) -> RawMessage | None:
+        """Return a message with its channel; None if the channel was not declared."""
+        channel = self._channels.get(message.channel_id)
+        schema = None if channel is None else self._schemas.get(channel.schema_id)
+        if channel is None or schema is None:
+            self._add_damage(f"message {message.sequence}: its channel is missing")
+            return None
+        return RawMessage(schema, channel, message)
 
     def _add_damage(self, description: str) -> None:
         self.damage.add(description)
@@ -283,11 +346,20 @@ class JournalReader:
             yield from ((message, True) for message in self._messages_of_records(self._region[1], "the region"))
 
     def _messages_of_chunk(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
-        if opcode != Opcode.CHUNK:
+        records = self._records_of_chunk(offset, content) if opcode == Opcode.CHUNK else None
+        if records is None:
             return
+        self.chunk_offset = offset
+        if offset == self._region[0]:
+            self._is_region_outdated = True
+        messages = self._messages_of_records(records, f"the chunk at byte {offset}")
+        yield from ((message, False) for message in messages)
+
+    def _records_of_chunk(self, offset: int, content: bytes) -> bytes | None:
+        """Return the records of a chunk; None if they cannot be read."""
         description = f"the chunk at byte {offset}"
         try:
-            records = decompress(Chunk.read(_stream(content)))
+            return decompress(Chunk.read(_stream(content)))
         except TooLargeError as error:
             if not self._skips_large_chunks:
                 raise JournalError(
@@ -296,30 +368,31 @@ class JournalReader:
                 ) from error
             self._budget.add_bytes(MAX_RECORD_BYTES)
             self._add_damage(f"{description}: {error}")
-            return
         except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
             self._add_damage(f"{description}: {type(error).__name__}: {error}")
-            return
-        self.chunk_offset = offset
-        if offset == self._region[0]:
-            self._is_region_outdated = True
-        yield from ((message, False) for message in self._messages_of_records(records, description))
+        return None
 
-    def _messages_of_records(self, records: bytes, description: str) -> Iterator[Message]:
+    def _messages_of_records(self, records: bytes, description: str, *, is_counted: bool = True) -> Iterator[Message]:
         """Register channels and schemas, and yield the messages."""
-        self._budget.add_chunk(records)
+        if is_counted:
+            self._budget.add_chunk(records)
         try:
             for record in split_records(records):
-                match record:
-                    case Message():
+                if isinstance(record, Message):
+                    if is_counted:
                         self._budget.add_message()
-                        yield record
-                    case Channel():
-                        self._channels[record.id] = record
-                    case Schema():
-                        self._schemas[record.id] = record
+                    yield record
+                else:
+                    self._register(record)
         except (ValueError, EndOfFile, struct.error) as error:
             self._add_damage(f"{description}: {type(error).__name__}: {error}")
+
+    def _register(self, record: Schema | Channel | Message) -> None:
+        """Store the declaration of a channel or schema."""
+        if isinstance(record, Channel):
+            self._channels[record.id] = record
+        elif isinstance(record, Schema):
+            self._schemas[record.id] = record
 
     def _records(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield opcode, offset and content of each record, up to the end of the data or the last complete record."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Protocol
 
 from codra_dsl.logic import Term, Value, known
@@ -322,7 +323,7 @@ class Branch:
         if self.blocking_condition(context) is not None:
             return None
         self._pin_instant_s = now_s
-        for cell in self._cells():
+        for cell in self._condition_cells:
             cell.pin(now_s)
         return {name: context.value(name) for name in self.algorithm.given}
 
@@ -343,7 +344,7 @@ class Branch:
     def _drop_job(self) -> JobRun | None:
         job_run, self._job_run = self._job_run, None
         if self._pin_instant_s is not None:
-            for cell in self._cells():
+            for cell in self._condition_cells:
                 cell.unpin(self._pin_instant_s)
             self._pin_instant_s = None
         if job_run is not None:
@@ -352,7 +353,9 @@ class Branch:
                 self.last_start_s, self._is_fresh = job_run.start_s, False
         return job_run
 
-    def _cells(self) -> list[Cell]:
+    @cached_property
+    def _condition_cells(self) -> list[Cell]:
+        """The variables of the preconditions; jobs need them after all preconditions were added."""
         names = {name for _, term in self.conditions for name in term.variables()}
         return [self.observer.services.cells[name] for name in sorted(names)]
 

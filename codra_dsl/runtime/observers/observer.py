@@ -225,8 +225,9 @@ class Observer:
         instants = [self.now_s + wait_s for wait_s in waits_s if wait_s]
         for branch in self._branches:
             start_s = branch.next_start_s()
-            is_free = not any(rival.is_busy for rival in branch.rivals)
-            if self.now_s < start_s < math.inf and is_free and (self.on_event_needs or self._may_run(branch)):
+            if not self.now_s < start_s < math.inf or any(rival.is_busy for rival in branch.rivals):
+                continue
+            if self.on_event_needs or self._may_run(branch):
                 instants.append(start_s)
         return min(instants, default=None)
 

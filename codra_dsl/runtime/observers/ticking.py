@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Composite, Sequence
+from py_trees.composites import Sequence
 
 
 def tick(node: Behaviour) -> None:
@@ -46,26 +46,29 @@ def _tick_leaf(leaf: Behaviour) -> None:
 
 def _tick_sequence(sequence: Sequence) -> None:
     """Tick a sequence without memory: its children in order, up to the first one that does not succeed."""
-    children = sequence.children
-    sequence.current_child = children[0] if children else None
+    children, child = sequence.children, None
     if sequence.status is not Status.RUNNING:
         _invalidate(children)
         sequence.initialise()
+    status = Status.SUCCESS
     for position, child in enumerate(children, start=1):
-        tick(child)
-        if child.status is not Status.SUCCESS:
+        if type(child).tick is leaf_tick:  # most children: the steps of `_tick_leaf`, without a call
+            if child.status is not Status.RUNNING:
+                child.initialise()
+            status = child.update()
+            if status is not Status.RUNNING:
+                child.terminate(status)
+            child.status = status
+        else:
+            tick(child)
+            status = child.status
+        if status is not Status.SUCCESS:
             _invalidate(children[position:])
-            _set_status(sequence, child.status)
-            return
-        sequence.current_child = children[position] if position < len(children) else child
-    _set_status(sequence, Status.SUCCESS)
-
-
-def _set_status(sequence: Sequence, status: Status) -> None:
-    if status is Status.RUNNING:
-        sequence.status = status
-    else:
-        Composite.stop(sequence, status)
+            break
+    sequence.current_child = child
+    if status is not Status.RUNNING:
+        sequence.terminate(status)
+    sequence.status = status
 
 
 def _invalidate(children: list[Behaviour]) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.journal.spec_summary_changes import Change
+from codra_dsl.runtime.replay.recording import Recording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ class Comparison(EventLog):
         difference: the first difference, if there is one so far.
     """
 
-    def __init__(self, expected_events: Sequence[Event], copy_log: EventLog | None) -> None:
+    def __init__(self, recording: Recording, copy_log: EventLog | None) -> None:
         super().__init__(limit=1)
         self.may_continue = False
         self.spec_summary: SpecSummary | None = None
@@ -70,14 +70,13 @@ class Comparison(EventLog):
         self.position = 0
         self.derived: dict[Kind, int] = {}
         self.difference: Difference | None = None
-        self._expected_events = expected_events
-        self._recorded_kinds = frozenset(event.kind for event in expected_events)
+        self._recording = recording
         self._copy_log = copy_log
 
     @property
     def is_over(self) -> bool:
         """Return whether the comparison is complete: a difference was found, or all events were compared."""
-        return self.difference is not None or self.position == len(self._expected_events)
+        return self.difference is not None or self._recording.next_expected_event() is None
 
     def begin(self, make_header: Callable[[], RunHeader]) -> None:
         """Store the spec summary, and begin the copy."""
@@ -92,7 +91,7 @@ class Comparison(EventLog):
             self._copy_log.add(event)
         if event.kind is not Kind.INPUT:
             self.derived[event.kind] = self.derived.get(event.kind, 0) + 1
-            if event.kind in self._recorded_kinds and self.difference is None:
+            if event.kind in self._recording.kinds and self.difference is None:
                 self._compare(event)
 
     def end(self) -> None:
@@ -103,18 +102,23 @@ class Comparison(EventLog):
     def check_completeness(self, because: str = "") -> None:
         """Store a difference if the replay ended before the recorded events did."""
         if not self.is_over:
-            recorded = self._expected_events[self.position]
+            recorded = self._next_recorded_event()
             self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=None, because=because)
 
     def absent(self) -> tuple[Kind, ...]:
         """Return the kinds of events that were derived and that the journal does not hold."""
-        return tuple(kind for kind in self.derived if kind not in self._recorded_kinds)
+        return tuple(kind for kind in self.derived if kind not in self._recording.kinds)
 
     def _compare(self, event: Event) -> None:
-        recorded = self._expected_events[self.position] if self.position < len(self._expected_events) else None
-        if recorded is None and self.may_continue:
-            return
-        if recorded is None or recorded.kind is not event.kind or message_of(recorded) != message_of(event):
-            self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=event)
-        else:
+        recorded_event = self._recording.next_expected_event()
+        if recorded_event is not None and recorded_event.is_equal(event):
+            self._recording.drop_expected_event()
             self.position += 1
+            return
+        recorded = self._next_recorded_event()
+        if recorded is not None or not self.may_continue:
+            self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=event)
+
+    def _next_recorded_event(self) -> Event | None:
+        recorded_event = self._recording.next_expected_event()
+        return None if recorded_event is None else recorded_event.event

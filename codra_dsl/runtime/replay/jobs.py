@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from codra_dsl.logic import Value
@@ -42,12 +42,14 @@ class _ReplayedWork(Work):
 class ReplayedJobs:
     """The jobs of a journal: their reports about evidence, and their results.
 
+    Each event about a job is added when it is read from the journal, and dropped when it is used.
+
     Attributes:
         repeat_calls: a function that repeats the calls that a job's function made on the context manager; its
             argument is the number of the job among all jobs.
     """
 
-    def __init__(self, events: Iterable[Event]) -> None:
+    def __init__(self) -> None:
         self.repeat_calls: Callable[[int], None] = lambda _: None
         self._work_count = 0
         self._divergence: DivergedError | None = None
@@ -57,23 +59,30 @@ class ReplayedJobs:
         self._deliveries: dict[JobKey, Callable[[Any], None]] = {}
         self._result_names: dict[str, Sequence[str]] = {}
         self._starting_job: tuple[_ReplayedWork, JobKey | None] = (_ReplayedWork(), None)
-        for event in events:
-            self._add_event(event)
+        self._last_jobs: dict[str, tuple[_ReplayedWork, Job]] = {}
 
-    def _add_event(self, event: Event) -> None:
-        if "index" not in event.details:
-            return
+    def add_event(self, event: Event) -> None:
+        """Add an event about a job: a report about its evidence, the error of its start, or its end."""
         key = (event.name, int(event.details["index"]))
         match event.kind, event.what:
             case Kind.INPUT, "evidence":
                 start_s, stamp_s = event.details["evidence_s"]
-                self._reports.setdefault(key, []).append((event.details["told_s"], Interval(start_s, stamp_s)))
+                self._add_report(key, event.details["told_s"], Interval(start_s, stamp_s))
             case Kind.INPUT, "unstarted":
                 self._start_errors[key] = event.details["message"]
             case Kind.JOB, "returned" | "failed":
                 self._end_events.setdefault(key, event)
             case _:
                 pass
+
+    def _add_report(self, key: JobKey, report_s: float, interval: Interval) -> None:
+        """Add a report. It is used when the job has begun, and at the latest before the algorithm's next job begins."""
+        algorithm, index = key
+        work, job = self._last_jobs.get(algorithm, (None, None))
+        if work is not None and job is not None and job.index == index:
+            _report(work, job, report_s, interval)
+        else:
+            self._reports.setdefault(key, []).append((report_s, interval))
 
     def find(self, algorithm: Algorithm) -> Function:
         """Return a replacement for an algorithm's function, which repeats the recorded reports and calls."""
@@ -82,9 +91,9 @@ class ReplayedJobs:
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
             work, _key = self._starting_job
             key = (algorithm.name, job.index)
-            for report_s, interval in self._reports.get(key, ()):
-                work.instant_s = report_s
-                job.evidence(interval.start_s, report_s if interval.stamp_s is None else interval.stamp_s)
+            for report in self._reports.pop(key, ()):
+                _report(work, job, *report)
+            self._last_jobs[algorithm.name] = (work, job)
             self._starting_job = (work, key)
             self._repeat_calls_of_job()
             return {}
@@ -103,7 +112,7 @@ class ReplayedJobs:
         if key is None:
             raise DivergedError
         if key in self._start_errors:
-            raise RuntimeError(self._start_errors[key])
+            raise RuntimeError(self._start_errors.pop(key))
         self._deliveries[key] = deliver
         return work
 
@@ -126,12 +135,18 @@ class ReplayedJobs:
         deliver(self._outcome(key))
 
     def _outcome(self, key: JobKey) -> Result | Failure:
-        event = self._end_events.get(key)
+        event = self._end_events.pop(key, None)
         if event is None or event.what == "failed":
             message = "" if event is None else str(event.details.get("message", ""))
             return Failure(Reason.FAILED, message)  # there is no event if the run no longer needed the result
         values = event.details.get("values", {})
         return Result({name: values.get(name) for name in self._result_names[key[0]]})
+
+
+def _report(work: _ReplayedWork, job: Job, report_s: float, interval: Interval) -> None:
+    """Repeat the report of a job about its evidence."""
+    work.instant_s = report_s
+    job.evidence(interval.start_s, report_s if interval.stamp_s is None else interval.stamp_s)
 
 
 class ReplayedClock(Clock):

@@ -17,13 +17,14 @@ from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.event_log import EventLog
-from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance
 from codra_dsl.runtime.knowledge import ConflictError, KnowledgeModel, Snapshot
 from codra_dsl.runtime.knowledge.context_link import RefusedWrite
 from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
 from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
+from codra_dsl.runtime.replay.recording import Recording
 
 Build = Callable[..., ContextManager[Any, Any]]
 """Creates the context manager of a package: a class with the parameters of `ContextManager`."""
@@ -40,7 +41,7 @@ class _Player:
     """Passes the inputs of a journal to a context manager, at their positions."""
 
     def __init__(
-        self, manager: ContextManager[Any, Any], model: ContextModel, jobs: ReplayedJobs, events: Sequence[Event]
+        self, manager: ContextManager[Any, Any], model: ContextModel, jobs: ReplayedJobs, recording: Recording
     ) -> None:
         self._commands: Commands = manager.commands
         self._manager = manager
@@ -48,10 +49,7 @@ class _Player:
         self._variable_names = frozenset(variable.name for variable in model.variables)
         self._skill_names = frozenset(skill.name for skill in model.skills)
         self._decisions: dict[int, Decision] = {}
-        self._inputs_of_jobs: dict[int, list[Event]] = {}
-        for event in events:
-            if "work" in event.details:
-                self._inputs_of_jobs.setdefault(event.details["work"], []).append(event)
+        self._recording = recording
         jobs.repeat_calls = self._repeat_calls_of
 
     def pass_input(self, event: Event) -> None:
@@ -76,7 +74,7 @@ class _Player:
 
     def _repeat_calls_of(self, work_number: int) -> None:
         """Repeat the calls that a job's function made. In simulated time, the step that begins the job made them."""
-        for event in self._inputs_of_jobs.get(work_number, ()):
+        for event in self._recording.calls.pop(work_number, ()):
             self.pass_input(event)
 
     def _apply(self, event: Event, details: Mapping[str, Any]) -> None:
@@ -149,7 +147,7 @@ def _show_nothing(_: float) -> None:
 
 def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     header: RunHeader,
-    events: Sequence[Event],
+    events: Sequence[Event] | Recording,
     model: ContextModel,
     build: Build,
     copy: EventLog | None,
@@ -160,16 +158,20 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
 
     Args:
         header: the run header of the journal.
-        events: the events of the journal.
+        events: the events of the journal, or a recording, which does not hold all events in memory.
         model: the model of the compiled spec.
         build: creates the context manager of the package.
         copy: an event log that receives the derived events, e.g. a `Journal`. If there is no difference, the file of
             this journal equals, byte for byte, the file of the replayed journal.
         knowledge: the knowledge graph of the spec, if it has one.
         progress: this function is called for each input, with the time since the start of the run.
+
+    Raises:
+        JournalError: if the file of the journal exceeds a limit.
     """
-    comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
-    _, _, divergence_text = _play_journal(header, events, model, build, comparison, knowledge, progress)
+    recording = events if isinstance(events, Recording) else Recording.of(events)
+    comparison = Comparison(recording, copy)
+    _, _, divergence_text = _play_journal(header, recording, model, build, comparison, knowledge, progress)
     comparison.check_completeness(divergence_text)
     comparison.end()
     return Replayed(
@@ -197,9 +199,9 @@ def knowledge_at(
     """
     if instant_s < header.start_s:
         raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
-    past_events = [event for event in events if event.instant_s <= instant_s]
-    comparison = Comparison([event for event in past_events if event.kind is not Kind.INPUT], None)
-    manager, clock, divergence_text = _play_journal(header, past_events, model, ContextManager, comparison, knowledge)
+    recording = Recording.of([event for event in events if event.instant_s <= instant_s])
+    comparison = Comparison(recording, None)
+    manager, clock, divergence_text = _play_journal(header, recording, model, ContextManager, comparison, knowledge)
     if comparison.difference is not None or divergence_text:
         raise ValueError(f"the journal does not follow from its inputs: {divergence_text or comparison.difference}")
     clock.advance(instant_s)
@@ -208,7 +210,7 @@ def knowledge_at(
 
 def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
     header: RunHeader,
-    events: Sequence[Event],
+    recording: Recording,
     model: ContextModel,
     build: Build,
     comparison: Comparison,
@@ -219,7 +221,8 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
 
     The reason is empty if the replay did not stop before its end.
     """
-    jobs = ReplayedJobs(events)
+    jobs = ReplayedJobs()
+    recording.on_job_event = jobs.add_event
     clock = ReplayedClock(header.start_s, jobs)
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
     manager_arguments = {
@@ -230,16 +233,16 @@ def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
         "find": jobs.find,
     }
     manager = build(model, **manager_arguments, knowledge=knowledge)
-    inputs = [event for event in events if event.kind is Kind.INPUT]
-    player = _Player(manager, model, jobs, inputs)
+    player = _Player(manager, model, jobs, recording)
     try:
-        inputs_of_programs = [event for event in inputs if "work" not in event.details]
-        _pass_inputs(player, clock, comparison, inputs_of_programs, lambda now_s: progress(now_s - header.start_s))
-        end_s = events[-1].instant_s if events else header.start_s
+        _pass_inputs(player, clock, comparison, recording, lambda now_s: progress(now_s - header.start_s))
+        end_s = header.start_s if recording.end_s is None else recording.end_s
         while not comparison.is_over and clock.next_event_s() <= end_s:
             clock.step()  # the journal may end in the middle of the run, after its last input
     except DivergedError as error:
         return manager, clock, str(error)
+    finally:
+        recording.check()
     return manager, clock, ""
 
 
@@ -256,11 +259,11 @@ def _pass_inputs(
     player: _Player,
     clock: ReplayedClock,
     comparison: Comparison,
-    inputs: Sequence[Event],
+    recording: Recording,
     progress: Callable[[float], None],
 ) -> None:
-    last_input = next((event for event in reversed(inputs) if event.what != "evidence"), None)
-    for event in inputs:
+    while (next_input := recording.take_input()) is not None:
+        event, is_last = next_input
         while clock.step_count < event.details["step"] and comparison.difference is None:
             if clock.next_event_s() > event.instant_s:
                 raise DivergedError
@@ -269,5 +272,5 @@ def _pass_inputs(
             return
         clock.advance(event.instant_s)
         progress(event.instant_s)
-        comparison.may_continue |= event is last_input  # a journal may break off within the events of its last input
+        comparison.may_continue |= is_last  # a journal may break off within the events of its last input
         player.pass_input(event)

@@ -24,7 +24,8 @@ class ContextNow:
 
     def value(self, name: str) -> Value | None:
         """Return the present value of a variable, or None if it is unknown."""
-        return self.cells[name].reading.at(self.now_s).content
+        reading = self.cells[name].reading
+        return None if self.now_s >= reading.expires_s else reading.content  # every condition reads values here
 
     def age_s(self, name: str) -> float | None:
         """Return the age of a variable's evidence, or None if the variable is unknown."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.events import Event
-from codra_dsl.runtime.journal.latest_events import LatestEvents
+from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.why.values import Why, duration_text, instant_text, value_text
 
@@ -22,7 +22,7 @@ _REASON_TEXTS = {
 }
 
 
-def explain_course(latest_events: LatestEvents, name: str, at_s: float) -> Why | None:
+def explain_course(latest_events: LatestEventsView, name: str, at_s: float) -> Why | None:
     """Return the explanation of a decided or undecided course or parameter; None if no loop adapts this name."""
     events = latest_events.adaptation_events.get(f"adaptation/{name}", {})
     last_event = events.get("chosen", events.get("set"))
@@ -52,7 +52,7 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
     return Why(at_s=at_s, reading=reading, story=(start_text, *_failure_lines(events)))
 
 
-def adaptation_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]:
+def adaptation_lines(latest_events: LatestEventsView, variable: str) -> Iterator[str]:
     """Yield the causes of the last decision or analysis that wrote a variable; nothing if no loop writes the variable.
 
     For a weight, also yield the causes of the metrics from which the weight is computed.
@@ -63,7 +63,7 @@ def adaptation_lines(latest_events: LatestEvents, variable: str) -> Iterator[str
         yield from _analysis_lines(latest_events, variable)
 
 
-def _analysis_lines(latest_events: LatestEvents, variable: str) -> Iterator[str]:
+def _analysis_lines(latest_events: LatestEventsView, variable: str) -> Iterator[str]:
     """Yield how a metric or weight was computed, then how its input metrics were computed."""
     pending_variables, explained_variables = [variable], set[str]()
     while pending_variables:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.journal.latest_events import LatestEvents
+from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Rule, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
@@ -16,7 +16,7 @@ from codra_dsl.runtime.why.story import job_text, story
 from codra_dsl.runtime.why.unmet_conditions import find_solution
 from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
 
-LatestEventsAt = Callable[[float], LatestEvents]
+LatestEventsAt = Callable[[float], LatestEventsView]
 """Returns the latest events up to an instant."""
 
 
@@ -49,7 +49,7 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     return explain_course(latest_events, name, at_s) or explain_knowledge(summary, latest_events, name, at_s)
 
 
-def _resolve_action_name(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
+def _resolve_action_name(summary: SpecSummary, latest_events: LatestEventsView, name: str) -> str:
     """Return the variable of an action's weight if only an action has this name; otherwise return the name."""
     weight = f"weight_of_{name}"
     has_other_meaning = (
@@ -64,7 +64,7 @@ def _resolve_action_name(summary: SpecSummary, latest_events: LatestEvents, name
 class _PastContext:
     """The context as it was at an instant."""
 
-    latest_events: LatestEvents
+    latest_events: LatestEventsView
     summary: SpecSummary
     at_s: float
 
@@ -108,7 +108,7 @@ class _Explanation:
     def __init__(self, summary: SpecSummary, latest_events_at: LatestEventsAt) -> None:
         self._summary = summary
         self._latest_events_at = latest_events_at
-        self._events_at: dict[float, LatestEvents] = {}
+        self._events_at: dict[float, LatestEventsView] = {}
         self._explained_readings: set[tuple[str, int]] = set()
 
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from codra_dsl.logic import Value
 from codra_dsl.runtime.errors import UnknownNameError, unknown_name_error
 from codra_dsl.runtime.journal.events import Event
-from codra_dsl.runtime.journal.latest_events import LatestEvents
+from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading, Reason
 from codra_dsl.runtime.why.values import Why, instant_text, value_text
@@ -33,7 +33,7 @@ _ElementEvents = Mapping[str, Event]
 """The last event of each `what` about one element, ordered by time."""
 
 
-def explain_knowledge(summary: SpecSummary, latest_events: LatestEvents, name: str, at_s: float) -> Why:
+def explain_knowledge(summary: SpecSummary, latest_events: LatestEventsView, name: str, at_s: float) -> Why:
     """Return the explanation of a node, an attribute, an edge or a task at an instant.
 
     Raises:
@@ -47,7 +47,7 @@ def explain_knowledge(summary: SpecSummary, latest_events: LatestEvents, name: s
     return Why(at_s=at_s, reading=reading, unit=unit, place=_declaration_place(name, events, summary), story=story)
 
 
-def pose_edges_between(latest_events: LatestEvents, condition: str) -> tuple[str, ...]:
+def pose_edges_between(latest_events: LatestEventsView, condition: str) -> tuple[str, ...]:
     """Return the edges whose poses determine the result of a comparison of poses, without duplicates.
 
     Args:
@@ -93,7 +93,7 @@ def _insertion_sort_key(entry: tuple[str, _ElementEvents]) -> tuple[float, int]:
     return _time_sort_key(entry[1]["edge_inserted"]) if "edge_inserted" in entry[1] else (-math.inf, 0)
 
 
-def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str) -> str:
+def _name_in_events(summary: SpecSummary, latest_events: LatestEventsView, name: str) -> str:
     """Return the name that events use for an element. `name` may have the label of an edge instead of its type."""
     origin, arrow, label_and_target = name.partition(" -")
     label, _, target = label_and_target.partition("-> ")
@@ -114,7 +114,7 @@ def _name_in_events(summary: SpecSummary, latest_events: LatestEvents, name: str
     )
 
 
-def _pattern_error(latest_events: LatestEvents, name: str) -> UnknownNameError | None:
+def _pattern_error(latest_events: LatestEventsView, name: str) -> UnknownNameError | None:
     """Return the error for a pattern with `some TYPE`, which names no single node or edge; None for any other name."""
     type_match = _SOME_TYPE_PATTERN.search(name)
     if type_match is None:
@@ -136,7 +136,7 @@ def _pattern_error(latest_events: LatestEvents, name: str) -> UnknownNameError |
     )
 
 
-def _reading(name: str, events: _ElementEvents, latest_events: LatestEvents, at_s: float) -> Reading[Value]:
+def _reading(name: str, events: _ElementEvents, latest_events: LatestEventsView, at_s: float) -> Reading[Value]:
     """Return the reading of an element.
 
     The value for a node or an edge is whether it exists; the value for a task or a rule is its state.
@@ -152,7 +152,7 @@ def _reading(name: str, events: _ElementEvents, latest_events: LatestEvents, at_
     return _known_reading(name, not change_events[-1].what.endswith("deleted"), change_events[-1])
 
 
-def _attribute_reading(name: str, event: Event, latest_events: LatestEvents, at_s: float) -> Reading[Value]:
+def _attribute_reading(name: str, event: Event, latest_events: LatestEventsView, at_s: float) -> Reading[Value]:
     deletion = _deletion_after(latest_events.knowledge_events.get(name.rpartition(".")[0], {}), event)
     if deletion is not None:
         detail = f"its {deletion.what.partition('_')[0]} was deleted"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.journal.events import Event
-from codra_dsl.runtime.journal.latest_events import LatestEvents
+from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
@@ -16,7 +16,7 @@ from codra_dsl.runtime.why.values import duration_text, instant_text, value_text
 MAIN = "main_execution"
 
 
-def story(name: str, reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
+def story(name: str, reading: Reading[Value], latest_events: LatestEventsView, summary: SpecSummary) -> Iterator[str]:
     """Yield how a variable got its reading, what happened later, and the states of its observer and declarations."""
     if reading.known:
         yield from _value_lines(reading, summary)
@@ -54,7 +54,7 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
         yield f"valid until {instant_text(reading.expires_s)}"
 
 
-def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary: SpecSummary) -> Iterator[str]:
+def _unknown_lines(reading: Reading[Value], latest_events: LatestEventsView, summary: SpecSummary) -> Iterator[str]:
     name, since_text = reading.name, instant_text(reading.identified_s) if reading.identified_s > -math.inf else ""
     last_value_event = latest_events.last_value_events.get(name)
     match reading.reason:
@@ -87,7 +87,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEvents, summary
         yield f"it was {value} before, from {source} at {instant_text(last_value_event.instant_s)}"
 
 
-def _later_event_lines(name: str, latest_events: LatestEvents) -> Iterator[str]:
+def _later_event_lines(name: str, latest_events: LatestEventsView) -> Iterator[str]:
     """Yield the later events that did not replace the present reading."""
     superseded_events = latest_events.later_events.get(name)
     for what, last_event in () if superseded_events is None else superseded_events.last_events.items():
@@ -139,7 +139,7 @@ def _observer_text(name: str, last_event: Event | None) -> str:
             )
 
 
-def job_text(algorithm: AlgorithmSummary, latest_events: LatestEvents) -> str:
+def job_text(algorithm: AlgorithmSummary, latest_events: LatestEventsView) -> str:
     """Return a sentence about an algorithm's running or last job; empty if the algorithm never had a job."""
     start_event, end_event = latest_events.job_starts.get(algorithm.name), latest_events.job_ends.get(algorithm.name)
     if start_event is not None and (end_event is None or end_event.details["index"] < start_event.details["index"]):

@@ -10,16 +10,28 @@ from typing import Any
 
 import jsonschema
 import pytest
+from hypothesis import example, settings
+from hypothesis import given as drawn
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from codra_dsl.logic import value
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.encoding import event_of, json_text, message_of, parse_json
+from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import integer, real
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, variable
 
 INF = math.inf
+
+SCALARS = st.one_of(
+    st.booleans(), st.integers(), st.floats(allow_nan=False, allow_infinity=False), st.text(), st.sampled_from(Reason)
+)
+ENTRIES = st.one_of(st.none(), SCALARS, st.lists(SCALARS, max_size=3))
+DETAILS = st.dictionaries(
+    st.text(min_size=1), st.one_of(ENTRIES, st.dictionaries(st.text(), ENTRIES, max_size=3)), max_size=5
+)
 
 
 def refuse(number: str) -> float:
@@ -54,6 +66,23 @@ def test_infinite_numbers_are_kept_in_json_that_every_reader_accepts(
     assert {key: field for key, field in fields.items() if key.startswith("infinite")} == signs
     assert event_of(kind, message) == event
     assert message_of(event_of(kind, message)) == message
+
+
+@drawn(instant_s=st.floats(allow_nan=False, allow_infinity=False), name=st.text(), details=DETAILS)
+@example(instant_s=-0.0, name="0.0 is equal to -0.0", details={"a": 0.0, "b": -0.0, "c": [0.0, -0.0]})
+@settings(deadline=None)
+def test_a_message_is_the_json_that_the_standard_library_writes(
+    instant_s: float, name: str, details: dict[str, Any]
+) -> None:
+    details = {key: detail for key, detail in details.items() if key not in ("instant_s", "name", "what")}
+    fields = {"instant_s": instant_s, "name": name, "what": "returned"} | {
+        key: {name: entry for name, entry in detail.items() if entry is not None} if type(detail) is dict else detail
+        for key, detail in details.items()
+        if detail is not None
+    }
+    text = json.dumps(fields, ensure_ascii=False, separators=(",", ":"))
+
+    assert message_of(Event(instant_s, Kind.JOB, name, "returned", details)) == text.encode("utf-8", "backslashreplace")
 
 
 @pytest.mark.parametrize("data", [INF, [1.0, -INF, [INF]], {"value": 1, "other": -INF}, [{"name": "a", "value": INF}]])

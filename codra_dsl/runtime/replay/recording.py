@@ -1,0 +1,166 @@
+"""The events of a journal for a replay, read once, from the start to the end, and only as far as the replay needs them.
+
+A replay passes the inputs of a run to a context manager, and compares the events that this context manager derives with
+the other events. The events between two inputs follow from the first input, and from what jobs reported and called
+meanwhile. Therefore a recording is read up to the next input of a program before an input is passed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import Self
+
+from codra_dsl.runtime.journal.encoding import message_of
+from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.reader import JournalReader
+from codra_dsl.runtime.journal.schemas import kind_of
+
+_STARTED_FIELD = b'"what":"started"'
+
+
+class RecordedEvent:
+    """An event of a journal, which is decoded only if it is needed.
+
+    Attributes:
+        kind: the kind of the event.
+    """
+
+    __slots__ = ("_data", "_decode", "_event", "kind")
+
+    def __init__(self, kind: Kind, data: bytes, decode: Callable[[], Event | None]) -> None:
+        self.kind = kind
+        self._data = data
+        self._decode = decode
+        self._event: Event | None = None
+
+    @property
+    def is_job_end(self) -> bool:
+        """Return whether the event may be the end of a job."""
+        return self.kind is Kind.JOB and _STARTED_FIELD not in self._data
+
+    @property
+    def event(self) -> Event | None:
+        """Return the event; None if it cannot be decoded."""
+        if self._event is None:
+            self._event = self._decode()
+        return self._event
+
+    def is_equal(self, event: Event) -> bool:
+        """Return whether the event equals another one. Earlier versions have encoded some events differently."""
+        message = message_of(event)
+        if self.kind is not event.kind or self._data == message:
+            return self.kind is event.kind
+        return self.event is not None and message_of(self.event) == message
+
+
+class Recording:
+    """The events of a journal, in order.
+
+    Attributes:
+        kinds: the kinds of events that the journal has.
+        on_job_event: called with each event about a job's evidence or end, when it is read.
+        calls: for each job, the inputs that are calls of its function. The key is the number of the job.
+    """
+
+    def __init__(self, kinds: Iterable[Kind], events: Iterator[RecordedEvent]) -> None:
+        """Store the arguments.
+
+        Args:
+            kinds: the kinds of events that the journal has.
+            events: the events, in order.
+        """
+        self.kinds = frozenset(kinds)
+        self.on_job_event: Callable[[Event], None] = lambda _: None
+        self.calls: dict[int, list[Event]] = {}
+        self._events = events
+        self._failure: Exception | None = None
+        self._last_event: RecordedEvent | None = None
+        self._inputs: deque[Event] = deque()
+        self._program_input_count = 0
+        self._expected_events: deque[RecordedEvent] = deque()
+
+    @classmethod
+    def of(cls, events: Sequence[Event]) -> Self:
+        """Return a recording of events in memory."""
+        return cls({event.kind for event in events}, map(_recorded_event, events))
+
+    @classmethod
+    def of_file(cls, reader: JournalReader, kinds: Iterable[Kind]) -> Self:
+        """Return a recording of a journal's file; the reader must not have read a message yet, and stays open."""
+        recorded_events = (
+            RecordedEvent(kind, raw_message.message.data, partial(reader.event, raw_message))
+            for raw_message in reader.raw_messages()
+            if (kind := kind_of(raw_message.channel.topic)) is not None
+        )
+        return cls(kinds, recorded_events)
+
+    @property
+    def end_s(self) -> float | None:
+        """Return the instant of the last event that was read; None if there is none."""
+        event = None if self._last_event is None else self._last_event.event
+        return None if event is None else event.instant_s
+
+    def take_input(self) -> tuple[Event, bool] | None:
+        """Return the next input that no job's function made, and whether it is the last one of a program.
+
+        Return None if there is none. The events up to the following input of a program have been read.
+        """
+        while self._program_input_count < 2 and self._read_next():
+            pass
+        self.check()
+        if not self._inputs:
+            return None
+        event = self._inputs.popleft()
+        is_of_program = event.what != "evidence"
+        self._program_input_count -= is_of_program
+        return event, is_of_program and not self._program_input_count
+
+    def check(self) -> None:
+        """Raise the error that ended the reading of the journal; do nothing if there was none."""
+        if self._failure is not None:
+            raise self._failure
+
+    def next_expected_event(self) -> RecordedEvent | None:
+        """Return the next event that is not an input; None at the end of the journal."""
+        while not self._expected_events and self._read_next():
+            pass
+        return self._expected_events[0] if self._expected_events else None
+
+    def drop_expected_event(self) -> None:
+        """Go to the event after the next one that is not an input."""
+        self._expected_events.popleft()
+
+    def _read_next(self) -> bool:
+        """Read an event; return False at the end of the journal, or at the first event that no run has written.
+
+        Events are also read within ticks, which contain all errors. Therefore an error is kept for `check`.
+        """
+        try:
+            recorded_event = None if self._failure is not None else next(self._events, None)
+            if recorded_event is not None:
+                self._add(recorded_event)
+        except Exception as error:  # noqa: BLE001 - forged journals can cause any error
+            self._failure, recorded_event = error, None
+        return recorded_event is not None
+
+    def _add(self, recorded_event: RecordedEvent) -> None:
+        self._last_event = recorded_event
+        if recorded_event.kind is not Kind.INPUT:
+            self._expected_events.append(recorded_event)
+        is_needed = recorded_event.kind is Kind.INPUT or recorded_event.is_job_end
+        event = recorded_event.event if is_needed else None
+        if event is None:
+            return
+        if "index" in event.details:
+            self.on_job_event(event)
+        if event.kind is Kind.INPUT and "work" in event.details:
+            self.calls.setdefault(event.details["work"], []).append(event)
+        elif event.kind is Kind.INPUT:
+            self._inputs.append(event)
+            self._program_input_count += event.what != "evidence"
+
+
+def _recorded_event(event: Event) -> RecordedEvent:
+    return RecordedEvent(event.kind, message_of(event), lambda: event)
