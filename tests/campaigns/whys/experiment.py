@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from codra_dsl.runtime.journal import Kind
-from codra_dsl.runtime.journal.checkpoints import Checkpoints
+from codra_dsl.runtime.journal.events_in_file import EventsInFile
 from codra_dsl.runtime.journal.reader import JournalReader
 from tests.campaigns.whys.arena import Run, package, run_until, write
 from tests.command_server import run_codra
@@ -76,7 +76,7 @@ def _unknown(journal: Path, module: ModuleType, chance: Random) -> tuple[str, fl
     """Return a random variable and an instant at which it was unknown."""
     names = [variable.name for variable in module.MODEL.variables]
     with JournalReader(journal) as reader:
-        past = Checkpoints(reader)
+        past = EventsInFile(reader, reader.header().summary, ends_before_close=False)
         for _ in range(DRAWS):
             name, at_s = chance.choice(names), chance.uniform(0.0, LONGEST_S)
             event = past.latest_events(at_s).present_events.get(name)
