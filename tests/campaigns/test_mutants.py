@@ -7,7 +7,7 @@ import pytest
 from tests.campaigns.mutants.__main__ import report, verdicts
 from tests.campaigns.mutants.judgement import Fate, Verdict
 
-MUTANT_COUNT = 200
+MUTANT_COUNT = 120
 
 
 @pytest.fixture(scope="module")
@@ -32,5 +32,5 @@ def test_a_changed_token_gives_few_findings(mutant_verdicts: list[Verdict]) -> N
 def test_the_original_name_is_suggested_for_a_misspelt_one(mutant_verdicts: list[Verdict]) -> None:
     suggestions = [verdict.suggestion for verdict in mutant_verdicts if verdict.suggestion is not None]
 
-    assert len(suggestions) >= 12
+    assert len(suggestions) >= 6
     assert sum(is_correct for _, is_correct in suggestions) >= 0.9 * len(suggestions)

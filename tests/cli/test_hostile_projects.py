@@ -7,8 +7,10 @@ import os
 import py_compile
 import resource
 import socket
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.util import cache_from_source
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -204,15 +206,15 @@ def test_1500_nested_folders_are_searched_or_reported(
 ) -> None:
     """With four letters each, their path is longer than the system allows."""
     CliRunner().invoke(app, ["compile", "specs", "--no-cache"])
-    make_nested_folders(project / where, name, 1500)
-
-    code, text = codra(capfd, "compile", "specs", "--check", "--format", "concise")
+    with nested_folders(project / where, name, 1500):
+        code, text = codra(capfd, "compile", "specs", "--check", "--format", "concise")
 
     assert (code, problem in text) == (1 if problem else 0, True), text
 
 
-def make_nested_folders(folder: Path, name: str, count: int) -> None:
-    """Make folders in folders, with a file in the innermost one."""
+@contextmanager
+def nested_folders(folder: Path, name: str, count: int) -> Iterator[None]:
+    """Make folders in folders, with a file in the innermost one, and remove them, which pytest cannot."""
     descriptor = os.open(folder, os.O_RDONLY)
     for _ in range(count):
         os.mkdir(name, dir_fd=descriptor)
@@ -221,6 +223,8 @@ def make_nested_folders(folder: Path, name: str, count: int) -> None:
         descriptor = inner
     os.close(os.open("note.txt", os.O_CREAT | os.O_WRONLY, dir_fd=descriptor))
     os.close(descriptor)
+    yield
+    subprocess.run(["rm", "-r", str(folder / name)], check=True)
 
 
 @pytest.mark.parametrize("target", ["empty", "missing"])

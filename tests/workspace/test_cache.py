@@ -176,7 +176,7 @@ class WarmAndCold(RuleBasedStateMachine):
 
 
 TestWarmAndCold = WarmAndCold.TestCase
-TestWarmAndCold.settings = settings(max_examples=15, stateful_step_count=20, deadline=None)
+TestWarmAndCold.settings = settings(max_examples=10, stateful_step_count=15, deadline=None)
 
 
 @pytest.fixture

@@ -222,7 +222,7 @@ def reachable_variables(spec: CheckedSpec, truths: Mapping[str, bool]) -> set[st
         known_names |= new_names
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(drawn_spec=drawn_specs())
 def test_no_variable_takes_longer_than_its_bound(
     drawn_spec: DrawnSpec, tmp_path_factory: pytest.TempPathFactory

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.language.load import load_spec
@@ -382,6 +382,7 @@ CoreDumper.add_implicit_resolver(
 )
 
 
+@settings(max_examples=25)
 @example({"near": {"type": "bool", "label": "0E0"}}, None, 20)
 @given(st.dictionaries(WORDS, VARIABLES, max_size=6), st.booleans() | st.none(), st.integers(20, 200))
 def test_a_dumped_spec_loads_with_the_same_values(

@@ -152,7 +152,7 @@ def test_after_any_interleaving_every_answer_equals_that_of_the_model(steps: lis
             compare(frames, model, *question)
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(seed=some.integers(0, 10_000))
 def test_deep_trees_agree_with_matrices_at_every_instant(seed: int) -> None:
     chance = np.random.default_rng(seed)

@@ -363,7 +363,7 @@ class FreeTime:
         return now_s - open_s - sum(max(0.0, min(end_s, now_s) - start_s) for start_s, end_s in self._spans)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(LOADS, st.lists(st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 5.0)), min_size=1, max_size=4))
 def test_no_job_waits_longer_than_observers_times_the_longest_timeout(
     loads: list[tuple[int, float, float, float]], looks: list[tuple[float, float]]

@@ -249,7 +249,7 @@ def valid(path: Path) -> tuple[str, list[tuple[int, int]]]:
     return text, [match.span() for match in WORD.finditer(text)]
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(st.sampled_from(VALID), st.integers(0, 10**9), st.integers(1, 3))
 def test_specs_with_misspelt_words_get_no_new_error_and_change_only_where_fixed(
     path: Path, seed: int, number: int
