@@ -2,7 +2,7 @@
 
 Each stage is one function. It takes the frozen values of the previous stage and adds its own results and findings.
 One spec passes load, check and plan before the next spec is read, so the YAML nodes of only one spec are in memory at a
-time. A spec on whose files nothing has changed since an earlier run passes none of them: its earlier result is used.
+time. If no input of a spec has changed since an earlier run, the earlier result is used instead of these stages.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from codra_dsl.generation.output import RULES, digests, holds
 from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_binding_errors, has_errors
-from codra_dsl.language.file_queries import Answers, PresentAnswers, recorded_queries
+from codra_dsl.language.file_queries import Answers, PresentAnswers, merged_answers, recorded_queries
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
 from codra_dsl.language.load.yaml.rules import RULES as LANGUAGE_RULES
 from codra_dsl.language.load.yaml.source import AS_ON_DISK
@@ -294,7 +294,7 @@ def _triage(request: _Request, specs: Sequence[_Spec], timings: Timings) -> Plan
         files=files,
         specs=tuple(request.specs),
         modules=tuple(sorted({file for result in results for file in result.modules} | tree_files)),
-        answers={query: answer for result in results for query, answer in result.answers.items()},
+        answers=merged_answers(result.answers for result in results),
     )
 
 

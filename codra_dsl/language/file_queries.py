@@ -11,7 +11,7 @@ import errno
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
@@ -29,6 +29,9 @@ Answers = dict[Query, str]
 MAX_SPEC_BYTES = 32 * 1024 * 1024
 """The maximum size of a spec, of a part and of a file of behaviour trees."""
 
+_CHANGED = ""
+"""Replaces the answers of a query that was asked twice, if they differ. No query has this answer."""
+
 _recorded_answers: ContextVar[Answers | None] = ContextVar("recorded_answers", default=None)
 
 
@@ -41,6 +44,15 @@ def recorded_queries() -> Iterator[Answers]:
         yield answers
     finally:
         _recorded_answers.reset(token)
+
+
+def merged_answers(all_answers: Iterable[Answers]) -> Answers:
+    """Return all answers. `PresentAnswers` never agree with them if a file has changed between two of the answers."""
+    merged: Answers = {}
+    for answers in all_answers:
+        for query, answer in answers.items():
+            _add(merged, query, answer)
+    return merged
 
 
 def read_file(
@@ -182,7 +194,11 @@ class PresentAnswers:
 def _record(query: Query, answer: str) -> None:
     answers = _recorded_answers.get()
     if answers is not None:
-        answers[query] = answer
+        _add(answers, query, answer)
+
+
+def _add(answers: Answers, query: Query, answer: str) -> None:
+    answers[query] = answer if answers.get(query, answer) == answer else _CHANGED
 
 
 def _text(path: Path) -> str:

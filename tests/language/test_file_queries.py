@@ -20,6 +20,7 @@ from codra_dsl.language.file_queries import (
     is_file,
     is_folder,
     is_query,
+    merged_answers,
     read_file,
     real_path,
     recorded_queries,
@@ -98,6 +99,27 @@ def test_each_change_of_what_was_asked_changes_an_answer(folder: Path, change: s
     CHANGES[change](folder)
 
     assert not PresentAnswers().agree_with(answers)
+
+
+def test_answers_that_contradict_each_other_are_never_present(folder: Path) -> None:
+    """A file changes between two queries: neither its old nor its new content belongs to the complete result."""
+    texts, file = ("12345", "54321"), folder / "file"
+    with recorded_queries() as both:
+        for text in texts:
+            file.write_text(text)
+            read_file(file, 5, folder)
+    with recorded_queries() as after:
+        read_file(file, 5, folder)
+    file.write_text(texts[0])
+    with recorded_queries() as before:
+        read_file(file, 5, folder)
+
+    for text in texts:
+        file.write_text(text)
+        assert not PresentAnswers().agree_with(both)
+        assert not PresentAnswers().agree_with(merged_answers([before, after]))
+        assert not PresentAnswers().agree_with(merged_answers([before, after, before]))
+        assert PresentAnswers().agree_with(merged_answers([before] * 2 if text == texts[0] else [after] * 2))
 
 
 def test_a_text_in_memory_replaces_only_files_that_were_read_under_its_name(folder: Path) -> None:

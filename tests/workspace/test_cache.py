@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
+from importlib.machinery import PathFinder
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,9 +21,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from typer.testing import CliRunner
 
+from codra_dsl import compiler
 from codra_dsl.cli.app import app
 from codra_dsl.compiler import lint_paths
-from codra_dsl.workspace.cache import FOLDER, SpecResults
+from codra_dsl.language.load import load_spec
+from codra_dsl.workspace.cache import FOLDER, SpecResults, inputs, stored_files
 from codra_dsl.workspace.cache.signatures import SECRET_FILE, signature
 
 DOOR = """\
@@ -418,6 +422,84 @@ def test_a_damaged_result_of_a_spec_causes_no_traceback(project: Path, damage: o
         assert "Traceback" not in output
     file.unlink()
     assert run(project, "lint", ".") == expected
+
+
+def test_a_run_during_which_a_module_changes_is_not_shown_again(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The spec that is read first has a finding about the old text of the module, and the other spec has none."""
+    module = project / "robot/doors.py"
+    module.parent.mkdir()
+    module.write_text("def measures(job): ...\n")
+    (project / "window.yaml").write_text(WINDOW.replace("robot.windows", "robot.doors"))
+
+    def load_and_edit(*arguments: Any) -> Any:
+        loaded = load_spec(*arguments)
+        module.write_text("def measure(job): ...\n")
+        return loaded
+
+    with monkeypatch.context() as editing:
+        editing.setattr(compiler, "load_spec", load_and_edit)
+        run(project, "lint", ".")
+
+    assert run(project, "lint", ".") == run(project, "lint", ".", "--no-cache")
+
+
+def test_the_number_of_stored_files_is_limited(project: Path) -> None:
+    run(project, "lint", "door.yaml")
+    for number in range(110):
+        file = project / FOLDER / f"tmp{number}"
+        file.touch()
+        os.utime(file, (number, number))
+    os.utime(project / FOLDER / "specs.json", (0, 0))
+
+    run(project, "lint", ".")
+
+    names = {file.name for file in (project / FOLDER).iterdir()}
+    assert len(names - {".gitignore", "specs.json"}) == 100
+    assert {".gitignore", "specs.json", "tmp109"} <= names
+    assert "tmp0" not in names
+    assert len([name for name in names if name.startswith("run-")]) == 2
+
+
+def test_an_interrupted_write_leaves_no_file(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    run(project, "lint", "door.yaml")
+    before = sorted((project / FOLDER).iterdir())
+    monkeypatch.setattr(Path, "replace", interrupt)
+    (project / "door.yaml").write_text(DOOR.replace("40 cm", "50 cm"))
+    run(project, "lint", "door.yaml")
+
+    assert sorted((project / FOLDER).iterdir()) == before
+
+
+def test_without_a_digest_of_the_compiler_a_run_is_not_stored(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For example, an editor's lock in the folder of an editable installation is a link that leads nowhere."""
+    expected = run(project, "lint", "door.yaml", "--no-cache")
+
+    def digest() -> str:
+        raise FileNotFoundError
+
+    monkeypatch.setattr(stored_files, "compiler_digest", digest)
+
+    assert run(project, "lint", "door.yaml") == expected
+    assert not list((project / FOLDER).glob("*.json"))
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_another_version_of_a_library_changes_the_digest(
+    library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / library).mkdir()
+    (tmp_path / library / "__init__.py").touch()
+    metadata = tmp_path / f"{library}-1.0.dist-info"
+    metadata.mkdir()
+    monkeypatch.setattr(inputs, "find_spec", partial(PathFinder.find_spec, path=[str(tmp_path)]))
+    before = inputs.compiler_digest.__wrapped__()
+
+    metadata.rename(tmp_path / f"{library}-1.1.dist-info")
+
+    assert inputs.compiler_digest.__wrapped__() != before
 
 
 def test_a_stored_run_without_a_signature_is_ignored(project: Path) -> None:

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from codra_dsl.language.diagnostics import max_slips
+from codra_dsl.language.diagnostics import MAX_SUGGESTED_LENGTH, max_slips
 from codra_dsl.language.file_queries import folder_names, is_folder, leads_into, read_file, real_path
 
 MAX_MODULE_BYTES = 512 * 1024
 MAX_TOTAL_BYTES = 2 * 1024 * 1024
 MAX_MODULES = 200
 _MAX_FOLDER_ENTRIES = 2000
+_MAX_FILE_NAME = 255
 _MAX_FUNCTIONS = 100
 _MAX_SUBFOLDERS = 50
 _FOLDERS = ("", "src")
@@ -96,16 +97,20 @@ class ProjectModules:
     def find(self, name: str) -> Module | MissingModule | None:
         """Return the module with a dotted name, or the point at which the search fails; None if neither is certain."""
         if name not in self._modules:
-            if len(self._modules) >= MAX_MODULES:
+            name_parts = name.split(".")
+            if len(self._modules) >= MAX_MODULES or max(map(len, name_parts)) > _MAX_FILE_NAME:
                 return None
-            self._modules[name] = self._find(name.split("."))
+            self._modules[name] = self._find(name_parts)
         return self._modules[name]
 
     def module_names(self, folder: Path, misspelt_name: str) -> tuple[str, ...]:
         """Return the names of those packages and modules in a folder that a misspelt name may mean, sorted.
 
-        These are the names of similar length, and the names with which the misspelt name begins.
+        These are the names of similar length, and the names with which the misspelt name begins. A name that is too
+        long for suggestions means none.
         """
+        if len(misspelt_name) > MAX_SUGGESTED_LENGTH:
+            return ()
         limit = max_slips(misspelt_name)
         lengths = f"{max(1, len(misspelt_name) - limit)},{len(misspelt_name) + limit}"
         beginnings = "|".join(misspelt_name[:end] for end in range(1, len(misspelt_name)))

@@ -49,8 +49,11 @@ def compiler_digest() -> str:
             file = Path(folder, name)
             digest.update(f"{file.relative_to(package).as_posix()}\0".encode())
             digest.update(hashlib.sha256(file.read_bytes()).digest())
-    for library in _LIBRARIES:  # the first module of a library contains its version; the module is read, not run
+    for library in _LIBRARIES:  # the first module of a library is read, not run; not all of them contain a version
         spec = find_spec(library)
         if spec is not None and spec.origin is not None:
-            digest.update(hashlib.sha256(Path(spec.origin).read_bytes()).digest())
+            first_module = Path(spec.origin)
+            digest.update(hashlib.sha256(first_module.read_bytes()).digest())
+            versions = sorted(file.name for file in first_module.parents[1].glob(f"{library}-*-info"))
+            digest.update("\0".join(versions).encode())
     return digest.hexdigest()

@@ -23,7 +23,7 @@ from codra_dsl.workspace.cache.records import (
 )
 from codra_dsl.workspace.cache.signatures import user_secret
 from codra_dsl.workspace.cache.spec_results import SpecResult, SpecResults, is_outdated, record_of_result, result_from
-from codra_dsl.workspace.cache.stored_files import FOLDER, StoredFile
+from codra_dsl.workspace.cache.stored_files import FOLDER, StoredFile, remove_oldest_files
 
 _FORMAT = "codra-cache-3"
 _RESULTS_FILE = "specs.json"
@@ -102,6 +102,7 @@ class Cache:
         initial_answers = self._initial_answers
         if initial_answers is not None and initial_answers == answers_about(self._root, self._paths):
             self._run_file.write({"inputs": record_of_answers(initial_answers), "run": _record_of_run(run)})
+            remove_oldest_files(self._root, _RESULTS_FILE)
 
     def load_results(self) -> dict[str, SpecResult]:
         """Return the stored results of specs, which may be out of date."""

@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,9 @@ FOLDER = ".codra_cache"
 
 _MAX_BYTES = 64 * 1024 * 1024
 """The maximum size of a stored file. A larger file is neither written nor read."""
+
+_MAX_FILES = 100
+"""The number of files beyond which the oldest ones are removed."""
 
 
 class StoredFile:
@@ -43,13 +47,24 @@ class StoredFile:
 
     def write(self, record: Mapping[str, object]) -> None:
         """Store a record. A record that is too large or cannot be written is not stored."""
-        data = json.dumps({"made_with": compiler_digest(), **record}).encode("ascii")
-        data = signature(self._secret, self._key, data) + b"\n" + data
-        if len(data) <= _MAX_BYTES:
-            try:
+        try:
+            data = json.dumps({"made_with": compiler_digest(), **record}).encode("ascii")
+            data = signature(self._secret, self._key, data) + b"\n" + data
+            if len(data) <= _MAX_BYTES:
                 _write(self._file, data)
-            except OSError:
-                return
+        except OSError:
+            return
+
+
+def remove_oldest_files(root: Path, kept_name: str) -> None:
+    """Remove the oldest files of the cache folder if it has more than `_MAX_FILES`, but not the file `kept_name`.
+
+    These are results for other arguments of commands, and what interrupted runs and older versions have left there.
+    """
+    with suppress(OSError):  # another run may remove the same files meanwhile
+        files = [file for file in (root / FOLDER).glob("[!.]*") if file.name != kept_name]
+        for file in sorted(files, key=lambda file: file.lstat().st_mtime_ns)[:-_MAX_FILES]:
+            file.unlink()
 
 
 def _write(file: Path, data: bytes) -> None:
@@ -64,6 +79,6 @@ def _write(file: Path, data: bytes) -> None:
             temporary_file.write(data)
             temporary_file.close()
             Path(temporary_file.name).replace(file)
-        except OSError:
+        except BaseException:
             Path(temporary_file.name).unlink(missing_ok=True)
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from time import process_time
 
 import pytest
 
@@ -87,6 +88,15 @@ def test_a_call_of_a_missing_function_is_reported_with_help(project: Path, call:
 @pytest.mark.parametrize("call", ["numpy:mean", "elsewhere.perception:look", "perception:look", "bench2.seeing:look"])
 def test_a_package_outside_the_project_may_be_installed(project: Path, call: str) -> None:
     assert load_findings(project, SPEC.replace("bench.perception:look", call)) == ()
+
+
+@pytest.mark.parametrize("call", ["{}:look", "bench.{}:look", "{}.perception:look"])
+def test_a_module_with_a_very_long_name_is_searched_in_a_short_time(project: Path, call: str) -> None:
+    start_s = process_time()
+
+    load_findings(project, SPEC.replace("bench.perception:look", call.format("a" * 2000)))
+
+    assert process_time() - start_s < 1
 
 
 def test_modules_may_be_in_src(tmp_path: Path) -> None:
