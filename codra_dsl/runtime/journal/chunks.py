@@ -91,6 +91,26 @@ def split_records(records: bytes) -> Iterator[Schema | Channel | Message]:
             yield Schema.read(ReadDataStream(BytesIO(records[start:position])))
 
 
+def select_messages(records: bytes, channel_ids: frozenset[int]) -> Iterator[tuple[int, Message]]:
+    """Yield the messages of some channels, each with its number among all messages; stop at a damaged record.
+
+    Most messages are of other channels. For them, no object is created.
+    """
+    position, number = 0, 0
+    while position + RECORD_HEADER.size < len(records):
+        opcode, length = RECORD_HEADER.unpack_from(records, position)
+        start = position + RECORD_HEADER.size
+        position = start + length
+        if opcode == Opcode.MESSAGE:
+            if position > len(records) or length < _MESSAGE_FIELDS.size:
+                return
+            channel_id, sequence, log_time, publish_time = _MESSAGE_FIELDS.unpack_from(records, start)
+            if channel_id in channel_ids:
+                data = records[start + _MESSAGE_FIELDS.size : position]
+                yield number, Message(channel_id, log_time, data, publish_time, sequence)
+            number += 1
+
+
 @dataclass(frozen=True, slots=True)
 class IndexedChunk:
     """A chunk in an index.

@@ -56,7 +56,8 @@ class EventsInFile:
         self._reader = reader
         self._chunks = reader.index()
         self._channel_ids = reader.channel_ids()
-        self._messages_of: Callable[[int], list[RawMessage]] = lru_cache(_MAX_KEPT_CHUNKS)(self._read_chunk)
+        self._messages_of: Callable[[int, frozenset[int] | None], list[tuple[int, RawMessage]]]
+        self._messages_of = lru_cache(_MAX_KEPT_CHUNKS)(self._read_chunk)
         self._kept_events: dict[Position, Event] = {}
         self._unreadable_positions: set[Position] = set()
         self._checkpoints: list[tuple[int, LatestEvents]] = [(0, LatestEvents())]
@@ -100,8 +101,8 @@ class EventsInFile:
 
     # Internal
 
-    def _read_chunk(self, chunk_number: int) -> list[RawMessage]:
-        return self._reader.messages_in(self._chunks[chunk_number])
+    def _read_chunk(self, chunk_number: int, channel_ids: frozenset[int] | None) -> list[tuple[int, RawMessage]]:
+        return self._reader.messages_in(self._chunks[chunk_number], channel_ids)
 
     def _event(self, chunk_number: int, number: int, raw_message: RawMessage) -> Event | None:
         """Return the event of a message, or None; a message that cannot be read is reported only once."""
@@ -115,11 +116,7 @@ class EventsInFile:
         """Return the messages of a chunk in some channels, or in all, with their numbers."""
         if channel_ids is not None and channel_ids.isdisjoint(self._chunks[chunk_number].channel_ids):
             return []
-        return [
-            (number, raw_message)
-            for number, raw_message in enumerate(self._messages_of(chunk_number))
-            if channel_ids is None or raw_message.message.channel_id in channel_ids
-        ]
+        return self._messages_of(chunk_number, channel_ids)
 
     def _messages_before(
         self, end: Position, channel_ids: frozenset[int] | None

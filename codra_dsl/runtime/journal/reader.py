@@ -12,7 +12,7 @@ import json
 import math
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -30,6 +30,7 @@ from codra_dsl.runtime.journal.chunks import (
     decompress,
     indexed_chunks,
     read_summary_section,
+    select_messages,
     split_records,
 )
 from codra_dsl.runtime.journal.encoding import event_of
@@ -245,15 +246,28 @@ class JournalReader:
         """Return the kinds of events that the journal has; `index` must have been called."""
         return frozenset(kind for topic in self.channel_ids() if (kind := kind_of(topic)) is not None)
 
-    def messages_in(self, chunk: IndexedChunk) -> list[RawMessage]:
-        """Return the messages of one of the chunks that `index` has returned."""
+    def messages_in(self, chunk: IndexedChunk, channel_ids: frozenset[int] | None) -> list[tuple[int, RawMessage]]:
+        """Return the messages of some channels, or of all, each with its number among all messages of a chunk.
+
+        The chunk is one of those that `index` has returned.
+        """
         is_first = chunk.offset not in self._counted_chunk_offsets
         self._counted_chunk_offsets.add(chunk.offset)
         damage, self.damage = self.damage, self.damage if is_first else Damage()  # each part is reported once
         is_in_region = chunk.offset == self._region[0] and not self._is_region_outdated
         records = self._region[1] if is_in_region else self._read_chunk(chunk)
-        messages = self._messages_of_records(records, f"the chunk at byte {chunk.offset}", is_counted=is_first)
-        raw_messages = [raw_message for message in messages if (raw_message := self._with_channel(message)) is not None]
+        numbered_messages: Iterable[tuple[int, Message]]
+        if is_first or channel_ids is None:
+            description = f"the chunk at byte {chunk.offset}"
+            numbered_messages = enumerate(self._messages_of_records(records, description, is_counted=is_first))
+        else:
+            numbered_messages = select_messages(records, channel_ids)
+        raw_messages = [
+            (number, raw_message)
+            for number, message in numbered_messages
+            if (raw_message := self._with_channel(message)) is not None
+            and (channel_ids is None or message.channel_id in channel_ids)
+        ]
         self.damage = damage
         return raw_messages
 

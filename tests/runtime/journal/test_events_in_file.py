@@ -14,6 +14,7 @@ from hypothesis import given as drawn
 from hypothesis import settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
+from mcap.records import Message
 
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal import Event, Kind
@@ -121,9 +122,11 @@ def test_only_the_chunks_with_events_of_the_subject_are_read(long_run: Path, mon
     offsets: list[int] = []
     read_chunk = JournalReader.messages_in
 
-    def note_and_read_chunk(reader: JournalReader, chunk: IndexedChunk) -> list[RawMessage]:
+    def note_and_read_chunk(
+        reader: JournalReader, chunk: IndexedChunk, channel_ids: frozenset[int] | None
+    ) -> list[tuple[int, RawMessage]]:
         offsets.append(chunk.offset)
-        return read_chunk(reader, chunk)
+        return read_chunk(reader, chunk, channel_ids)
 
     monkeypatch.setattr(JournalReader, "messages_in", note_and_read_chunk)
     with JournalReader(long_run) as reader:
@@ -144,6 +147,28 @@ def test_a_file_with_a_damaged_index_is_read_from_its_start(
     with JournalReader(tmp_path / "run.mcap") as reader:
         file = EventsInFile(reader, reader.header().summary)
         assert events_by_subject(file.latest_events(100.0)) == events_by_subject(LatestEvents.of(state_events, 100.0))
+
+
+def test_messages_of_other_subjects_become_objects_only_once(long_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sequences: list[int] = []
+    add_channel = JournalReader._with_channel
+
+    def note_and_add_channel(reader: JournalReader, message: Message) -> RawMessage | None:
+        sequences.append(message.sequence)
+        return add_channel(reader, message)
+
+    monkeypatch.setattr(JournalReader, "_with_channel", note_and_add_channel)
+    with JournalReader(long_run) as reader:
+        file = EventsInFile(reader, reader.header().summary)
+        for topic in (
+            "/codra/context/near",
+            "/codra/context/open",
+            "/codra/declaration/near",
+            "/codra/observer/door_lid",
+        ):
+            assert file.find((len(reader.index()), 0), topic, lambda _: False) is None
+
+    assert len(sequences) < 2 * len(set(sequences))
 
 
 CHUNK_INDEX_FIELDS = struct.Struct("<QQQQI")
