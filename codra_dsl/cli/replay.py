@@ -84,7 +84,6 @@ def replay_command(
     """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
     from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
-    from codra_dsl.runtime.journal.reader import Damage
     from codra_dsl.runtime.replay.recording import Recording
 
     existing([path for path in (file, package, spec, dsr) if path is not None])
@@ -96,10 +95,12 @@ def replay_command(
     with open_journal(file) as index_reader, open_journal(file) as reader:
         header = index_reader.header()
         end_s = EventsInFile(index_reader, header.summary).end_s
-        report_damage(index_reader, header.start_s if end_s is None else end_s)
+        is_torn = index_reader.damage.is_torn
+        if is_torn:  # then the whole file was read, because it has no index
+            report_damage(index_reader, header.start_s if end_s is None else end_s)
         recording = Recording.of_file(reader, index_reader.kinds())
         replay_result, is_journal_complete = _load_and_replay(header, recording, package, spec, make_knowledge, journal)
-        if index_reader.damage == Damage():  # otherwise the whole file was read to build its index
+        if not is_torn:
             report_damage(reader, header.start_s if recording.end_s is None else recording.end_s)
     is_text = format_ is ReplayFormat.TEXT
     text = harmless_text(_replay_result_text(replay_result, header)) if is_text else _replay_result_json(replay_result)

@@ -29,8 +29,11 @@ from codra_dsl.runtime.journal.mcap_records import FOOTER_FIELDS, RECORD_HEADER
 _MESSAGE_FIELDS = struct.Struct("<HIQQ")
 _CHECKSUM = struct.Struct("<I")
 _END_BYTES = FOOTER_FIELDS.size + _CHECKSUM.size + len(MAGIC)
+_DATA_END_BYTES = RECORD_HEADER.size + _CHECKSUM.size
 _CHUNK_FIELDS = struct.Struct("<QQQQI")
+_BYTE_COUNT = struct.Struct("<Q")
 _MESSAGE_INDEX_OFFSET = struct.Struct("<HQ")
+_MAX_CHUNK_BYTES = RECORD_HEADER.size + MAX_RECORD_BYTES
 
 
 class TooLargeError(ValueError):
@@ -88,23 +91,45 @@ def split_records(records: bytes) -> Iterator[Schema | Channel | Message]:
             yield Schema.read(ReadDataStream(BytesIO(records[start:position])))
 
 
+def select_messages(records: bytes, channel_ids: frozenset[int]) -> Iterator[tuple[int, Message]]:
+    """Yield the messages of some channels, each with its number among all messages; stop at a damaged record.
+
+    Most messages are of other channels. For them, no object is created.
+    """
+    position, number = 0, 0
+    while position + RECORD_HEADER.size < len(records):
+        opcode, length = RECORD_HEADER.unpack_from(records, position)
+        start = position + RECORD_HEADER.size
+        position = start + length
+        if opcode == Opcode.MESSAGE:
+            if position > len(records) or length < _MESSAGE_FIELDS.size:
+                return
+            channel_id, sequence, log_time, publish_time = _MESSAGE_FIELDS.unpack_from(records, start)
+            if channel_id in channel_ids:
+                data = records[start + _MESSAGE_FIELDS.size : position]
+                yield number, Message(channel_id, log_time, data, publish_time, sequence)
+            number += 1
+
+
 @dataclass(frozen=True, slots=True)
 class IndexedChunk:
     """A chunk in an index.
 
     Attributes:
         offset: the offset of the chunk in the file.
+        byte_count: the size of its record; without a meaning for a chunk that is only in the region.
         start_s: the instant of its first message, to the microsecond.
         channel_ids: the channels of its messages.
     """
 
     offset: int
+    byte_count: int
     start_s: float
     channel_ids: frozenset[int]
 
 
-def read_summary_section(stream: BinaryIO, file_byte_count: int) -> bytes | None:
-    """Return the records at the end of a finished file; None if the file has none, or if they are damaged."""
+def read_summary_section(stream: BinaryIO, file_byte_count: int) -> tuple[int, bytes] | None:
+    """Return the records at the end of a finished file, with their offset; None if there are none, or damaged ones."""
     if file_byte_count < _END_BYTES:
         return None
     stream.seek(file_byte_count - _END_BYTES)
@@ -121,24 +146,35 @@ def read_summary_section(stream: BinaryIO, file_byte_count: int) -> bytes | None
     stream.seek(start)
     section = stream.read(section_byte_count)
     (checksum,) = _CHECKSUM.unpack_from(end, FOOTER_FIELDS.size)
-    return section if checksum == crc32(end[: FOOTER_FIELDS.size], crc32(section)) else None
+    return (start, section) if checksum == crc32(end[: FOOTER_FIELDS.size], crc32(section)) else None
 
 
-def indexed_chunks(summary_section: bytes) -> list[IndexedChunk]:
+def indexed_chunks(summary_section: bytes, first_offset: int, section_offset: int) -> list[IndexedChunk]:
     """Return the chunks of a file, in order, from the records at its end.
 
+    Args:
+        summary_section: the records at the end of the file.
+        first_offset: the offset of the first chunk.
+        section_offset: the offset of `summary_section`.
+
     Raises:
-        ValueError, struct.error: if a record is damaged.
+        ValueError, struct.error: if a record is damaged, or if the chunks overlap or leave a part of the file out.
     """
-    chunks, position = list[IndexedChunk](), 0
+    chunks, chunk_offset, position = list[IndexedChunk](), first_offset, 0
     while position < len(summary_section):
         opcode, length = RECORD_HEADER.unpack_from(summary_section, position)
         start, position = position + RECORD_HEADER.size, position + RECORD_HEADER.size + length
         if opcode == Opcode.CHUNK_INDEX:
-            start_ns, _, offset, _, map_byte_count = _CHUNK_FIELDS.unpack_from(summary_section, start)
+            start_ns, _, offset, byte_count, map_byte_count = _CHUNK_FIELDS.unpack_from(summary_section, start)
             map_start = start + _CHUNK_FIELDS.size
-            message_indexes = _MESSAGE_INDEX_OFFSET.iter_unpack(summary_section[map_start : map_start + map_byte_count])
-            chunks.append(
-                IndexedChunk(offset, start_ns / 1e9, frozenset(channel_id for channel_id, _ in message_indexes))
-            )
-    return sorted(chunks, key=lambda chunk: chunk.offset)
+            map_end = map_start + map_byte_count
+            (message_index_byte_count,) = _BYTE_COUNT.unpack_from(summary_section, map_end)
+            if map_end > position or offset != chunk_offset or not RECORD_HEADER.size <= byte_count <= _MAX_CHUNK_BYTES:
+                raise ValueError("the index of a chunk is damaged")
+            chunk_offset += byte_count + message_index_byte_count
+            message_indexes = _MESSAGE_INDEX_OFFSET.iter_unpack(summary_section[map_start:map_end])
+            channel_ids = frozenset(channel_id for channel_id, _ in message_indexes)
+            chunks.append(IndexedChunk(offset, byte_count, start_ns / 1e9, channel_ids))
+    if chunk_offset + _DATA_END_BYTES != section_offset:
+        raise ValueError("the index does not have all chunks")
+    return chunks

@@ -38,7 +38,7 @@ def message_of(event: Event) -> bytes:
 
 def _event_text(event: Event, details: Mapping[str, Any]) -> str:
     """Return the JSON text of an event. For objects as small as most events, this is faster than an encoder."""
-    parts = [f'{{"instant_s":{_number_text(event.instant_s)},"name":{_text(event.name)},"what":{_key_text(event.what)}']
+    parts = [f'{{"instant_s":{_text(event.instant_s)},"name":{_text(event.name)},"what":{_key_text(event.what)}']
     for key, detail in details.items():
         encode = _SCALAR_ENCODERS.get(type(detail))
         if encode is not None:

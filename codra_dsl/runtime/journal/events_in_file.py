@@ -56,8 +56,10 @@ class EventsInFile:
         self._reader = reader
         self._chunks = reader.index()
         self._channel_ids = reader.channel_ids()
-        self._messages_of: Callable[[int], list[RawMessage]] = lru_cache(_MAX_KEPT_CHUNKS)(self._read_chunk)
+        self._messages_of: Callable[[int, frozenset[int] | None], list[tuple[int, RawMessage]]]
+        self._messages_of = lru_cache(_MAX_KEPT_CHUNKS)(self._read_chunk)
         self._kept_events: dict[Position, Event] = {}
+        self._unreadable_positions: set[Position] = set()
         self._checkpoints: list[tuple[int, LatestEvents]] = [(0, LatestEvents())]
         file_end = (len(self._chunks), 0)
         last_event = next((event for _, event in self._events_before(file_end)), None)
@@ -92,25 +94,29 @@ class EventsInFile:
             if (chunk_number - self._checkpoints[-1][0]) * _MAX_CHECKPOINTS > len(self._chunks):
                 self._checkpoints.append((chunk_number, latest_events.copy()))
             for number, raw_message in self._messages_with(chunk_number, channel_ids):
-                event = self._reader.event(raw_message) if (chunk_number, number) < end else None
+                event = self._event(chunk_number, number, raw_message) if (chunk_number, number) < end else None
                 if event is not None:
                     latest_events.add(event)
         return latest_events
 
     # Internal
 
-    def _read_chunk(self, chunk_number: int) -> list[RawMessage]:
-        return self._reader.messages_at(self._chunks[chunk_number].offset)
+    def _read_chunk(self, chunk_number: int, channel_ids: frozenset[int] | None) -> list[tuple[int, RawMessage]]:
+        return self._reader.messages_in(self._chunks[chunk_number], channel_ids)
+
+    def _event(self, chunk_number: int, number: int, raw_message: RawMessage) -> Event | None:
+        """Return the event of a message, or None; a message that cannot be read is reported only once."""
+        position = (chunk_number, number)
+        event = None if position in self._unreadable_positions else self._reader.event(raw_message)
+        if event is None:
+            self._unreadable_positions.add(position)
+        return event
 
     def _messages_with(self, chunk_number: int, channel_ids: frozenset[int] | None) -> list[tuple[int, RawMessage]]:
         """Return the messages of a chunk in some channels, or in all, with their numbers."""
         if channel_ids is not None and channel_ids.isdisjoint(self._chunks[chunk_number].channel_ids):
             return []
-        return [
-            (number, raw_message)
-            for number, raw_message in enumerate(self._messages_of(chunk_number))
-            if channel_ids is None or raw_message.message.channel_id in channel_ids
-        ]
+        return self._messages_of(chunk_number, channel_ids)
 
     def _messages_before(
         self, end: Position, channel_ids: frozenset[int] | None
@@ -124,16 +130,16 @@ class EventsInFile:
         self, end: Position, channel_ids: frozenset[int] | None = None
     ) -> Iterator[tuple[Position, Event]]:
         for position, raw_message in self._messages_before(end, channel_ids):
-            event = self._reader.event(raw_message)
+            event = self._event(*position, raw_message)
             if event is not None:
                 yield position, event
 
     def _position_after(self, until_s: float) -> Position:
         """Return the position after the last event up to an instant; the instants of a run never decrease."""
-        latest_s = until_s + _CHUNK_TIME_TOLERANCE_S
+        latest_s = max(until_s, 0.0) + _CHUNK_TIME_TOLERANCE_S  # a negative instant is stored as 0
         after = (bisect_right(self._chunks, latest_s, key=lambda chunk: chunk.start_s), 0)
         for position, raw_message in self._messages_before(after, None):
-            event = self._reader.event(raw_message) if raw_message.message.log_time / 1e9 <= latest_s else None
+            event = self._event(*position, raw_message) if raw_message.message.log_time / 1e9 <= latest_s else None
             if event is not None and event.instant_s <= until_s:
                 return position[0], position[1] + 1
         return 0, 0

@@ -12,7 +12,7 @@ import json
 import math
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -30,6 +30,7 @@ from codra_dsl.runtime.journal.chunks import (
     decompress,
     indexed_chunks,
     read_summary_section,
+    select_messages,
     split_records,
 )
 from codra_dsl.runtime.journal.encoding import event_of
@@ -230,9 +231,9 @@ class JournalReader:
         If the end of the file has no intact index, all messages are read; only then is `damage` complete.
         """
         position = self._stream.tell()
-        section = read_summary_section(self._stream, self.size())
+        offset, section = read_summary_section(self._stream, self.size()) or (0, b"")
         self._stream.seek(position)
-        return self._read_index(section) or self._build_index()
+        return self._read_index(offset, section) or self._build_index()
 
     def channel_ids(self) -> dict[str, frozenset[int]]:
         """Return the numbers of the channels of each topic, for the channels that were read so far."""
@@ -245,44 +246,67 @@ class JournalReader:
         """Return the kinds of events that the journal has; `index` must have been called."""
         return frozenset(kind for topic in self.channel_ids() if (kind := kind_of(topic)) is not None)
 
-    def messages_at(self, chunk_offset: int) -> list[RawMessage]:
-        """Return the messages of one of the chunks that `index` has returned."""
-        records: bytes | None = self._region[1]
-        if chunk_offset != self._region[0] or self._is_region_outdated:
-            records, self._has_ended = None, False
-            self._stream.seek(chunk_offset)
-            opcode, offset, content = next(self._records(), (0, 0, b""))
-            if (opcode, offset) == (Opcode.CHUNK, chunk_offset):
-                records = self._records_of_chunk(offset, content)
-            else:
-                self._add_damage(f"the chunk at byte {chunk_offset}: there is none")
-        is_counted = chunk_offset not in self._counted_chunk_offsets
-        self._counted_chunk_offsets.add(chunk_offset)
-        messages = self._messages_of_records(records or b"", f"the chunk at byte {chunk_offset}", is_counted=is_counted)
-        return [raw_message for message in messages if (raw_message := self._with_channel(message)) is not None]
+    def messages_in(self, chunk: IndexedChunk, channel_ids: frozenset[int] | None) -> list[tuple[int, RawMessage]]:
+        """Return the messages of some channels, or of all, each with its number among all messages of a chunk.
+
+        The chunk is one of those that `index` has returned.
+        """
+        is_first = chunk.offset not in self._counted_chunk_offsets
+        self._counted_chunk_offsets.add(chunk.offset)
+        damage, self.damage = self.damage, self.damage if is_first else Damage()  # each part is reported once
+        is_in_region = chunk.offset == self._region[0] and not self._is_region_outdated
+        records = self._region[1] if is_in_region else self._read_chunk(chunk)
+        numbered_messages: Iterable[tuple[int, Message]]
+        if is_first or channel_ids is None:
+            description = f"the chunk at byte {chunk.offset}"
+            numbered_messages = enumerate(self._messages_of_records(records, description, is_counted=is_first))
+        else:
+            numbered_messages = select_messages(records, channel_ids)
+        raw_messages = [
+            (number, raw_message)
+            for number, message in numbered_messages
+            if (raw_message := self._with_channel(message)) is not None
+            and (channel_ids is None or message.channel_id in channel_ids)
+        ]
+        self.damage = damage
+        return raw_messages
 
     def size(self) -> int:
         """Return the current size in bytes; the file grows while a program writes it."""
         return os.fstat(self._stream.fileno()).st_size
 
-    def _read_index(self, summary_section: bytes | None) -> list[IndexedChunk]:
+    def _read_index(self, offset: int, summary_section: bytes) -> list[IndexedChunk]:
         """Return the chunks from the records at the end of the file; return none if they do not state all topics."""
         try:
-            for record in split_records(summary_section or b""):
+            for record in split_records(summary_section):
                 self._register(record)
-            chunks = indexed_chunks(summary_section or b"")
+            chunks = indexed_chunks(summary_section, self.chunk_offset, offset)
         except (ValueError, EndOfFile, struct.error):
             return []
-        return chunks if all(chunk.channel_ids for chunk in chunks) else []
+        if not chunks or not all(chunk.channel_ids for chunk in chunks):
+            return []
+        self._is_region_outdated = True  # the end of a file is written when all messages are in chunks
+        return chunks
 
     def _build_index(self) -> list[IndexedChunk]:
         """Return the chunks, after all messages have been read."""
-        chunks: dict[int, tuple[float, set[int]]] = {}
+        chunks: dict[int, tuple[int, float, set[int]]] = {}
         for raw_message in self.raw_messages():
-            message = raw_message.message
-            chunks.setdefault(self.chunk_offset, (message.log_time / 1e9, set()))[1].add(message.channel_id)
+            message, offset = raw_message.message, self.chunk_offset
+            if offset not in chunks:
+                chunks[offset] = (self._stream.tell() - offset, message.log_time / 1e9, set())
+            chunks[offset][2].add(message.channel_id)
         self._counted_chunk_offsets.update(chunks)
-        return [IndexedChunk(offset, start_s, frozenset(ids)) for offset, (start_s, ids) in chunks.items()]
+        return [IndexedChunk(offset, size, start_s, frozenset(ids)) for offset, (size, start_s, ids) in chunks.items()]
+
+    def _read_chunk(self, chunk: IndexedChunk) -> bytes:
+        """Return the records of a chunk in the file; return none if they cannot be read."""
+        content_byte_count = chunk.byte_count - RECORD_HEADER.size
+        self._stream.seek(chunk.offset)
+        if self._stream.read(RECORD_HEADER.size) == RECORD_HEADER.pack(Opcode.CHUNK, content_byte_count):
+            return self._records_of_chunk(chunk.offset, self._stream.read(content_byte_count)) or b""
+        self._add_damage(f"the chunk at byte {chunk.offset}: there is none")
+        return b""
 
     def _with_channel(self, message: Message) -> RawMessage | None:
         """Return a message with its channel; None if the channel was not declared."""

@@ -10,7 +10,7 @@ from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.journal.spec_summary_changes import Change
-from codra_dsl.runtime.replay.recording import Recording
+from codra_dsl.runtime.replay.recording import RecordedEvent, Recording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,9 +101,9 @@ class Comparison(EventLog):
 
     def check_completeness(self, because: str = "") -> None:
         """Store a difference if the replay ended before the recorded events did."""
-        if not self.is_over:
-            recorded = self._next_recorded_event()
-            self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=None, because=because)
+        recorded_event = None if self.difference is not None else self._recording.next_readable_event()
+        if recorded_event is not None:
+            self._add_difference(recorded_event, replayed=None, because=because)
 
     def absent(self) -> tuple[Kind, ...]:
         """Return the kinds of events that were derived and that the journal does not hold."""
@@ -111,14 +111,14 @@ class Comparison(EventLog):
 
     def _compare(self, event: Event) -> None:
         recorded_event = self._recording.next_expected_event()
+        if recorded_event is not None and not recorded_event.is_equal(event):
+            recorded_event = self._recording.next_readable_event()
         if recorded_event is not None and recorded_event.is_equal(event):
             self._recording.drop_expected_event()
             self.position += 1
-            return
-        recorded = self._next_recorded_event()
-        if recorded is not None or not self.may_continue:
-            self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=event)
+        elif recorded_event is not None or not self.may_continue:
+            self._add_difference(recorded_event, replayed=event)
 
-    def _next_recorded_event(self) -> Event | None:
-        recorded_event = self._recording.next_expected_event()
-        return None if recorded_event is None else recorded_event.event
+    def _add_difference(self, recorded_event: RecordedEvent | None, replayed: Event | None, because: str = "") -> None:
+        recorded = None if recorded_event is None else recorded_event.event
+        self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=replayed, because=because)

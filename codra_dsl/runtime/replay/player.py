@@ -173,6 +173,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     comparison = Comparison(recording, copy)
     _, _, divergence_text = _play_journal(header, recording, model, build, comparison, knowledge, progress)
     comparison.check_completeness(divergence_text)
+    recording.check()
     comparison.end()
     return Replayed(
         compared=comparison.position,

@@ -17,7 +17,8 @@ from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.reader import JournalReader
 from codra_dsl.runtime.journal.schemas import kind_of
 
-_STARTED_FIELD = b'"what":"started"'
+_WHAT_KEY = b'"what":'
+_STARTED = b'"started"'
 
 
 class RecordedEvent:
@@ -38,7 +39,8 @@ class RecordedEvent:
     @property
     def is_job_end(self) -> bool:
         """Return whether the event may be the end of a job."""
-        return self.kind is Kind.JOB and _STARTED_FIELD not in self._data
+        what_position = self._data.find(_WHAT_KEY) + len(_WHAT_KEY)  # a result of the job may have the same key, later
+        return self.kind is Kind.JOB and not self._data.startswith(_STARTED, what_position)
 
     @property
     def event(self) -> Event | None:
@@ -127,6 +129,12 @@ class Recording:
         while not self._expected_events and self._read_next():
             pass
         return self._expected_events[0] if self._expected_events else None
+
+    def next_readable_event(self) -> RecordedEvent | None:
+        """Drop the next events that cannot be decoded; return the next event that is not an input, or None."""
+        while (recorded_event := self.next_expected_event()) is not None and recorded_event.event is None:
+            self.drop_expected_event()
+        return recorded_event
 
     def drop_expected_event(self) -> None:
         """Go to the event after the next one that is not an input."""

@@ -85,6 +85,22 @@ def test_a_message_is_the_json_that_the_standard_library_writes(
     assert message_of(Event(instant_s, Kind.JOB, name, "returned", details)) == text.encode("utf-8", "backslashreplace")
 
 
+class Instant(float):
+    """An instant whose text is not a number of JSON, as that of numpy's `float64`."""
+
+    def __repr__(self) -> str:
+        return f"Instant({float.__repr__(self)})"
+
+
+@pytest.mark.parametrize("number", [0.0, 5.5])
+def test_an_instant_of_a_derived_type_is_a_number(number: float) -> None:
+    message = b'{"instant_s":%b,"name":"eye","what":"returned","told_s":%b}'
+    text = str(number).encode()
+    for instant_s in (Instant(number), number):
+        event = Event(instant_s, Kind.JOB, "eye", "returned", {"told_s": number})
+        assert message_of(event) == message % (text, text)
+
+
 @pytest.mark.parametrize("data", [INF, [1.0, -INF, [INF]], {"value": 1, "other": -INF}, [{"name": "a", "value": INF}]])
 def test_infinite_numbers_in_texts_are_kept(data: object) -> None:
     assert "999" not in json_text(data)

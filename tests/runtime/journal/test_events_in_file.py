@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import math
+import struct
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 from hypothesis import given as drawn
 from hypothesis import settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
+from mcap.records import Message
 
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal import Event, Kind
+from codra_dsl.runtime.journal.chunks import IndexedChunk
 from codra_dsl.runtime.journal.events_in_file import EventsInFile, LatestEventsInFile
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.journal.mcap_file import CHUNK_BYTES
+from codra_dsl.runtime.journal.mcap_records import RECORD_HEADER
 from codra_dsl.runtime.journal.reader import JournalReader, RawMessage
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.why import explain
 from tests.runtime.door import MODEL, Door
 from tests.runtime.journal.journals import read, run_door
+from tests.runtime.journal.test_limits import CHANNEL, chunk_bytes, forged, message_bytes
 
 NAMES = (
     "present_events",
@@ -113,13 +120,15 @@ def test_explanations_from_a_file_equal_those_from_all_its_events(long_run: Path
 
 def test_only_the_chunks_with_events_of_the_subject_are_read(long_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     offsets: list[int] = []
-    read_chunk = JournalReader.messages_at
+    read_chunk = JournalReader.messages_in
 
-    def note_and_read_chunk(reader: JournalReader, offset: int) -> list[RawMessage]:
-        offsets.append(offset)
-        return read_chunk(reader, offset)
+    def note_and_read_chunk(
+        reader: JournalReader, chunk: IndexedChunk, channel_ids: frozenset[int] | None
+    ) -> list[tuple[int, RawMessage]]:
+        offsets.append(chunk.offset)
+        return read_chunk(reader, chunk, channel_ids)
 
-    monkeypatch.setattr(JournalReader, "messages_at", note_and_read_chunk)
+    monkeypatch.setattr(JournalReader, "messages_in", note_and_read_chunk)
     with JournalReader(long_run) as reader:
         file = EventsInFile(reader, reader.header().summary)
         assert file.latest_events(math.inf).present_events.get("near") is not None
@@ -138,6 +147,112 @@ def test_a_file_with_a_damaged_index_is_read_from_its_start(
     with JournalReader(tmp_path / "run.mcap") as reader:
         file = EventsInFile(reader, reader.header().summary)
         assert events_by_subject(file.latest_events(100.0)) == events_by_subject(LatestEvents.of(state_events, 100.0))
+
+
+def test_messages_of_other_subjects_become_objects_only_once(long_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sequences: list[int] = []
+    add_channel = JournalReader._with_channel
+
+    def note_and_add_channel(reader: JournalReader, message: Message) -> RawMessage | None:
+        sequences.append(message.sequence)
+        return add_channel(reader, message)
+
+    monkeypatch.setattr(JournalReader, "_with_channel", note_and_add_channel)
+    with JournalReader(long_run) as reader:
+        file = EventsInFile(reader, reader.header().summary)
+        for topic in (
+            "/codra/context/near",
+            "/codra/context/open",
+            "/codra/declaration/near",
+            "/codra/observer/door_lid",
+        ):
+            assert file.find((len(reader.index()), 0), topic, lambda _: False) is None
+
+    assert len(sequences) < 2 * len(set(sequences))
+
+
+CHUNK_INDEX_FIELDS = struct.Struct("<QQQQI")
+"""The first fields of the index of a chunk: two times, the offset, the size, and the size of the list of channels."""
+
+
+def forge_index(journal: Path, target: Path, change: Callable[[int, list[int]], list[int] | None]) -> None:
+    """Change the first fields of the index of each chunk, or leave the chunk out of the index of a file."""
+    content = journal.read_bytes()
+    end = content[-37:]  # the footer, and the end of the file
+    (start,) = struct.unpack_from("<Q", end, 9)
+    section, forged, position, number = content[start:-37], b"", 0, 0
+    while position < len(section):
+        opcode, length = RECORD_HEADER.unpack_from(section, position)
+        record, position = section[position : position + 9 + length], position + 9 + length
+        if opcode == Opcode.CHUNK_INDEX:
+            fields = change(number, list(CHUNK_INDEX_FIELDS.unpack_from(record, 9)))
+            rest, number = record[9 + CHUNK_INDEX_FIELDS.size :], number + 1
+            record = b"" if fields is None else record[:9] + CHUNK_INDEX_FIELDS.pack(*fields) + rest
+        forged += record
+    checksum = struct.pack("<I", crc32(end[:25], crc32(forged)))
+    target.write_bytes(content[:start] + forged + end[:25] + checksum + end[29:])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda number, fields: [*fields[:2], 2**64 - 1, *fields[3:]] if number == 2 else fields,
+        lambda number, fields: [*fields[:3], 2**63, fields[4]] if number == 2 else fields,
+        lambda number, fields: [*fields[:4], 2**32 - 1] if number == 2 else fields,
+        lambda number, fields: [*fields[:4], fields[4] + 40] if number == 2 else fields,
+        lambda number, fields: None if number < 2 else fields,
+        lambda number, fields: None if number > 1 else fields,
+        lambda number, fields: None if number == 1 else fields,
+    ],
+    ids=["offset", "size", "channels", "overlap", "first", "last", "gap"],
+)
+def test_an_index_that_does_not_describe_the_file_is_not_used(
+    long_run: Path, events: list[Event], tmp_path: Path, change: Callable[[int, list[int]], list[int] | None]
+) -> None:
+    forge_index(long_run, tmp_path / "run.mcap", change)
+    state_events = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
+    with JournalReader(tmp_path / "run.mcap") as reader:
+        file = EventsInFile(reader, reader.header().summary)
+        for at_s in (10.0, 400.0, 800.0):
+            expected_events = events_by_subject(LatestEvents.of(state_events, at_s))
+            assert events_by_subject(file.latest_events(at_s)) == expected_events
+        assert not reader.damage.is_torn
+
+
+def test_a_file_that_is_finished_after_it_was_opened_is_read_to_its_end(tmp_path: Path) -> None:
+    clock, journal = SimClock(), Journal(tmp_path / "run.mcap")
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}, record=journal) as manager:
+        manager.declare("near")
+        for _ in range(300):
+            manager.set("localized", True)
+            clock.sleep(1.0)
+        reader = JournalReader(journal.path)
+        clock.sleep(2.5)
+        manager.set("localized", True)
+    with reader:
+        assert reader.chunk_offset > 0
+        file = EventsInFile(reader, reader.header().summary)
+        event = file.latest_events(302.5).present_events.get("localized")
+        assert (file.end_s, event and event.instant_s) == (302.5, 302.5)
+
+
+def test_events_before_the_zero_of_the_clock_are_found(tmp_path: Path) -> None:
+    journal = run_door(tmp_path / "run.mcap", start_s=-100.0)
+    with JournalReader(journal.path) as reader:
+        file = EventsInFile(reader, reader.header().summary)
+        event = file.latest_events(-99.0).present_events.get("localized")
+        assert event is not None
+        assert event.instant_s == -100.0
+
+
+def test_a_message_that_cannot_be_read_is_reported_once(tmp_path: Path) -> None:
+    path = run_door(tmp_path / "whole.mcap", loops=1).path
+    chunk = chunk_bytes(CHANNEL + message_bytes(b"{}"), "zstd")
+    with JournalReader(forged(path, tmp_path / "run.mcap", chunk)) as reader:
+        file = EventsInFile(reader, reader.header().summary)
+        assert file.latest_events(math.inf).last_value_events.get("near") is None
+        assert file.latest_events(math.inf).present_events.get("near") is None
+        assert len(reader.damage.unreadable_parts) == 1
 
 
 def test_a_damaged_chunk_is_reported_if_it_is_needed(long_run: Path, tmp_path: Path) -> None:

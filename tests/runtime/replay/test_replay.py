@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,10 @@ from codra_dsl.runtime import (
 )
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.journal import Event, Kind
+from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.replay import Replayed, replay
-from codra_dsl.runtime.values.model import SkillModel, real
+from codra_dsl.runtime.replay.recording import RecordedEvent, Recording
+from codra_dsl.runtime.values.model import SkillModel, member, real
 from tests.runtime.door import GIVEN_NEAR, LOOK, MEASURE_DISTANCE, MODEL, OBSERVERS
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, seen, takes, tree, variable
 from tests.runtime.journal.journals import read, run_door
@@ -458,3 +461,32 @@ def test_a_door_with_another_source_of_near_differs_at_the_first_event(tmp_path:
     result = replay_journal(tmp_path / "run.mcap", GIVEN_NEAR)
     assert result.difference is not None
     assert result.difference.position <= 3
+
+
+def test_a_result_with_the_name_of_a_field_of_events_is_derived_again(tmp_path: Path) -> None:
+    look = Look(algorithm("eye", {"what": member("started", "ended")}), {"phase": value("what")})
+    model = forest([variable("phase", type=member("started", "ended"))], observer("o", look))
+    clock = SimClock()
+    with journalled(model, World({"eye": {"what": "started"}}), tmp_path / "run.mcap", clock) as manager:
+        manager.declare("phase")
+        clock.sleep(3.0)
+        assert manager.get("phase").value == "started"
+
+    assert_same(tmp_path / "run.mcap", model)
+
+
+def test_an_event_that_cannot_be_decoded_is_not_compared(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap", loops=2)
+    header, events = read(tmp_path / "run.mcap")
+    unreadable_event = RecordedEvent(Kind.VARIABLE, b"{}", lambda: None)
+    recorded_events = [RecordedEvent(event.kind, message_of(event), partial(_same, event)) for event in events]
+    for position in (20, len(events)):
+        stored_events = [*recorded_events[:position], unreadable_event, *recorded_events[position:]]
+        recording = Recording(frozenset(event.kind for event in events), iter(stored_events))
+        result = replay(header, recording, MODEL, Manager, None)
+        assert result.difference is None
+        assert result.compared == sum(event.kind is not Kind.INPUT for event in events)
+
+
+def _same(event: Event) -> Event:
+    return event
