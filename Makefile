@@ -66,7 +66,7 @@ rafcon: $(RAFCON_READY)
 # Many tests wait for a process or for real time: one worker more than there are cores keeps the cores busy.
 # Files are run in the order of their names: by default the files with few tests come last, and some of these are slow.
 test: browser lint $(RAFCON_READY)
-	$(BIN)/codra compile specs --check
+	$(BIN)/codra compile specs --check --no-cache
 	$(BIN)/pytest --numprocesses $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 	$(RAFCON)/bin/python -m pytest tests/integrations/rafcon
 

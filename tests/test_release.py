@@ -93,12 +93,24 @@ def test_sources_without_git_have_the_version_of_their_archive_or_none(repositor
     assert versions(repository) == ["0.0.0.dev0", "0.0.0.dev0"]
 
 
-def test_the_papers_require_the_product_of_the_same_commit(repository: Path) -> None:
-    git(repository, "tag", "v1.4.0")
+def required_by_the_papers(repository: Path) -> list[str]:
     command = [sys.executable, "-m", "hatchling", "metadata", "dependencies"]
     output = subprocess.run(command, cwd=repository / "codra_papers", capture_output=True, text=True, check=True).stdout
+    dependencies: list[str] = json.loads(output)
+    return dependencies
 
-    assert "codra-dsl==1.4.0" in json.loads(output)
+
+def test_the_papers_require_the_product_of_the_same_release(repository: Path) -> None:
+    git(repository, "tag", "v1.4.0")
+
+    assert "codra-dsl==1.4.0" in required_by_the_papers(repository)
+
+
+def test_between_releases_the_papers_require_any_version_of_the_product(repository: Path) -> None:
+    git(repository, "tag", "v1.4.0")
+    (repository / "README.md").write_text("changed")
+
+    assert "codra-dsl" in required_by_the_papers(repository)
 
 
 # Releases

@@ -56,6 +56,8 @@ def _convert(parameter: Parameter, value: Any) -> Any:
     if parameter.required and parameter.value_is_missing(value):
         raise ValueError
     annotation, info = parameter.type_descriptor.annotation, parameter.type_descriptor.parameter_info
+    if info.parser is not None:
+        raise ValueError
     if parameter.multiple or parameter.nargs == -1:
         if isinstance(value, str):
             raise ValueError
@@ -67,7 +69,7 @@ def _convert(parameter: Parameter, value: Any) -> Any:
 def _convert_item(item_type: Any, info: ParameterInfo, item: Any) -> Any:
     if item_type in (bool, str) and isinstance(item, item_type):
         return item
-    if isinstance(item_type, type) and issubclass(item_type, StrEnum):
+    if isinstance(item_type, type) and issubclass(item_type, StrEnum) and item in list(item_type):
         return item_type(item)
     if item_type is Path and isinstance(item, str) and _is_accepted_path(info, item):
         return Path(item)
@@ -77,4 +79,5 @@ def _convert_item(item_type: Any, info: ParameterInfo, item: Any) -> Any:
 def _is_accepted_path(info: ParameterInfo, text: str) -> bool:
     """Return whether typer certainly accepts a path. For example, it refuses a file that cannot be read."""
     is_any_path = info.file_okay and info.dir_okay and not (info.writable or info.resolve_path or info.path_type)
-    return is_any_path and (os.access(text, os.R_OK) or bool(info.allow_dash and text == "-"))
+    is_dash = info.allow_dash and not info.exists and text == "-"
+    return is_any_path and (os.access(text, os.R_OK) or is_dash)

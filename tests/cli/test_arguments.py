@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import Enum, StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 import typer
@@ -14,6 +14,7 @@ from typer.main import get_command
 
 from codra_dsl.cli.app import app
 from codra_dsl.cli.arguments import Parameter
+from codra_dsl.cli.plugins import command_of
 
 COMMANDS = ("compile", "lint", "explain", "graph", "run", "sweep", "diff", "init", "shadow", "why", "replay")
 
@@ -45,6 +46,35 @@ def test_a_value_is_converted_or_refused_as_typer_does(name: str, tmp_path: Path
     command = group.get_command(Context(group), name)  # type: ignore[attr-defined]  # of groups
     for parameter in parameters_of(command):
         for value in values_for(parameter, tmp_path):
+            expected = outcome(type(parameter).process_value.__get__(parameter), value)
+
+            assert outcome(parameter.process_value, value) == expected
+
+
+class Size(StrEnum):
+    SMALL = "small"
+    LARGE = "large"
+
+    @classmethod
+    def _missing_(cls, _: object) -> Size:
+        return cls.LARGE
+
+
+def plugin_command(  # noqa: PLR0917 - what typer offers to the commands of other distributions
+    word: Annotated[str, typer.Option(parser=lambda value: f"<{value}>")] = "a",
+    words: Annotated[list[str] | None, typer.Option(parser=lambda value: f"<{value}>")] = None,
+    folder: Annotated[Path, typer.Option(parser=lambda value: Path(f"<{value}>"))] = Path(),
+    existing: Annotated[Path, typer.Option(exists=True, allow_dash=True)] = Path(),
+    size: Size = Size.SMALL,
+    sizes: list[Size] | None = None,
+    pair: tuple[str, str] = ("a", "b"),
+) -> None:
+    """Do nothing."""
+
+
+def test_a_value_of_another_distributions_command_is_converted_or_refused_as_typer_does(tmp_path: Path) -> None:
+    for parameter in parameters_of(command_of(plugin_command, "plugin")):
+        for value in [*values_for(parameter, tmp_path), ("x", "small")]:
             expected = outcome(type(parameter).process_value.__get__(parameter), value)
 
             assert outcome(parameter.process_value, value) == expected

@@ -171,16 +171,18 @@ def _result_type(returned: Returned, imports: Imports) -> Expression:
 def value_type(declared_type: ValueType, imports: Imports, *, optional: bool = False) -> Expression:
     """Return the declaration of a value's type; an integer's bounds are written as integers if both are finite."""
     bounds = declared_type.range if declared_type.range is not None else ()
+    has_integer_bounds = declared_type.kind is Kind.INT and all(map(math.isfinite, bounds))
+    # literals, because a cache does not distinguish the numbers 0, 0.0 and -0.0
+    literals = tuple([literal(int(bound) if has_integer_bounds else bound) for bound in bounds])
     imports.use(_TYPES[declared_type.kind])
-    imports.use_math_for([literal(bound) for bound in bounds])
-    # the ends are separate arguments, since the cache must distinguish a range with 0 from a range with 0.0
-    return _value_type(declared_type.kind, declared_type.unit, declared_type.values, *bounds, is_optional=optional)
+    imports.use_math_for(literals)
+    return _value_type(declared_type.kind, literals, declared_type.values, declared_type.unit, optional)
 
 
-@lru_cache(maxsize=1024, typed=True)
-def _value_type(kind: Kind, unit: str | None, values: tuple[str, ...], *bounds: float, is_optional: bool) -> Expression:
-    has_integer_bounds = kind is Kind.INT and all(map(math.isfinite, bounds))
-    arguments = [literal(int(bound) if has_integer_bounds else bound) for bound in bounds]
+@lru_cache(maxsize=1024)
+def _value_type(
+    kind: Kind, bounds: tuple[str, ...], values: tuple[str, ...], unit: str | None, is_optional: bool
+) -> Expression:
     keywords = {} if unit is None else {"unit": literal(unit)}
     keywords |= {"optional": "True"} if is_optional else {}
-    return call(_TYPES[kind], *arguments, *map(text_literal, values), **keywords)
+    return call(_TYPES[kind], *bounds, *map(text_literal, values), **keywords)

@@ -105,12 +105,12 @@ def _relative_name(path: Path, root: Path) -> str:
 
 
 def _read_beginning(file: Path, root: Path) -> bytes | None:
-    """Return the first MAX_BYTES of a file in UTF-8, or no bytes for a pipe or device.
+    """Return the first MAX_BYTES + 1 of a file in UTF-8, or no bytes for a pipe or device.
 
     Return None if the file cannot be read or is a link that leads out of the project.
     """
     try:
-        data = read_beginning(file, MAX_BYTES, within=root)
+        data = read_beginning(file, MAX_BYTES + 1, within=root)
     except OutsideError:
         return None
     except UnsuitableFileError:
@@ -124,7 +124,7 @@ def _is_spec(data: bytes | None) -> bool:
     """Return whether to read a file as a spec: it has a `name` and a key of this language, or its keys are unknown."""
     if data is None:
         return True
-    if len(data) >= MAX_BYTES:  # too large to look for its keys; `load_spec` reports it if it is of this language
+    if len(data) > MAX_BYTES:  # too large to look for its keys; `load_spec` reports it if it is of this language
         return _VERSION_KEY_PATTERN.search(data) is not None
     if not _NAME_KEY_PATTERN.search(data):
         return False

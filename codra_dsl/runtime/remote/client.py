@@ -119,7 +119,9 @@ class RemoteContext:
     def close(self) -> None:
         """Withdraw all declarations, and disconnect. In a fork of the program, only close the inherited socket."""
         if os.getpid() != self._program_id:
-            self._socket.close()
+            descriptor = self._socket.detach()  # `close` would wait for a stream that a thread of the program reads
+            if descriptor >= 0:
+                os.close(descriptor)
             return
         with contextlib.suppress(ConnectionError, RuntimeError):
             self._ask("leave")

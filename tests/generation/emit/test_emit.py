@@ -624,3 +624,11 @@ def test_every_tree_of_the_lab_that_is_checked_in_shows_the_order_of_figure_4() 
             assert kinds == sorted(kinds, key=order.index)
             assert set(order) - set(kinds) <= {"Accept"}
             assert kinds.count("Identify") == len(observer.model.identifies)
+
+
+def test_equal_bounds_that_are_written_differently_stay_different() -> None:
+    for start, declared in ((-0.0, "real(-0.0, 1.0)"), (0.0, "real(0.0, 1.0)"), (0, "real(0, 1.0)")):
+        level = variable("level", type=ValueType(kind=Kind.FLOAT, range=(start, 1.0)), sources=main())
+        texts = emit(plan(checked_spec([], variables=[level], skills=[skill("enter", preview=["level"])])))
+
+        assert any(declared in text for text in texts.values())

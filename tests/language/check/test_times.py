@@ -125,6 +125,14 @@ def test_on_event_together_with_a_periodic_variable_has_no_effect() -> None:
     )
 
 
+@pytest.mark.parametrize(("min_interval", "key"), [("1.5 s", "min_interval"), ("500 ms", "period")])
+def test_the_help_names_the_key_that_determines_the_pause(min_interval: str, key: str) -> None:
+    edits = (("  find:\n", f"  find:\n    min_interval: {min_interval}\n"), ("valid_for: 3 s", "valid_for: 2 s"))
+    (help_text,) = [item.help for item in findings(edit_spec(*edits)) if item.rule.name == "stale-before-renewed"]
+
+    assert help_text == f"write a longer 'valid_for', or a shorter 'timeout' or '{key}'"
+
+
 @pytest.mark.parametrize(
     ("edits", "expected"),
     [

@@ -144,6 +144,16 @@ def test_a_file_beyond_the_limit_is_a_spec_if_it_has_a_version_wherever_its_name
     assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["file-too-large"]
 
 
+def test_a_part_of_the_maximum_size_is_no_spec(tmp_path: Path) -> None:
+    write(tmp_path, part=PART, small=SPEC)
+    with (tmp_path / "part.yaml").open("ab") as file:
+        file.truncate(MAX_BYTES)
+    files = find_files([tmp_path], tmp_path)
+
+    assert [path.stem for path in files.specs] == ["small"]
+    assert [path.stem for path in files.parts] == ["part"]
+
+
 def test_parts_given_as_text_count_with_the_size_of_the_text(tmp_path: Path) -> None:
     write(tmp_path, kitchen=f"{SPEC}include: [a.yaml, b.yaml]\n", a=PART, b="")
     sparse(tmp_path / "b.yaml", MAX_BYTES - 10)

@@ -369,6 +369,9 @@ def test_a_fork_cannot_use_the_connection_of_its_parent_and_leaves_it_alone(serv
                 with pytest.raises(ConnectionError, match="create a `RemoteContext` in this process"):
                     remote.get("near")
                 assert remote.decide("near", lambda: "looked") == "looked"
+                open_files = set(Path("/proc/self/fd").iterdir())
+                remote.close()
+                assert len(open_files - set(Path("/proc/self/fd").iterdir())) == 1
                 remote.close()
                 with RemoteContext(server.address) as own:
                     assert own.get("near").known

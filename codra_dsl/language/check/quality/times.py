@@ -54,6 +54,11 @@ class Renewal:
         return max(self.period_s, self.algorithm.min_interval_s)
 
     @property
+    def pause_key(self) -> str:
+        """Return the key that determines the pause."""
+        return "min_interval" if self.algorithm.min_interval_s > self.period_s else "period"
+
+    @property
     def max_age_s(self) -> float:
         """Return the maximum age that evidence has when newer evidence replaces it.
 
@@ -165,13 +170,13 @@ def _stale_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
         f"but is valid for {_seconds(variable.valid_for_s)}",
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
-        help="write a longer 'valid_for', or a shorter 'timeout' or 'period'",
+        help=f"write a longer 'valid_for', or a shorter 'timeout' or '{renewal.pause_key}'",
         related=tuple(_renewal_places(renewal)),
     )
 
 
 def _never_confirmed_finding(variable: Variable, renewal: Renewal) -> Diagnostic:
-    key = "timeout" if renewal.algorithm.timeout_s > renewal.pause_s else "period"
+    key = "timeout" if renewal.algorithm.timeout_s > renewal.pause_s else renewal.pause_key
     return finding(
         "stale-before-renewed",
         f"context-variable '{variable.name}' may never be confirmed although everything works: the first result that "
@@ -201,7 +206,7 @@ def _age_findings(spec_index: SpecIndex, faults: FaultyElements, algorithm: Algo
                     f"'{variable.name}' can be up to {_seconds(renewal.max_age_s)} old although everything works",
                     condition.place_of(bound.node),
                     path=f"perception.{algorithm.name}.observable_when",
-                    help="write a larger age, or a shorter 'timeout' or 'period'",
+                    help=f"write a larger age, or a shorter 'timeout' or '{renewal.pause_key}'",
                     related=tuple(_renewal_places(renewal)),
                 )
 
