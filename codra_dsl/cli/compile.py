@@ -139,6 +139,8 @@ def _compile_or_recall(
     results = {} if cache is None else cache.load_results()
     compilation = compile_paths(paths, root, timings, results, folder)
     run = compilation.as_run()
+    if check:
+        _verify(compilation)  # before the run is kept: a kept run is not verified again
     if cache is not None:
         cache.store(run, results)
     with timings.stage("write"):
@@ -147,18 +149,20 @@ def _compile_or_recall(
         return run, _compare_output(compilation, folder) if check else _write_output(compilation, folder)
 
 
-def _compare_output(compilation: Compilation, folder: Path) -> _OutputResult:
-    """Return the difference between the output folder and the compiled files. Write nothing.
-
-    `--check` is for CI, so it also verifies the work of the compiler itself.
-    """
+def _verify(compilation: Compilation) -> None:
+    """Verify the plans and the output of the compiler itself. `--check` does this, because it is for CI."""
     from codra_dsl.generation.build_plan import verify
     from codra_dsl.generation.emit.self_check import prove
-    from codra_dsl.generation.output import drift_finding, freshness
 
     for build_plan in compilation.planned.plans:
         verify(build_plan, build_plan.checked)
     prove(compilation.files)
+
+
+def _compare_output(compilation: Compilation, folder: Path) -> _OutputResult:
+    """Return the difference between the output folder and the compiled files. Write nothing."""
+    from codra_dsl.generation.output import drift_finding, freshness
+
     comparison = freshness(compilation.files, folder, compilation.covered, compilation.output_digests)
     findings = (*comparison.diagnostics, *map(drift_finding, comparison.drifts))
     return _OutputResult(diagnostics=findings, diff="".join(drift.diff for drift in comparison.drifts))

@@ -24,6 +24,7 @@ from typer.testing import CliRunner
 from codra_dsl import compiler
 from codra_dsl.cli.app import app
 from codra_dsl.compiler import lint_paths
+from codra_dsl.generation import build_plan
 from codra_dsl.language.load import load_spec
 from codra_dsl.workspace.cache import FOLDER, SpecResults, inputs, stored_files
 from codra_dsl.workspace.cache.signatures import SECRET_FILE, signature
@@ -441,6 +442,21 @@ def test_a_run_during_which_a_module_changes_is_not_shown_again(project: Path, m
         run(project, "lint", ".")
 
     assert run(project, "lint", ".") == run(project, "lint", ".", "--no-cache")
+
+
+def test_a_run_that_fails_its_verification_is_not_stored(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    attempts = []
+
+    def fail(*_: object) -> None:
+        attempts.append("verified")
+        raise ValueError("an edge is missing")
+
+    assert run(project, "compile", "door.yaml")[0] == 0
+    shutil.rmtree(project / FOLDER)
+    monkeypatch.setattr(build_plan, "verify", fail)
+    for _ in range(2):
+        assert run(project, "compile", "door.yaml", "--check")[0] == 1
+    assert attempts == ["verified", "verified"]
 
 
 def test_the_number_of_stored_files_is_limited(project: Path) -> None:

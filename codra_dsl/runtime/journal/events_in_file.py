@@ -26,7 +26,7 @@ _CHUNK_TIME_TOLERANCE_S = 0.001
 _CLOSE_FIELD = b'"what":"close"'
 _SHARED_TOPICS = (topic_of(Kind.KNOWLEDGE, ""), topic_of(Kind.ADAPTATION, ""))
 
-Found = TypeVar("Found")
+EventsT = TypeVar("EventsT")
 Position = tuple[int, int]
 """The number of a chunk, and the number of a message in this chunk."""
 
@@ -161,14 +161,14 @@ class EventsInFile:
         return position_of_close
 
 
-class FoundByName(Generic[Found]):
+class LazyEventsByName(Generic[EventsT]):
     """Finds the events of a subject when they are first needed."""
 
-    def __init__(self, find: Callable[[str], Found | None]) -> None:
+    def __init__(self, find: Callable[[str], EventsT | None]) -> None:
         self._find = find
-        self._found: dict[str, Found | None] = {}
+        self._found: dict[str, EventsT | None] = {}
 
-    def get(self, name: str) -> Found | None:
+    def get(self, name: str) -> EventsT | None:
         """Return the events of a subject; None if there are none."""
         if name not in self._found:
             self._found[name] = self._find(name)
@@ -182,17 +182,17 @@ class LatestEventsInFile:
         self._file = file
         self._end = end
         self._shared_events: LatestEvents | None = None
-        self._present = FoundByName(lambda name: self._find_reading(name, is_value=False))
-        self._last_value = FoundByName(lambda name: self._find_reading(name, is_value=True))
-        self.present_events = FoundByName(lambda name: _event_of(self._present.get(name)))
-        self.last_value_events = FoundByName(lambda name: _event_of(self._last_value.get(name)))
-        self.basis_jobs = FoundByName(self._find_basis_job)
-        self.later_events = FoundByName(self._find_later_events)
-        self.observer_events = FoundByName(lambda name: self._find_last(Kind.OBSERVER, name))
-        self.declaration_events = FoundByName(lambda name: self._find_last(Kind.DECLARATION, name))
-        self.expectation_events = FoundByName(lambda name: self._find_last(Kind.EXPECTATION, name))
-        self.job_starts = FoundByName(lambda name: self._find_last(Kind.JOB, name, {"started"}))
-        self.job_ends = FoundByName(lambda name: self._find_last(Kind.JOB, name, JOB_END_NAMES))
+        self._present = LazyEventsByName(lambda name: self._find_reading(name, is_value=False))
+        self._last_value = LazyEventsByName(lambda name: self._find_reading(name, is_value=True))
+        self.present_events = LazyEventsByName(lambda name: _event_of(self._present.get(name)))
+        self.last_value_events = LazyEventsByName(lambda name: _event_of(self._last_value.get(name)))
+        self.basis_jobs = LazyEventsByName(self._find_basis_job)
+        self.later_events = LazyEventsByName(self._find_later_events)
+        self.observer_events = LazyEventsByName(lambda name: self._find_last(Kind.OBSERVER, name))
+        self.declaration_events = LazyEventsByName(lambda name: self._find_last(Kind.DECLARATION, name))
+        self.expectation_events = LazyEventsByName(lambda name: self._find_last(Kind.EXPECTATION, name))
+        self.job_starts = LazyEventsByName(lambda name: self._find_last(Kind.JOB, name, {"started"}))
+        self.job_ends = LazyEventsByName(lambda name: self._find_last(Kind.JOB, name, JOB_END_NAMES))
 
     @property
     def knowledge_events(self) -> Mapping[str, Mapping[str, Event]]:
