@@ -185,6 +185,7 @@ class LatestEventsInFile:
         self._present = FoundByName(lambda name: self._find_reading(name, is_value=False))
         self._last_value = FoundByName(lambda name: self._find_reading(name, is_value=True))
         self.present_events = FoundByName(lambda name: _event_of(self._present.get(name)))
+        self.override_events = FoundByName(lambda name: self._find_last(Kind.OVERRIDE, name))
         self.last_value_events = FoundByName(lambda name: _event_of(self._last_value.get(name)))
         self.basis_jobs = FoundByName(self._find_basis_job)
         self.later_events = FoundByName(self._find_later_events)
