@@ -259,7 +259,7 @@ def test_only_declared_variables_can_be_overridden() -> None:
 
 def test_numbers_of_numpy_are_accepted_and_nan_makes_a_variable_unknown() -> None:
     with forests.started(NUMBERS, World()) as codra:
-        codra.override("level", np.int64(3), for_s=np.float32(2.0), reason="test")
+        codra.override("level", np.int64(3), for_s=np.float64(2.0), reason="test")
         assert (codra.get("level").value, codra.get("level").expires_s) == (3, 2.0)
         codra.override("charge", math.nan, for_s=2, reason="test")
         assert codra.get("charge").reason is Reason.OVERRIDDEN
