@@ -29,8 +29,6 @@ from codra_dsl.runtime.journal.fields import (
 )
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 
-RUN_TOPIC = "/codra/run"
-
 RULE_EVENTS = {
     "begun": "its precondition held",
     "broken": "its condition for the time of execution no longer holds",
@@ -144,28 +142,6 @@ def _no_place(_name: str, _summary: SpecSummary) -> Place | None:
     return None
 
 
-def run_schema() -> tuple[str, JsonSchema]:
-    """Return the schema of the message that describes the run."""
-    fields = {
-        "format": field_schema("string", "The format of the file."),
-        "format_version": field_schema("integer", "The version of the format."),
-        "spec": field_schema("string", "The name of the spec."),
-        "file": field_schema("string", "The spec's file, relative to its project; empty if there is none."),
-        "model": field_schema("string", "A digest of the spec's content, as in manifest.json; empty if there is none."),
-        "seed": field_schema("integer", "The seed of the random numbers that perception functions draw."),
-        "start_s": field_schema("number", "The time on the run's clock at the start."),
-        "codra": field_schema("string", "The version of codra that ran the spec."),
-        "python": field_schema("string", "The version of Python that ran the spec."),
-    }
-    return "codra.Run", {
-        "type": "object",
-        "description": "The spec that runs, its seed, and the versions of codra and Python.",
-        "properties": fields,
-        "required": list(fields),
-        "additionalProperties": False,
-    }
-
-
 def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     kind = summary.variables[name].type.kind
     return f"codra.Variable.{kind}", event_schema(
@@ -182,9 +158,7 @@ def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         detail=field_schema("string", "The cause of an unknown value."),
         evidence_s=field_schema("number", "When the evidence was taken, or since when the variable is unknown."),
         source=field_schema("string", "The source of the value: an algorithm, an agent or the main execution."),
-        present=field_schema(
-            "boolean", "Whether this is the present reading of the sources; false if there is newer evidence."
-        ),
+        present=field_schema("boolean", "Whether this is the present reading of the sources, an override aside."),
     )
 
 

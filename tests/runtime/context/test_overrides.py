@@ -22,6 +22,7 @@ from codra_dsl.runtime import (
     Reason,
     SimClock,
     UnknownNameError,
+    WallClock,
 )
 from codra_dsl.runtime.journal.events_in_file import EventsInFile
 from codra_dsl.runtime.journal.reader import JournalReader
@@ -41,6 +42,11 @@ DOOR_CHECK = forest(
     observer("look", seen("look", "open")),
     observer("pass", seen("pass", "clear", when=[value("open")])),
     skills=[SkillModel(name="go", preview=("open",), changes=("open",))],
+)
+
+VALID_FOR_S = 6.0
+CHARGE = forest(
+    [variable("charge", type=integer(0, 9), sources=("main_execution",), valid_for_s=VALID_FOR_S, history=100)]
 )
 
 
@@ -219,6 +225,29 @@ def test_a_waiting_decision_is_answered_by_an_override_and_by_its_end() -> None:
         assert (pending.wait(math.inf), clock.now_s(), pending.value) == ("answered", 4.0, True)
 
 
+# Real time
+
+
+def test_an_override_ends_to_the_instant_even_if_its_event_is_late(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with (
+        WallClock() as clock,
+        ContextManager[str, str](CHARGE, clock=clock, resources={"world": 0}, record=Journal(path)) as codra,
+    ):
+        codra.set("charge", 1)
+        with codra._lock:  # no event can happen
+            codra.override("charge", 2, for_s=0.05, reason="gauge broken")
+            override = codra.get("charge")
+            clock.sleep(0.1)
+            assert codra.get("charge").value == 1
+            assert codra._store.cells["charge"].reading is override
+        assert clock.wait_until(lambda: codra._store.cells["charge"].reading is not override, 60.0)
+    header, recorded_events = read(path)
+    assert [event.what for event in recorded_events if event.kind is Kind.OVERRIDE] == ["begun", "expired"]
+    result = replay(header, recorded_events, CHARGE, ContextManager, Journal(path.with_suffix(".again")))
+    assert result.difference is None
+
+
 # What is refused
 
 NUMBERS = forest([variable("level", type=integer(0, 9), sources=("main_execution",)), variable("charge", type=real())])
@@ -315,10 +344,6 @@ def test_decisions_why_journal_and_replay_agree_on_an_override_over_a_failing_ob
 
 # Any order of overrides, ends and evidence agrees with a plain model
 
-VALID_FOR_S = 6.0
-CHARGE = forest(
-    [variable("charge", type=integer(0, 9), sources=("main_execution",), valid_for_s=VALID_FOR_S, history=100)]
-)
 _levels = st.integers(0, 3)
 _STEPS = st.lists(
     st.one_of(

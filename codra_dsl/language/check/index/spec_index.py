@@ -46,7 +46,6 @@ from codra_dsl.language.model import (
 Named = TypeVar("Named", Variable, Algorithm, Skill, ObserverSetting, Resource, Agent)
 
 MAIN_EXECUTION = "main_execution"
-OPERATOR = "operator"
 OBSERVER = "observer"
 
 KNOWLEDGE_SECTIONS = frozenset({"types", "nodes", "edges", "tasks"})

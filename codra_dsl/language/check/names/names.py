@@ -19,7 +19,7 @@ from codra_dsl.language.check.index.mentions import (
     used_variables,
 )
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, OPERATOR, FaultyElements, SpecIndex
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.index.words import NOUNS
 from codra_dsl.language.check.names.misspelt import find_misspelt_declarations, misspelt_finding
 from codra_dsl.language.check.types.literals import LiteralHelp, compared_literal_help, intended_literal_help
@@ -33,6 +33,9 @@ _RULES_AND_NOUNS = {
     "resources": ("unknown-resource", "resource"),
     "agents": ("unknown-source", "source"),
 }
+OPERATOR = "operator"
+"""The source of overrides while a robot runs; no source in a spec, and not the name of an agent."""
+
 _SOURCES = {"agents": (OBSERVER, MAIN_EXECUTION)}
 _WORD = re.compile(r"\w+")
 
