@@ -16,7 +16,20 @@ from codra_dsl.cli.app import app
 from codra_dsl.cli.arguments import Parameter
 from codra_dsl.cli.plugins import command_of
 
-COMMANDS = ("compile", "lint", "explain", "graph", "run", "sweep", "diff", "init", "shadow", "why", "replay")
+COMMANDS = (
+    "compile",
+    "lint",
+    "explain",
+    "graph",
+    "run",
+    "sweep",
+    "diff",
+    "init",
+    "shadow",
+    "why",
+    "replay",
+    "override",
+)
 
 
 def parameters_of(command: Command) -> list[Parameter]:

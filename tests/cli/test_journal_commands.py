@@ -172,7 +172,7 @@ def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
     assert "input" not in {line.split("  ")[1].split()[0] for line in all_of_it.stdout.splitlines()}
     refused = codra("journal", "show", "run.mcap", "--kind", "descision", cwd=project)
     assert refused.returncode == 2
-    kinds = "variable, observer, job, decision, declaration, expectation, knowledge, adaptation, input"
+    kinds = "variable, override, observer, job, decision, declaration, expectation, knowledge, adaptation, input"
     assert f"'descision' is not a kind; choose from {kinds}" in " ".join(refused.stderr.split())
 
 

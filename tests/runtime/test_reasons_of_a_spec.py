@@ -118,6 +118,8 @@ def test_every_reason_is_reached_and_reported(gate: Any) -> None:
     codra.declare("steady")
     clock.sleep(0.5)
     reasons_and_details.append(why_unknown(codra, "steady"))
+    codra.override("near", None, for_s=5.0, reason="the scale is broken")
+    reasons_and_details.append(why_unknown(codra, "near"))
 
     assert reasons_and_details == [
         (Reason.NEVER_OBSERVED, "near"),
@@ -129,6 +131,7 @@ def test_every_reason_is_reached_and_reported(gate: Any) -> None:
         (Reason.TIMED_OUT, "no result within 2 s"),
         (Reason.WITHDRAWN, "look"),
         (Reason.UNCONFIRMED, "true in 1 of the last 3 results, 2 are needed"),
+        (Reason.OVERRIDDEN, "the scale is broken"),
     ]
     assert {reason for reason, _ in reasons_and_details} == set(Reason)
 
@@ -143,6 +146,19 @@ def test_between_enter_and_leave_a_gate_is_what_it_was(gate: Any) -> None:
         clock.sleep(0.9)
         states.append(codra.get("open").content)
     assert states == [None, True, True, False, False]
+
+
+def test_between_enter_and_leave_an_overridden_gate_is_what_was_observed(gate: Any) -> None:
+    codra, clock, eye = gate
+    codra.set("near", True)
+    codra.declare("open")
+    clock.sleep(0.9)
+    codra.override("open", False, for_s=5.0, reason="closed by hand")
+    eye.gap_m = 0.55
+    clock.sleep(2.0)
+    assert codra.get("open").value is False
+    codra.clear_override("open")
+    assert (codra.get("open").value, codra.get("open").source) == (True, "look")
 
 
 def test_a_variable_that_is_observed_on_events_is_not_observed_once_it_is_confirmed(gate: Any) -> None:

@@ -13,10 +13,12 @@ from codra_dsl.integrations.testing.timeline import (
     Belief,
     Change,
     Check,
+    Clearing,
     DecisionArguments,
     Fault,
     Moment,
     Outcome,
+    Overriding,
     RunningCheck,
     Saying,
     Step,
@@ -62,6 +64,7 @@ class MomentReader:
                 *read_section("resources", self._alterations),
                 *read_section("agents", self._sayings),
                 *read_section("perception", self._behaviours),
+                *read_section("overrides", self._overrides),
             ),
             steps=read_section("main_execution", self._steps),
             checks=(
@@ -112,6 +115,27 @@ class MomentReader:
                 evidence_s=self._evidence(reader, value.value("evidence"), value_steps),
                 fault=self._fault(reader, value, value_steps),
             )
+
+    def _overrides(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
+        for key, value in self._known_entries(
+            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
+        ):
+            if isinstance(value, MappingNode):
+                yield self._override(key.text, value, (*steps, key.text))
+            elif not value.reported:
+                yield Clearing(variable=key.text)
+
+    def _override(self, variable: str, node: MappingNode, steps: tuple[str, ...]) -> Overriding:
+        reader, value_node, reason_node = self._reader(node), node.value("is"), node.value("reason")
+        type_, reason = self._package.variables[variable].type, reader.text("reason", "")
+        if reason_node is not None and not reason_node.reported and not reason.strip():
+            reader.fail("wrong-type", "'reason' is empty", reason_node, "state why the operator overrides it", *steps)
+        return Overriding(
+            variable=variable,
+            value=None if value_node is None else read_value(reader, value_node, type_, *steps, "is"),
+            for_s=reader.duration_s("for", 0.0),
+            reason=reason,
+        )
 
     def _returned_values(
         self, algorithm: str, node: YamlNode | None, steps: tuple[str, ...]

@@ -15,8 +15,10 @@ from codra_dsl.integrations.testing.script import Script, Speakers
 from codra_dsl.integrations.testing.timeline import (
     Alteration,
     Behaviour,
+    Clearing,
     DecisionArguments,
     Moment,
+    Overriding,
     Saying,
     Step,
     Story,
@@ -208,6 +210,10 @@ class Run:
                     speakers.say(change)
                 case Behaviour():
                     self._script.change(change)
+                case Overriding():
+                    self.codra.override(change.variable, change.value, for_s=change.for_s, reason=change.reason)
+                case Clearing():
+                    self.codra.clear_override(change.variable)
                 case Alteration():
                     alter(self.resources.get(change.resource), change)
 

@@ -82,7 +82,24 @@ class Alteration:
     place: Place
 
 
-Change = Saying | Behaviour | Alteration
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overriding:
+    """An override of a context-variable by an operator; without a value, the variable is unknown."""
+
+    variable: str
+    value: Literal | None
+    for_s: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clearing:
+    """The end of the override of a context-variable."""
+
+    variable: str
+
+
+Change = Saying | Behaviour | Alteration | Overriding | Clearing
 """A change in the world."""
 
 

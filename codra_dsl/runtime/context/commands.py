@@ -27,7 +27,14 @@ from codra_dsl.runtime.observers.urgency import Urgencies, Urgency
 from codra_dsl.runtime.perception.requests import MAIN_EXECUTION_PRIORITY, Ticket
 from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
-from codra_dsl.runtime.values.declarations import MAIN, OBSERVER, Declarations, expectation_holder, skill_holder
+from codra_dsl.runtime.values.declarations import (
+    MAIN,
+    OBSERVER,
+    OPERATOR,
+    Declarations,
+    expectation_holder,
+    skill_holder,
+)
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
@@ -207,6 +214,18 @@ class Commands:
                 self._event_writer.write(Kind.VARIABLE, name, "refused", value=content, source=writer)
                 raise NotASourceError(f"{name!r} may be written by {' or '.join(model.sources)}, not by {writer!r}")
             self._store_reading(model, content, writer, evidence_s)
+
+    def override(self, name: str, content: Value | None, for_s: float, detail: str) -> None:
+        """Let the operator give a variable a value for some time; it is unknown in this time if `content` is None."""
+        with self._clock:
+            self._record_input("override", OPERATOR, variable=name, value=content, for_s=for_s, detail=detail)
+            self._store.begin_override(name, content, detail, self._clock.now_s() + for_s)
+
+    def clear_override(self, name: str) -> None:
+        """End the override of a variable."""
+        with self._clock:
+            self._record_input("clear", OPERATOR, variable=name)
+            self._store.end_override(name, "cleared")
 
     def adapt(self, agent: str, name: str, what: str, details: Mapping[str, object]) -> None:
         """Record an action of a loop.

@@ -108,7 +108,7 @@ class Components:
             write=self.store.write,
         )
         knowledge = Knowledge(model, clock=self.unlocked_clock, context_link=context_link)
-        self.store.mirror = knowledge.mirror
+        self.store.mirror, self.store.mirror_override = knowledge.mirror, knowledge.mirror_override
         PoseConditions(self.store.variables.values(), knowledge, self.clock, self.store)
         return knowledge
 

@@ -21,6 +21,7 @@ from codra_dsl.runtime.context.commands import NotDeclaredError
 from codra_dsl.runtime.context.components import Components
 from codra_dsl.runtime.context.decisions import DecisionRequest
 from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.context.overrides import Overrides
 from codra_dsl.runtime.context.package_files import manifest_of, package_folder
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
 from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
@@ -46,7 +47,7 @@ SkillName = TypeVar("SkillName", bound=str)
 __all__ = ["MAIN", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
 
 
-class ContextManager(Generic[VariableName, SkillName]):
+class ContextManager(Overrides[VariableName], Generic[VariableName, SkillName]):
     """M of P1: keeps C_M(t), controls the observers, and answers the main execution.
 
     Use it as a Python context manager, so that all observers stop in the end. `get` never waits.
@@ -315,7 +316,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         """Return the stored readings of a variable, in the order of their evidence."""
         self._model(name)
         with self._lock:
-            return self._store.cells[name].history()
+            return self._store.history(name)
 
     def decide(
         self,
@@ -475,10 +476,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         return replace(summary, nodes=self._nodes)
 
     def _reading(self, name: str) -> Reading[Value]:
-        try:
-            return self._store.reading(name)
-        except KeyError:
-            raise unknown_name_error("variable", name, self._store.cells) from None
+        return self._store.reading(self._model(name).name)
 
     def _model(self, name: str) -> VariableModel:
         if name not in self._store.variables:

@@ -95,7 +95,7 @@ class _PoseCondition:
             moved_frames: the frames whose poses have changed.
         """
         status, content = _inputs_status(snapshot, self._term), truth(snapshot, self._term)
-        before, now_s = self._store.cells[self._name].reading, snapshot.instant_s
+        before, now_s = self._store.cells[self._name].observed, snapshot.instant_s
         self._frames = status.frames
         reason = None if content is not None else _reason(before, status)
         if before.content != content or before.reason is not reason or before.evidence_s == BEFORE_ALL_S:

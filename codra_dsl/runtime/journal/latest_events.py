@@ -13,6 +13,7 @@ Found_co = TypeVar("Found_co", covariant=True)
 
 _MAPPING_ATTRIBUTES = (
     "present_events",
+    "override_events",
     "last_value_events",
     "basis_jobs",
     "observer_events",
@@ -62,7 +63,12 @@ class LatestEventsView(Protocol):
 
     @property
     def present_events(self) -> EventsByName[Event]:
-        """Return, for each variable, the event that gave the variable its present reading."""
+        """Return, for each variable, the event that gave the variable the present reading of its sources."""
+        ...
+
+    @property
+    def override_events(self) -> EventsByName[Event]:
+        """Return, for each variable, the last beginning or end of an override."""
         ...
 
     @property
@@ -130,6 +136,7 @@ class LatestEvents:
     def __init__(self) -> None:
         self.until_s = -math.inf
         self.present_events: dict[str, Event] = {}
+        self.override_events: dict[str, Event] = {}
         self.last_value_events: dict[str, Event] = {}
         self.basis_jobs: dict[str, Event] = {}
         self.later_events: dict[str, EventsAfterReading] = {}
@@ -166,6 +173,8 @@ class LatestEvents:
         match event.kind:
             case Kind.VARIABLE:
                 self._add_variable_event(event)
+            case Kind.OVERRIDE:
+                self.override_events[event.name] = event
             case Kind.JOB:
                 self._add_job_event(event)
             case Kind.OBSERVER:

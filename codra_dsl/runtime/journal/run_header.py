@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 import codra_dsl
+from codra_dsl.runtime.journal.fields import JsonSchema, field_schema
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 
 FORMAT = "codra-journal"
 FORMAT_VERSION = 1
+RUN_TOPIC = "/codra/run"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,3 +73,25 @@ class RunHeader:
             codra=str(data["codra"]),
             python=str(data["python"]),
         )
+
+
+def run_schema() -> tuple[str, JsonSchema]:
+    """Return the schema of the message that describes the run."""
+    fields = {
+        "format": field_schema("string", "The format of the file."),
+        "format_version": field_schema("integer", "The version of the format."),
+        "spec": field_schema("string", "The name of the spec."),
+        "file": field_schema("string", "The spec's file, relative to its project; empty if there is none."),
+        "model": field_schema("string", "A digest of the spec's content, as in manifest.json; empty if there is none."),
+        "seed": field_schema("integer", "The seed of the random numbers that perception functions draw."),
+        "start_s": field_schema("number", "The time on the run's clock at the start."),
+        "codra": field_schema("string", "The version of codra that ran the spec."),
+        "python": field_schema("string", "The version of Python that ran the spec."),
+    }
+    return "codra.Run", {
+        "type": "object",
+        "description": "The spec that runs, its seed, and the versions of codra and Python.",
+        "properties": fields,
+        "required": list(fields),
+        "additionalProperties": False,
+    }

@@ -29,8 +29,6 @@ from codra_dsl.runtime.journal.fields import (
 )
 from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
 
-RUN_TOPIC = "/codra/run"
-
 RULE_EVENTS = {
     "begun": "its precondition held",
     "broken": "its condition for the time of execution no longer holds",
@@ -49,6 +47,7 @@ class Kind(StrEnum):
     """
 
     VARIABLE = "variable"
+    OVERRIDE = "override"
     OBSERVER = "observer"
     JOB = "job"
     DECISION = "decision"
@@ -143,28 +142,6 @@ def _no_place(_name: str, _summary: SpecSummary) -> Place | None:
     return None
 
 
-def run_schema() -> tuple[str, JsonSchema]:
-    """Return the schema of the message that describes the run."""
-    fields = {
-        "format": field_schema("string", "The format of the file."),
-        "format_version": field_schema("integer", "The version of the format."),
-        "spec": field_schema("string", "The name of the spec."),
-        "file": field_schema("string", "The spec's file, relative to its project; empty if there is none."),
-        "model": field_schema("string", "A digest of the spec's content, as in manifest.json; empty if there is none."),
-        "seed": field_schema("integer", "The seed of the random numbers that perception functions draw."),
-        "start_s": field_schema("number", "The time on the run's clock at the start."),
-        "codra": field_schema("string", "The version of codra that ran the spec."),
-        "python": field_schema("string", "The version of Python that ran the spec."),
-    }
-    return "codra.Run", {
-        "type": "object",
-        "description": "The spec that runs, its seed, and the versions of codra and Python.",
-        "properties": fields,
-        "required": list(fields),
-        "additionalProperties": False,
-    }
-
-
 def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     kind = summary.variables[name].type.kind
     return f"codra.Variable.{kind}", event_schema(
@@ -181,7 +158,25 @@ def _variable_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         detail=field_schema("string", "The cause of an unknown value."),
         evidence_s=field_schema("number", "When the evidence was taken, or since when the variable is unknown."),
         source=field_schema("string", "The source of the value: an algorithm, an agent or the main execution."),
-        present=field_schema("boolean", "Whether this is the present reading; false if there is newer evidence."),
+        present=field_schema("boolean", "Whether this is the present reading of the sources, an override aside."),
+    )
+
+
+def _override_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
+    kind = summary.variables[name].type.kind
+    return f"codra.Override.{kind}", event_schema(
+        "The beginning or the end of an override of a variable by the operator.",
+        "The variable.",
+        {
+            "begun": "the variable has the reading of the operator, which replaces an earlier override",
+            "expired": "the override has reached its end, and the variable has the reading of its sources again",
+            "cleared": "the operator has ended the override, and the variable has the reading of its sources again",
+        },
+        **value_fields("value", kind, "The value that the variable has from now on; left out when unknown."),
+        reason=reason_schema("Why it is unknown; left out when known."),
+        detail=field_schema("string", "The reason that the operator gave."),
+        until_s=field_schema("number", "When the override expires."),
+        source=field_schema("string", "The source of the value at the end of the override."),
     )
 
 
@@ -231,8 +226,8 @@ def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         },
         **value_fields("value", kind, "The value in context; left out when unknown."),
         reason=reason_schema("Why it was unknown; left out when known."),
-        detail=field_schema("string", "Why it was unknown, or why it could not be observed."),
-        source=field_schema("string", "The source of the value in context."),
+        detail=field_schema("string", "Why it was unknown, could not be observed, or was overridden."),
+        source=field_schema("string", "The source of the value in context; `operator` for an override."),
         asked_s=field_schema("number", "When the decision was requested."),
         **value_fields("found", kind, "The value that the main execution acquired itself."),
         kept=field_schema("boolean", "Whether the acquired value was kept as evidence."),
@@ -275,7 +270,7 @@ def _expectation_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchem
 def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Input", event_schema(
         "An input to the context manager from outside. Replay starts from inputs and from the results of jobs.",
-        "The sender: main_execution, with a number if there are several, an agent, an algorithm, or the clock.",
+        "The sender: main_execution, with a number if there are several, an agent, operator, an algorithm, or clock.",
         {
             "declare": "a variable is needed",
             "withdraw": "the variable is no longer needed",
@@ -285,6 +280,8 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
             "acted": "the skill no longer acts",
             "finish": "the skill ends",
             "write": "a variable is written",
+            "override": "the operator overrides a variable",
+            "clear": "the operator ends the override of a variable",
             "decide": "a decision is requested",
             "waited": "the decision has waited for observers",
             "found": "the main execution has acquired the value itself",
@@ -318,6 +315,8 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
         shadow=field_schema("boolean", "Whether the main execution looks in any case."),
         raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
         resources=list_schema("string", "The resources whose slots are requested."),
+        for_s=field_schema("number", "How long the override lasts."),
+        detail=field_schema("string", "The reason of the override."),
         index=field_schema("integer", "The number of the job."),
         told_s=field_schema("number", "When the job reported the time of its evidence."),
         message=field_schema("string", "The error."),
@@ -465,6 +464,9 @@ TOPICS: Mapping[Kind, Topic] = {
         metadata=_variable_metadata,
         place=_variable_place,
         has_evidence_time=True,
+    ),
+    Kind.OVERRIDE: Topic(
+        folder="/codra/override", schema=_override_schema, metadata=_variable_metadata, place=_variable_place
     ),
     Kind.OBSERVER: Topic(
         folder="/codra/observer", schema=_observer_schema, metadata=_no_metadata, place=_observer_place

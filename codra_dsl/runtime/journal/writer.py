@@ -11,8 +11,8 @@ from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.fields import JsonSchema
 from codra_dsl.runtime.journal.limits import MAX_MESSAGE_VALUES, MAX_RECORD_BYTES, MEBIBYTE, value_count
 from codra_dsl.runtime.journal.mcap_file import ChannelDeclaration, McapFile
-from codra_dsl.runtime.journal.run_header import FORMAT, RunHeader
-from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, run_schema, schema_of, topic_metadata, topic_of
+from codra_dsl.runtime.journal.run_header import FORMAT, RUN_TOPIC, RunHeader, run_schema
+from codra_dsl.runtime.journal.schemas import TOPICS, schema_of, topic_metadata, topic_of
 from codra_dsl.runtime.journal.spec_summary_data import summary_to_data
 
 SUMMARY_FILE = "outline.json"

@@ -27,7 +27,7 @@ from codra_dsl.runtime.knowledge.elements import (
 )
 from codra_dsl.runtime.knowledge.graph_schema import EdgeType, GraphSchema
 from codra_dsl.runtime.knowledge.state import Handover, State
-from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.cell import Override, Reading
 from codra_dsl.runtime.values.model import NotOfTypeError, text
 from codra_dsl.runtime.values.persistent import PersistentMap
 
@@ -245,6 +245,12 @@ class ChangeSet:
         """Add a reading of an attribute of a node."""
         self._new_readings.setdefault(name, []).append((history, reading))
         self.changed_subjects.append((name, history.attribute.model.name))
+
+    def set_override(self, name: str, attribute: str, override: Override | None) -> None:
+        """Let an override hide the readings of an attribute that is a context-variable; None ends the override."""
+        node, history = self.node(name), self.history(name, attribute).with_override(override)
+        self._new_nodes[name] = node.without_history(attribute) if history.is_empty else node.with_history(history)
+        self.changed_subjects.append((name, attribute))
 
     # Edges
 

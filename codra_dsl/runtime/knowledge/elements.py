@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Self, TypeVar, cast
 from codra_dsl.logic import Value
 from codra_dsl.runtime.knowledge.declarations import AttributeModel
 from codra_dsl.runtime.knowledge.permissions import Permissions
-from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
+from codra_dsl.runtime.values.cell import Override, Reading, Reason, known_reading
 from codra_dsl.runtime.values.model import NotOfTypeError
 
 _MIN_OUTDATED_READINGS = 64
@@ -53,20 +53,25 @@ class History:
         attribute: the declaration of the attribute.
         subject: the name of the attribute in error messages.
         name: the name that the readings have: the context-variable, if the attribute is one, otherwise `subject`.
+        override: the operator's override of the context-variable, which hides the readings; None if there is none.
     """
 
-    __slots__ = ("_capacity", "_entries", "attribute", "name", "subject")
+    __slots__ = ("_capacity", "_entries", "attribute", "name", "override", "subject")
 
     def __init__(self, attribute: Attribute, subject: str) -> None:
         """Create an empty history; only change sets hold empty histories."""
         self._entries: list[tuple[int, Reading[Value]]] = []
+        self.override: Override | None = None
         self.attribute = attribute
         self.subject = subject
         self.name = attribute.variable or subject
         self._capacity = 2 * attribute.model.history + _MIN_OUTDATED_READINGS
 
     def reading_at(self, version: int) -> Reading[Value]:
-        """Return the newest reading in a version of the graph."""
+        """Return the override, or the newest reading in a version of the graph."""
+        return self._newest_reading(version) if self.override is None else self.override
+
+    def _newest_reading(self, version: int) -> Reading[Value]:
         entries = self._entries
         first_version, reading = entries[-1]
         return (
@@ -76,9 +81,13 @@ class History:
         )
 
     def readings_at(self, version: int) -> tuple[Reading[Value], ...]:
-        """Return the readings in a version of the graph, the oldest first."""
+        """Return the readings in a version of the graph, the oldest first; an override is the last one."""
         end = bisect_right(self._entries, version, key=_get_first_version)
-        return tuple(reading for _, reading in self._entries[max(0, end - self.attribute.model.history) : end])
+        readings = tuple(reading for _, reading in self._entries[max(0, end - self.attribute.model.history) : end])
+        override = self.override
+        if override is None:
+            return readings
+        return (*(reading for reading in readings if reading.evidence_s < override.evidence_s), override)
 
     def make_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int
@@ -99,7 +108,7 @@ class History:
         else:
             evidence_s = float(evidence_s)
         if attribute.permissions.is_ranked and self._entries:
-            present_reading = self.reading_at(version)
+            present_reading = self._newest_reading(version)
             if present_reading.source != agent and present_reading.at(now_s).known:
                 attribute.permissions.check_rank(agent, present_reading.source, self.subject)
         if content is None:
@@ -124,11 +133,22 @@ class History:
             entries.append((version, reading))
             return self
         max_readings = max(1, self.attribute.model.history)
-        new_history = History(self.attribute, self.subject)
+        new_history = self.with_override(self.override)
         new_history._entries = [(_VERSION_BEFORE_ALL, kept_reading) for _, kept_reading in entries[-max_readings:]]
         insort_right(new_history._entries, (_VERSION_BEFORE_ALL, reading), key=lambda entry: entry[1].evidence_s)
         del new_history._entries[:-max_readings]
         return new_history
+
+    def with_override(self, override: Override | None) -> History:
+        """Return a history of the same readings with an override, or without one."""
+        new_history = History(self.attribute, self.subject)
+        new_history._entries, new_history.override = self._entries, override
+        return new_history
+
+    @property
+    def is_empty(self) -> bool:
+        """Return whether the attribute was never written and is not overridden."""
+        return not self._entries and self.override is None
 
     def remove(self, reading: Reading[Value]) -> None:
         """Remove a reading that was added for a version which will never be the present one."""
@@ -159,6 +179,10 @@ class Node(NamedTuple):
     def with_history(self, history: History) -> Self:
         """Return the node with another history of one of its attributes."""
         return self._replace(histories={**self.histories, history.attribute.model.name: history})
+
+    def without_history(self, name: str) -> Self:
+        """Return the node as if an attribute had never been written."""
+        return self._replace(histories={key: history for key, history in self.histories.items() if key != name})
 
     @property
     def attributes(self) -> Mapping[str, Reading[Any]]:

@@ -37,7 +37,7 @@ from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Ver
 from codra_dsl.runtime.knowledge.permissions import GRAPH_WRITER, Audit, Refusal
 from codra_dsl.runtime.knowledge.rule_execution import RuleError, RuleExecution
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
-from codra_dsl.runtime.knowledge.state import State
+from codra_dsl.runtime.knowledge.state import OvertakenError, State
 from codra_dsl.runtime.knowledge.watches import (
     Change,
     View,
@@ -47,20 +47,14 @@ from codra_dsl.runtime.knowledge.watches import (
     watch_functions_for_matches,
     watch_functions_for_wakes,
 )
-from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.cell import Override, Reading
+from codra_dsl.runtime.values.declarations import OPERATOR
 
 ResultT = TypeVar("ResultT")
 ValueT = TypeVar("ValueT")
 
 MAX_PAST_INSTANTS = 4_096
 """The maximum number of instants with changes that `at` can go back."""
-
-
-class _OvertakenError(Exception):
-    """During a write, the same thread has made another write, for example in a signal handler.
-
-    This inner write is complete. The interrupted write is repeated on the result of the inner write.
-    """
 
 
 class Knowledge:
@@ -206,6 +200,13 @@ class Knowledge:
         change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
         node = self._schema.nodes_by_variable[reading.name]
         change_set.add_reading(node, change_set.history(node, reading.name), reading)
+        self._publish(change_set)
+        self._watches.request_evaluations(change_set.changed_subjects)
+
+    def mirror_override(self, variable: str, override: Override | None) -> None:
+        """Let an override hide the readings of a context-variable; None ends it. The caller must be in a step."""
+        change_set = ChangeSet(self._schema, self._state, self._step_now_s(), OPERATOR)
+        change_set.set_override(self._schema.nodes_by_variable[variable], variable, override)
         self._publish(change_set)
         self._watches.request_evaluations(change_set.changed_subjects)
 
@@ -364,7 +365,7 @@ class Knowledge:
             try:
                 if change_set.changed_subjects:
                     self._commit(change_set, operations)
-            except _OvertakenError:
+            except OvertakenError:
                 return self._write(agent, apply_changes, operations)
         return result
 
@@ -386,7 +387,7 @@ class Knowledge:
             try:
                 if change_set.changed_subjects:
                     self._commit(change_set, () if self._context_link is None else (Operation(verb, arguments),))
-            except _OvertakenError:
+            except OvertakenError:
                 return self._apply_verb(agent, verb, arguments)
         return result
 
@@ -417,7 +418,7 @@ class Knowledge:
             self._replace_state(state, after)
         except BaseException as error:  # an interrupt
             history.remove(reading)
-            if isinstance(error, _OvertakenError):
+            if isinstance(error, OvertakenError):
                 return False
             raise
         self._watches.request_evaluations([(name, attribute)])
@@ -448,7 +449,7 @@ class Knowledge:
         """Make the state of a change set the present one."""
         before = self._state
         if not change_set.starts_from(before):
-            raise _OvertakenError
+            raise OvertakenError
         try:
             self._replace_state(before, change_set.state())
         except BaseException:  # an interrupt
@@ -460,7 +461,7 @@ class Knowledge:
         if before.since_s != after.since_s:
             self._past_states.append(before)
         if self._state is not before:
-            raise _OvertakenError
+            raise OvertakenError
         self._state = after
 
     def _make_refused_write(self, operation: Operation, message: str) -> RefusedWrite:

@@ -14,6 +14,13 @@ from codra_dsl.runtime.knowledge.graph_schema import Stage
 from codra_dsl.runtime.values.persistent import PersistentMap
 
 
+class OvertakenError(Exception):
+    """During a write, the same thread has made another write, for example in a signal handler.
+
+    This inner write is complete. The interrupted write is repeated on the result of the inner write.
+    """
+
+
 class Request(NamedTuple):
     """A request of a task, with its number among all requests of this task."""
 

@@ -280,7 +280,7 @@ class Branch:
         """
         raw_value = term.evaluate(self.result) if self.result is not None else None
         if raw_value is None and self._keeps_value(term):
-            raw_value = self.observer.services.cells[variable].at(self._stamp_s()).content
+            raw_value = self.observer.services.cells[variable].observed_at(self._stamp_s()).content
             if raw_value is None:
                 self._refuse((variable,), Reason.REJECTED, "between enter and leave, and it was unknown before")
                 return False
@@ -338,7 +338,7 @@ class Branch:
     def due_variables(self) -> list[str]:
         """Return the variables of the branch that are due because of events, whether or not they are needed."""
         services, now_s = self.observer.services, self.observer.services.now_s()
-        readings = (services.cells[variable].reading.at(now_s) for variable in self.identifies)
+        readings = (services.cells[variable].observed.at(now_s) for variable in self.identifies)
         return [reading.name for reading in readings if services.event_triggers.is_due(reading)]
 
     def _drop_job(self) -> JobRun | None:
@@ -383,7 +383,7 @@ class Branch:
             count_text = f"{votes.count(content)} of the last {votes.among} results, {votes.needed} are needed"
             detail = f"{_value_text(content)} in {count_text}"
             self._record_refusal((variable,), Reason.UNCONFIRMED, detail)
-            reading = self.observer.services.cells[variable].reading.at(self.observer.now_s)
+            reading = self.observer.services.cells[variable].observed.at(self.observer.now_s)
             if not reading.known or votes.count(reading.content) < votes.needed:
                 failed_look = FailedLook(Reason.UNCONFIRMED, detail, vote.stamp_s, self.algorithm.name)
                 self.observer.add_failed_look(variable, failed_look)

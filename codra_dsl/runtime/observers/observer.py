@@ -264,8 +264,11 @@ class Observer:
         return any(not any(other.serves(variable) for other in better_branches) for variable in branch.identifies)
 
     def _reading(self, variable: str) -> Reading[Value]:
-        """Return the present reading of a variable. It can be a reading that was written in this tick."""
-        present_reading = self.services.cells[variable].reading.at(self.now_s)
+        """Return the present reading of a variable, which can be one that was written in this tick.
+
+        An observer goes on beneath an override of its variable, so it reads what the override hides.
+        """
+        present_reading = self.services.cells[variable].observed.at(self.now_s)
         readings_of_variable = (reading for reading in self._written_readings if reading.name == variable)
         return sorted((present_reading, *readings_of_variable), key=lambda reading: reading.evidence_s)[-1]
 

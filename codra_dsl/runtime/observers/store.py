@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import Clock
-from codra_dsl.runtime.journal import EventWriter
-from codra_dsl.runtime.values.cell import FOREVER_S, Cell, Reading, Reason
-from codra_dsl.runtime.values.declarations import MAIN
+from codra_dsl.runtime.clock import Clock, Timer
+from codra_dsl.runtime.journal import EventWriter, Kind
+from codra_dsl.runtime.values.cell import FOREVER_S, Cell, Override, Reading, Reason
+from codra_dsl.runtime.values.declarations import MAIN, OPERATOR
 from codra_dsl.runtime.values.model import VariableModel
 
 
@@ -18,6 +18,8 @@ class Store:
 
     Attributes:
         mirror: called with each reading before it is stored, for variables that are attributes in the knowledge graph.
+        mirror_override: called, for these variables, with each change of an override or of the reading beneath it, and
+            with None at its end.
     """
 
     def __init__(
@@ -43,10 +45,19 @@ class Store:
         self._on_change = on_change
         self._expiring_names: set[str] = set()
         self.mirror: Callable[[Reading[Value]], None] | None = None
+        self.mirror_override: Callable[[str, Override | None], None] | None = None
+        self._override_timers: dict[str, Timer] = {}
 
     def reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable now. Any thread may call this, without the lock."""
         return self.cells[name].reading.at(self._clock.now_s())
+
+    def history(self, name: str) -> tuple[Reading[Value], ...]:
+        """Return the readings of a variable, ordered by their evidence; while it lasts, an override is the last one."""
+        reading, readings = self.reading(name), self.cells[name].history()
+        if not isinstance(reading, Override):
+            return readings
+        return (*(earlier for earlier in readings if earlier.evidence_s < reading.evidence_s), reading)
 
     def write(self, reading: Reading[Value]) -> None:
         """Store a reading that is identified now.
@@ -63,6 +74,9 @@ class Store:
         cell = self.cells[name]
         before = cell.reading
         is_present = cell.write(reading)
+        if isinstance(before, Override):
+            before = before.beneath
+            self._mirror_override(name)
         self._event_writer.write_reading(reading.identified_s, reading, is_present)
         if is_present and reading.expires_s != FOREVER_S and name not in self._expiring_names:
             self._watch_expiry(reading)
@@ -83,8 +97,70 @@ class Store:
     def forget(self, names: Iterable[str], observer: str) -> None:
         """Make variables of a stopping observer unknown, if they are known now and are declared with `forget`."""
         for name in names:
-            if self.variables[name].when_unobservable == "forget" and self.reading(name).known:
+            if self.variables[name].when_unobservable == "forget" and self._observed(name).known:
                 self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
+
+    # Overrides
+
+    def begin_override(self, name: str, content: Value | None, detail: str, until_s: float) -> None:
+        """Let the operator give a variable a value, or make it unknown if `content` is None, until an instant.
+
+        The readings of the sources go on beneath the override.
+        """
+        now_s, cell = self._clock.now_s(), self.cells[name]
+        reason = Reason.OVERRIDDEN if content is None else None
+        override = Override(
+            name=name,
+            content=content,
+            reason=reason,
+            detail=detail,
+            evidence_s=now_s,
+            identified_s=now_s,
+            expires_s=until_s,
+            source=OPERATOR,
+            beneath=cell.observed,
+        )
+        self._cancel_override_timer(name)
+        cell.begin_override(override)
+        self._mirror_override(name)
+        override_details = {"value": content, "reason": reason, "detail": detail, "until_s": until_s}
+        self._event_writer.write(Kind.OVERRIDE, name, "begun", **override_details)
+        self._override_timers[name] = self._clock.call_at(until_s, lambda: self.end_override(name, "expired"))
+        self._on_change(name, False)
+
+    def end_override(self, name: str, what: str) -> None:
+        """End the override of a variable, if there is one; the variable has the reading of its sources again.
+
+        Args:
+            name: the variable.
+            what: `expired`, or `cleared` if the operator ends the override.
+        """
+        now_s, cell = self._clock.now_s(), self.cells[name]
+        self._cancel_override_timer(name)
+        if not cell.end_override(now_s):
+            return
+        self._mirror_override(name)
+        reading = self._observed(name)
+        reading_details = {"value": reading.content, "reason": reading.reason, "source": reading.source}
+        self._event_writer.write(Kind.OVERRIDE, name, what, **reading_details)
+        self._on_change(name, False)
+
+    def _mirror_override(self, name: str) -> None:
+        """Pass the override of a variable, or None, on to the knowledge graph."""
+        if self.mirror_override is not None and self.variables[name].pose_condition is None:
+            reading = self.cells[name].reading
+            self.mirror_override(name, reading if isinstance(reading, Override) else None)
+
+    def _cancel_override_timer(self, name: str) -> None:
+        timer = self._override_timers.pop(name, None)
+        if timer is not None:
+            timer.cancel()
+
+    # Internal
+
+    def _observed(self, name: str) -> Reading[Value]:
+        """Return the reading of the sources now."""
+        return self.cells[name].observed.at(self._clock.now_s())
 
     def _watch_expiry(self, reading: Reading[Value]) -> None:
         if reading.expires_s != FOREVER_S and reading.name not in self._expiring_names:
@@ -96,10 +172,12 @@ class Store:
         self._expiring_names.discard(name)
         cell = self.cells[name]
         if cell.expire(self._clock.now_s()):
-            self._event_writer.write_reading(self._clock.now_s(), cell.reading, True)
+            if isinstance(cell.reading, Override):
+                self._mirror_override(name)
+            self._event_writer.write_reading(self._clock.now_s(), cell.observed, True)
             self._on_change(name, False)
         else:
-            self._watch_expiry(cell.reading)
+            self._watch_expiry(cell.observed)
 
 
 def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:

@@ -163,6 +163,15 @@ class RemoteContext:
             **{key: content for key, content in optional_fields.items() if content is not None},
         )
 
+    def override(self, name: str, value: object, *, for_s: float, reason: str) -> None:
+        """Give a variable a value as the operator, or make it unknown if `value` is None or NaN, for some time."""
+        value_field = {} if value is None or value != value else {"value": value}
+        self._ask("override", variable=name, for_s=for_s, reason=reason, **value_field)
+
+    def clear_override(self, name: str) -> None:
+        """End the override of a variable, if there is one."""
+        self._ask("clear_override", variable=name)
+
     def decide(
         self,
         name: str,

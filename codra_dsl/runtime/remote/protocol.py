@@ -119,6 +119,11 @@ REQUESTS: Mapping[str, RequestShape] = {
         required={"variable": FieldType.TEXT, "value": FieldType.VALUE},
         optional={"evidence_s": FieldType.NUMBER, "agent": FieldType.TEXT},
     ),
+    "override": RequestShape(
+        required={"variable": FieldType.TEXT, "for_s": FieldType.DURATION, "reason": FieldType.TEXT},
+        optional={"value": FieldType.VALUE},
+    ),
+    "clear_override": RequestShape(required={"variable": FieldType.TEXT}),
     "decide": RequestShape(
         required={"variable": FieldType.TEXT},
         optional={

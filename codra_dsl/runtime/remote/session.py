@@ -211,6 +211,14 @@ class Session:
         writer.set(variable, value, evidence_s=evidence_s)
         return {}
 
+    def _override(self, variable: str, for_s: float, reason: str, value: object = None) -> PlainData:
+        self._codra.override(variable, value, for_s=for_s, reason=reason)
+        return {}
+
+    def _clear_override(self, variable: str) -> PlainData:
+        self._codra.clear_override(variable)
+        return {}
+
     def _subscribe(self, variables: list[str]) -> PlainData:
         _check_number("subscriptions", self._subscriptions, MAX_SUBSCRIPTIONS)
         last_states: dict[str, object] = {self._variable(name).name: None for name in variables}

@@ -99,6 +99,10 @@ class _Player:
             case "write":
                 (evidence_s,) = details.get("evidence_s", (None,))
                 commands.write(details["variable"], details.get("value"), event.name, evidence_s)
+            case "override":
+                commands.override(details["variable"], details.get("value"), details["for_s"], details["detail"])
+            case "clear":
+                commands.clear_override(details["variable"])
             case "request":
                 commands.request_slots(tuple(details["resources"]), lambda: None)
             case "release":

@@ -10,7 +10,8 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, Generic, Self, TypeVar, cast
+from operator import itemgetter
+from typing import Any, Generic, NamedTuple, Self, TypeVar, cast
 
 from codra_dsl.logic import Value
 
@@ -52,6 +53,7 @@ class Reason(StrEnum):
     FAILED = "failed", "its algorithm raised an error, or returned an invalid value", True
     TIMED_OUT = "timed_out", "its algorithm took too long", True
     WITHDRAWN = "withdrawn", "its observer stopped"
+    OVERRIDDEN = "overridden", "the operator made it unknown"
 
     def __new__(cls, word: str, meaning: str = "", is_failure: bool = False) -> Self:
         """Return a reason that is equal to its word."""
@@ -77,14 +79,15 @@ class Reading(Generic[ValueT_co]):
         name: the variable.
         content: the value, or None if the variable is unknown. `value` is the safe way to read the value.
         reason: why the variable is unknown; None if it is known.
-        detail: what made the variable unknown: a skill, a condition, an error message.
+        detail: what made the variable unknown: a skill, a condition, an error message; for an override, the reason that
+            the operator gave.
         evidence_s: when the evidence was taken. For an unknown variable, the instant since which it is unknown; for a
             stale variable, the instant of its last evidence.
         start_s: when the taking of the evidence began, if this is known. For evidence of one instant, it equals
             `evidence_s`.
         identified_s: when the context manager received the reading.
         expires_s: the end of the validity of the value.
-        source: who wrote the reading: a perception algorithm, `main_execution`, or an agent.
+        source: who wrote the reading: a perception algorithm, `main_execution`, an agent, or `operator`.
     """
 
     name: str
@@ -126,6 +129,34 @@ class Reading(Generic[ValueT_co]):
 
     def __bool__(self) -> bool:
         raise TypeError(f"a reading has no truth value: use .known, then .value, of {self.name!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Override(Reading[Value]):
+    """The reading that the operator gives a variable until `expires_s`; it hides the readings of all sources.
+
+    `start_s` is not known, because an override is not evidence: it never answers a request for evidence since an
+    instant.
+
+    Attributes:
+        beneath: the present reading of the sources.
+    """
+
+    beneath: Reading[Value]
+
+    def at(self, instant_s: float) -> Reading[Value]:
+        """Return this reading as it is at an instant; from the end of the override, the reading beneath."""
+        return self if instant_s < self.expires_s else self.beneath.at(instant_s)
+
+
+class _OverrideSpan(NamedTuple):
+    """An override of a variable, from its evidence to `until_s`, which is not included."""
+
+    override: Override
+    until_s: float
+
+    def covers(self, instant_s: float) -> bool:
+        return self.override.evidence_s <= instant_s < self.until_s
 
 
 @dataclass(slots=True)
@@ -171,7 +202,8 @@ class Cell:
     Code that writes a cell must hold the context manager's lock; code that reads it needs no lock.
 
     Attributes:
-        reading: the present reading.
+        reading: the present reading: an `Override`, or the reading of the sources.
+        overridden_until_s: the end of the last override that has ended.
         invalidated_s: when a skill last changed the variable.
         late_reading_count: the number of readings that were identified after their evidence was taken.
     """
@@ -180,10 +212,12 @@ class Cell:
         "_has_dropped_readings",
         "_history_limit",
         "_max_readings",
+        "_override_spans",
         "_pinned_instants_s",
         "_readings",
         "invalidated_s",
         "late_reading_count",
+        "overridden_until_s",
         "reading",
     )
 
@@ -197,11 +231,19 @@ class Cell:
         self.reading: Reading[Value] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
         self.invalidated_s = BEFORE_ALL_S
         self.late_reading_count = 0
+        self.overridden_until_s = BEFORE_ALL_S
+        self._override_spans: list[_OverrideSpan] = []
         self._readings: list[Reading[Value]] = []
         self._history_limit = history
         self._max_readings = max(history, MIN_KEPT_READINGS)
         self._pinned_instants_s: list[float] = []
         self._has_dropped_readings = False
+
+    @property
+    def observed(self) -> Reading[Value]:
+        """Return the present reading of the sources, which an override hides."""
+        reading = self.reading
+        return reading.beneath if isinstance(reading, Override) else reading
 
     def admits(self, start_s: float, stamp_s: float) -> bool:
         """Return whether evidence counts: false if the variable was invalidated while the evidence was taken."""
@@ -211,7 +253,7 @@ class Cell:
         """Add a reading to the history. It becomes the present reading unless the present one has newer evidence.
 
         Returns:
-            Whether the added reading is now the present reading.
+            Whether the added reading is now the present reading of the sources.
         """
         if reading.evidence_s < reading.identified_s:
             self.late_reading_count += 1
@@ -224,7 +266,13 @@ class Cell:
         ):
             del self._readings[0]
             self._has_dropped_readings = True
-        if reading.evidence_s < self.reading.evidence_s:
+        present_reading = self.reading
+        if isinstance(present_reading, Override):
+            is_present = reading.evidence_s >= present_reading.beneath.evidence_s
+            if is_present:
+                self.reading = replace(present_reading, beneath=reading)
+            return is_present
+        if reading.evidence_s < present_reading.evidence_s:
             return False
         self.reading = reading
         return True
@@ -246,11 +294,30 @@ class Cell:
         return surplus_count > (MAX_PINNED_READINGS if is_pinned else 0)
 
     def expire(self, now_s: float) -> bool:
-        """Make the variable unknown if its present reading is no longer valid; return whether it became unknown."""
-        reading = self.reading.at(now_s)
-        if reading is self.reading:
+        """Make the reading of the sources unknown if it is no longer valid; return whether it became unknown."""
+        hiding_reading, observed = self.reading, self.observed
+        reading = observed.at(now_s)
+        if reading is observed:
             return False
-        self.reading = reading
+        self.reading = replace(hiding_reading, beneath=reading) if isinstance(hiding_reading, Override) else reading
+        return True
+
+    def begin_override(self, override: Override) -> None:
+        """Hide the reading of the sources by an override, which replaces an earlier one."""
+        self.end_override(override.evidence_s)
+        self.reading = override
+        self._override_spans.append(_OverrideSpan(override, override.expires_s))
+        if len(self._override_spans) > self._max_readings:
+            del self._override_spans[0]
+
+    def end_override(self, instant_s: float) -> bool:
+        """End the override at an instant, or at its own end if this is earlier; return whether there was one."""
+        override = self.reading
+        if not isinstance(override, Override):
+            return False
+        self.overridden_until_s = min(instant_s, override.expires_s)
+        self._override_spans[-1] = _OverrideSpan(self._override_spans[-1].override, self.overridden_until_s)
+        self.reading = override.beneath
         return True
 
     def history(self) -> tuple[Reading[Value], ...]:
@@ -259,6 +326,14 @@ class Cell:
 
     def at(self, instant_s: float) -> Reading[Value]:
         """Return the reading at an instant, according to what is known today.
+
+        This is the override at the instant, or the reading of the sources.
+        """
+        span = next((span for span in reversed(self._override_spans) if span.covers(instant_s)), None)
+        return self.observed_at(instant_s) if span is None else span.override
+
+    def observed_at(self, instant_s: float) -> Reading[Value]:
+        """Return the reading of the sources at an instant, according to what is known today.
 
         This is the reading with the newest evidence up to the instant. If this reading was no longer valid at the
         instant, the variable is unknown in the returned reading.
@@ -271,12 +346,33 @@ class Cell:
     @property
     def complete_from_s(self) -> float:
         """Return the instant since which the history is complete."""
-        return self._readings[0].evidence_s if self._has_dropped_readings else BEFORE_ALL_S
+        complete_from_s = self._readings[0].evidence_s if self._has_dropped_readings else BEFORE_ALL_S
+        if len(self._override_spans) < self._max_readings:
+            return complete_from_s
+        return max(complete_from_s, self._override_spans[0].override.evidence_s)
 
     def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:
-        """Return the readings whose evidence was taken in (start, end], in order."""
+        """Return the readings of the sources whose evidence was taken in (start, end], in order."""
         first = bisect_right(self._readings, start_s, key=_evidence_s)
         return tuple(self._readings[first : bisect_right(self._readings, end_s, key=_evidence_s)])
+
+    def changes(self, start_s: float, end_s: float) -> list[tuple[float, Reading[Value]]]:
+        """Return the instants in (start, end] at which the variable received a reading, with these readings, in order.
+
+        An override is one of these readings. At the end of the override, the variable receives the reading of the
+        sources at this instant.
+        """
+        changes = [(reading.evidence_s, reading) for reading in self.between(start_s, end_s)]
+        if not self._override_spans:
+            return changes
+        spans = self._override_spans
+        changes = [change for change in changes if not any(span.covers(change[0]) for span in spans)]
+        for override, until_s in spans:
+            if start_s < override.evidence_s <= end_s:
+                changes.append((override.evidence_s, override))
+            if start_s < until_s <= end_s:
+                changes.append((until_s, self.at(until_s)))
+        return sorted(changes, key=itemgetter(0))
 
 
 def _evidence_s(reading: Reading[Value]) -> float:

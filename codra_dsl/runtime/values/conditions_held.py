@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from codra_dsl.logic import Term, Value, reads_ages
-from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reading
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Override, Reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,8 @@ class ContextNow:
     def value(self, name: str) -> Value | None:
         """Return the present value of a variable, or None if it is unknown."""
         reading = self.cells[name].reading
-        return None if self.now_s >= reading.expires_s else reading.content  # every condition reads values here
+        # every condition reads values here
+        return reading.content if self.now_s < reading.expires_s else reading.at(self.now_s).content
 
     def age_s(self, name: str) -> float | None:
         """Return the age of a variable's evidence, or None if the variable is unknown."""
@@ -69,13 +70,15 @@ def has_held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float
     return complete_from_s(term, cells) <= start_s and first_loss_s(term, cells, start_s, end_s) is None
 
 
-def _covers_interval(reading: Reading[Value], start_s: float, end_s: float) -> bool:
-    """Return whether a present reading was the variable's reading at every instant from `start_s` to `end_s`.
+def _covers_interval(cell: Cell, start_s: float, end_s: float) -> bool:
+    """Return whether the present reading was the variable's reading at every instant from `start_s` to `end_s`.
 
     Return false for a stale reading: it keeps the instant of its evidence, but the variable was known until the reading
     expired.
     """
-    return reading.reason is None and reading.evidence_s <= start_s <= end_s < reading.expires_s
+    reading = cell.reading
+    is_valid = reading.reason is None and reading.evidence_s <= start_s <= end_s < reading.expires_s
+    return is_valid and cell.overridden_until_s <= start_s
 
 
 def first_loss_s(
@@ -86,7 +89,7 @@ def first_loss_s(
     `has_held_before` states whether the condition is assumed to hold just before `start_s`.
     """
     names, has_ages = term.reads
-    if not has_ages and all(_covers_interval(cells[name].reading, start_s, end_s) for name in names):
+    if not has_ages and all(_covers_interval(cells[name], start_s, end_s) for name in names):
         return start_s if has_held_before and not term.holds(ContextNow(cells, end_s)) else None
     for context in _contexts_of_changes(term, cells, start_s, end_s):
         is_held = term.holds(context)
@@ -131,11 +134,12 @@ def _value_changes(
     changes the age of the variable.
     """
     previous_reading = cell.at(start_s)
-    for reading in cell.between(start_s, end_s):
-        if previous_reading.expires_s < reading.evidence_s:
+    for instant_s, reading in cell.changes(start_s, end_s):
+        if previous_reading.expires_s < instant_s:
             yield previous_reading.expires_s, None
-        if includes_new_evidence or reading.content != previous_reading.at(reading.evidence_s).content:
-            yield reading.evidence_s, reading
+        is_end_of_override = isinstance(previous_reading, Override)
+        if includes_new_evidence or is_end_of_override or reading.content != previous_reading.at(instant_s).content:
+            yield instant_s, reading
         previous_reading = reading
     if previous_reading.expires_s <= end_s:
         yield previous_reading.expires_s, None

@@ -14,6 +14,9 @@ If there are several main executions, the holders of the others are this name an
 OBSERVER = "observer"
 """The source of a variable that an observer identifies."""
 
+OPERATOR = "operator"
+"""The source of an override; no agent can have this name."""
+
 POSES = "the knowledge graph"
 """The source of a variable that follows from poses; no agent can have this name."""
 

@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from codra_dsl.logic import Value
+from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Rule, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.values.declarations import POSES
+from codra_dsl.runtime.values.declarations import OPERATOR, POSES
 from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
-from codra_dsl.runtime.why.story import job_text, story
+from codra_dsl.runtime.why.story import job_text, override_text, story
 from codra_dsl.runtime.why.unmet_conditions import find_solution
 from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
 
@@ -68,8 +69,19 @@ class _PastContext:
     summary: SpecSummary
     at_s: float
 
+    def override_event(self, name: str) -> Event | None:
+        """Return the event that began the override of a variable at the instant; None if there is no override."""
+        event = self.latest_events.override_events.get(name)
+        is_over = event is None or event.what != "begun" or self.at_s >= float(event.details["until_s"])
+        return None if is_over else event
+
     def reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable at the instant."""
+        event = self.override_event(name)
+        return self.observed_reading(name) if event is None else _reading_of_override(event)
+
+    def observed_reading(self, name: str) -> Reading[Value]:
+        """Return the reading that the sources gave a variable at the instant; an override hides it."""
         event = self.latest_events.present_events.get(name)
         if event is None:
             return Reading(name=name, reason=Reason.NEVER_OBSERVED)
@@ -99,6 +111,21 @@ class _PastContext:
         return reading.age_s(self.at_s) if reading.known else None
 
 
+def _reading_of_override(event: Event) -> Reading[Value]:
+    """Return the reading of an override, from the event that began it."""
+    reason = event.details.get("reason")
+    return Reading(
+        name=event.name,
+        content=event.details.get("value"),
+        reason=None if reason is None else Reason(reason),
+        detail=str(event.details.get("detail", "")),
+        evidence_s=event.instant_s,
+        identified_s=event.instant_s,
+        expires_s=float(event.details["until_s"]),
+        source=OPERATOR,
+    )
+
+
 _COPIED_FIELDS = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
 
 
@@ -114,21 +141,33 @@ class _Explanation:
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:
         """Explain a variable, as a cause of the variables in `path`."""
         context = self._context_at(at_s)
-        reading, event = context.reading(name), context.latest_events.present_events.get(name)
-        model = self._summary.variables[name]
-        unit, place = model.type.unit or "", self._summary.places.get(f"context/{name}")
+        override_event = context.override_event(name)
+        if override_event is None:
+            return self._observed_why(name, context, path)
+        why = self._bare_why(_reading_of_override(override_event), at_s)
+        key = (name, id(override_event))
+        if key in self._explained_readings:
+            return replace(why, is_told=True)
+        self._explained_readings.add(key)
+        return replace(why, story=(override_text(why.reading),), beneath=self._observed_why(name, context, path))
+
+    def _bare_why(self, reading: Reading[Value], at_s: float) -> Why:
+        unit = self._summary.variables[reading.name].type.unit or ""
+        return Why(at_s=at_s, reading=reading, unit=unit, place=self._summary.places.get(f"context/{reading.name}"))
+
+    def _observed_why(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Why:
+        """Explain the reading that the sources of a variable give."""
+        reading, event = context.observed_reading(name), context.latest_events.present_events.get(name)
+        why = self._bare_why(reading, context.at_s)
         if name in path or (name, id(event)) in self._explained_readings:
-            return Why(at_s=at_s, reading=reading, unit=unit, place=place, is_told=True)
+            return replace(why, is_told=True)
         self._explained_readings.add((name, id(event)))
         look = self._look(name, context, (*path, name)) if reading.known else None
         ways = tuple(self._way(algorithm, context, (*path, name)) for algorithm in self._summary.find_algorithms(name))
         is_asked = not path
-        poses = self._poses(name, context) if POSES in model.sources else ()
-        return Why(
-            at_s=at_s,
-            reading=reading,
-            unit=unit,
-            place=place,
+        poses = self._poses(name, context) if POSES in self._summary.variables[name].sources else ()
+        return replace(
+            why,
             story=tuple(story(name, reading, context.latest_events, self._summary)),
             look=look,
             poses=poses,
@@ -143,7 +182,7 @@ class _Explanation:
 
     def _look(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Look | None:
         """Return the job that produced a value, with its preconditions at the end of its evidence, or None."""
-        job, source = context.latest_events.basis_jobs.get(name), context.reading(name).source
+        job, source = context.latest_events.basis_jobs.get(name), context.observed_reading(name).source
         algorithm = self._summary.algorithms.get(source)
         if job is None or algorithm is None or name not in algorithm.identifies:
             return None
@@ -227,7 +266,7 @@ class _Explanation:
         """
         observer = self._summary.find_observer(name)
         if observer is None:
-            if not context.reading(name).known and POSES not in self._summary.variables[name].sources:
+            if not context.observed_reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)
                 yield MissingChange(variable=name, condition=f"only {sources} may write it")
             return

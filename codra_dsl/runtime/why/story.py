@@ -34,6 +34,12 @@ def story(name: str, reading: Reading[Value], latest_events: LatestEventsView, s
         yield _expectation_text(expectation, summary)
 
 
+def override_text(reading: Reading[Value]) -> str:
+    """Return a sentence about an override, from its reading."""
+    since_text, until_text = instant_text(reading.identified_s), instant_text(reading.expires_s)
+    return f"overridden by the operator since {since_text} until {until_text}: {reading.detail}"
+
+
 def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]:
     if reading.source in summary.algorithms:
         yield (

@@ -126,6 +126,7 @@ class Why:
         ways: the algorithms that identify the variable, by rank; empty if other sources write it.
         missing: the changes without which the variable cannot be observed at that instant; a known variable can have
             them as well. Of several algorithms, only the changes of the one that needs the fewest are given.
+        beneath: for an override, the explanation of the reading that it hides; otherwise None.
         is_told: whether this reading is explained elsewhere in the same explanation; the details are then left out.
     """
 
@@ -138,6 +139,7 @@ class Why:
     poses: tuple[Why, ...] = ()
     ways: tuple[Way, ...] = ()
     missing: tuple[MissingChange, ...] = ()
+    beneath: Why | None = None
     is_told: bool = False
 
     @property
@@ -168,6 +170,9 @@ def _lines_of(why: Why) -> Iterator[str]:
         yield from _indented(_lines_of(pose))
     for way in why.ways:
         yield from _indented(_lines_of_way(way))
+    if why.beneath is not None:
+        yield f"{_INDENT}without the override:"
+        yield from _indented(_indented(_lines_of(why.beneath)))
     if why.missing:
         yield f"{_INDENT}missing: {', '.join(map(str, why.missing))}"
 

@@ -16,6 +16,27 @@ def moment(text: str) -> str:
     return f"{HEAD}stories:\n  case:\n    1 s: {{{text}}}\n"
 
 
+def test_mistakes_in_overrides_are_reported_with_their_places() -> None:
+    overrides = (
+        "overrides: {kettle_stat: cleared, light_is_on: {is: 3, for: forever, reason: ' '}, hob_power: clear, "
+        "pot_fill: {is: 5 percent, reson: test}}"
+    )
+
+    assert [(finding.place.span.column, finding.message, finding.help) for finding in findings(moment(overrides))] == [
+        (23, "spec 'kitchen' has no context-variable 'kettle_stat'", "did you mean 'kettle_state'?"),
+        (63, "'is' has a wrong value: 3 is not of type bool", "write true or false"),
+        (
+            71,
+            "'for' in timeline 'kitchen' must be a duration, not 'forever'",
+            "give a number with ms, s, min or h",
+        ),
+        (88, "'reason' is empty", "state why the operator overrides it"),
+        (105, "'hob_power' in 'overrides' of timeline 'kitchen' cannot be 'clear'", "allowed: cleared"),
+        (112, "'for' is missing in 'pot_fill' of timeline 'kitchen'", "add it, for example 'for: 10 min'"),
+        (138, "unknown key 'reson' in 'pot_fill' of timeline 'kitchen'", "did you mean 'reason'?"),
+    ]
+
+
 def test_all_mistakes_of_a_file_are_reported_at_once_with_their_places() -> None:
     text = (
         HEAD

@@ -17,7 +17,9 @@ REFERENCE = (TESTS.parent / "docs/reference/timeline.md").read_text("utf-8")
 ROWS = {key for row in re.findall(r"^\| (`[^|]+`) \|", REFERENCE, re.MULTILINE) for key in re.findall(r"`(\w+)`", row)}
 
 
-@pytest.mark.parametrize("definition", ["timeline", "moment", "behaviour_object", "main_execution", "belief_object"])
+@pytest.mark.parametrize(
+    "definition", ["timeline", "moment", "behaviour_object", "main_execution", "belief_object", "override_object"]
+)
 def test_the_reference_has_a_row_for_every_key(definition: str) -> None:
     assert schema()["$defs"][definition]["properties"].keys() - ROWS == set()
 
@@ -30,7 +32,7 @@ def test_the_reference_names_every_key_without_a_table(definition: str) -> None:
 def test_the_reference_names_every_word_that_a_key_can_have() -> None:
     outcomes = schema()["$defs"]["outcomes"]["additionalProperties"]["enum"]
 
-    assert [word for word in (*outcomes, "silent", "works", "any") if f"`{word}`" not in REFERENCE] == []
+    assert [word for word in (*outcomes, "silent", "works", "any", "cleared") if f"`{word}`" not in REFERENCE] == []
 
 
 def test_the_timelines_show_every_reason_for_which_a_variable_is_unknown() -> None:

@@ -155,6 +155,29 @@ stories:
     ).play()
 
 
+def test_an_operator_overrides_a_variable_until_the_end_of_the_override_or_until_it_is_cleared() -> None:
+    text = """\
+stories:
+  case:
+    0 s:
+      main_execution: {declare: [fridge_angle]}
+    2 s:
+      overrides:
+        fridge_angle: {is: 30 deg, for: 3 s, reason: it is held open}
+        light_is_on: {for: 10 min, reason: lamp changed}
+      main_execution: {decide: {fridge_angle: {}}}
+      decided: {fridge_angle: answered}
+      believes:
+        fridge_angle: {is: 30 deg, source: operator, because: it is held open}
+        light_is_on: {unknown: overridden, because: "overridden by the operator since 2 s until 602 s: lamp changed"}
+    5 s:
+      overrides: {light_is_on: cleared}
+      believes: {fridge_angle: {is: 0 deg, source: look_at_fridge}, light_is_on: true}
+"""
+
+    kitchen_run(FRIDGE + text).play()
+
+
 def test_a_late_result_is_about_the_time_when_it_would_have_come() -> None:
     kitchen_run(
         f"""\

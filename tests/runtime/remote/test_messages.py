@@ -173,6 +173,41 @@ def test_a_decision_is_answered_from_context() -> None:
     assert [event.what for event in codra.record.of(Kind.DECISION)] == ["answered"]
 
 
+def test_an_override_of_a_session_stays_when_the_session_ends() -> None:
+    with running_program() as (program, codra, clock):
+        assert program.ask("override", variable="open", value=True, for_s=60.0, reason="sensor broken") == {}
+        assert program.ask("override", variable="near", for_s=60.0, reason="sensor broken") == {}
+        answer = program.ask("decide", variable="open")
+        assert (answer["answered"], answer["reading"]["source"]) == (True, "operator")
+        assert (answer["reading"]["start_s"], answer["reading"]["expires_s"]) == (None, 60.0)
+        assert program.ask("get", variable="near")["reading"]["reason"] == "overridden"
+        program.ask("clear_override", variable="near")
+        program.ask("leave")
+        clock.sleep(59.9)
+        assert (codra.get("open").source, codra.get("near").reason) == ("operator", "never_observed")
+        clock.sleep(0.1)
+        assert not codra.get("open").known
+
+
+@pytest.mark.parametrize(
+    ("fields", "kind"),
+    [
+        ({"value": "wide"}, "not_of_type"),
+        ({"for_s": 0.0}, "not_allowed"),
+        ({"infinite_for_s": 1}, "malformed"),
+        ({"for_s": math.inf}, "not_allowed"),
+        ({"for_s": "10 min"}, "malformed"),
+        ({"reason": " "}, "not_allowed"),
+        ({"variable": "opne"}, "unknown_name"),
+    ],
+)
+def test_a_wrong_override_is_answered_with_an_error(fields: dict[str, Any], kind: str) -> None:
+    with running_program() as (program, codra, _clock):
+        request = {"variable": "open", "value": True, "for_s": 1.0, "reason": "test", **fields}
+        assert program.ask("override", **request)["kind"] == kind
+        assert not codra.get("open").known
+
+
 def test_a_decision_without_context_takes_the_value_that_the_main_execution_acquires() -> None:
     with running_program() as (program, codra, _clock):
         program.ask("declare", variable="open")

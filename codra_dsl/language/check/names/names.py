@@ -33,6 +33,9 @@ _RULES_AND_NOUNS = {
     "resources": ("unknown-resource", "resource"),
     "agents": ("unknown-source", "source"),
 }
+OPERATOR = "operator"
+"""The source of overrides while a robot runs; no source in a spec, and not the name of an agent."""
+
 _SOURCES = {"agents": (OBSERVER, MAIN_EXECUTION)}
 _WORD = re.compile(r"\w+")
 
@@ -216,9 +219,9 @@ def names_in_expectations(spec_index: SpecIndex, _: FaultyElements) -> Iterator[
 
 
 def reserved_agents(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """No agent has the name of one of the two sources that every spec has."""
+    """No agent has the name of one of the sources that every spec has."""
     for agent in spec_index.spec.agents:
-        if agent.name in (OBSERVER, MAIN_EXECUTION):
+        if agent.name in (OBSERVER, MAIN_EXECUTION, OPERATOR):
             message = f"agent '{agent.name}' has the name of a source that every spec has"
             path = f"agents.{agent.name}"
             yield finding("reserved-agent", message, agent.place, path=path, help="choose another name")
@@ -312,6 +315,8 @@ def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str) -> 
     if mention.site is None and not is_identifier(mention.name):
         return _invalid_name_help(spec_index, mention, section)
     if section == "agents":
+        if mention.name == OPERATOR:
+            return "remove it: an operator can override every variable, and an agent needs another name"
         others = "'observer', 'main_execution'" if mention.path.startswith("context.") else "'main_execution'"
         return f"write {others}, or declare '{mention.name}' under 'agents'"
     return f"declare '{mention.name}' under '{section}'"

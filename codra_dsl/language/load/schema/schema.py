@@ -30,6 +30,7 @@ _FORMS = {
     "parameter_declaration": ("parameter_object", "parameter_type"),
     "saying": ("said_values", "silence"),
     "behaviour": ("behaviour_object", "behaviour_word"),
+    "override": ("override_object", "cleared"),
     "belief": ("belief_object", "literal"),
 }
 """For values that may or may not be a mapping: the definition of a mapping, and the definition of any other value."""
