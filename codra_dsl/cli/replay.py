@@ -282,6 +282,8 @@ def _decisions_text(replay_result: Replayed) -> str:
             f"in the run, context answered {sum_.recorded}"
         )
         lines += [f"  {variable}: {_counts_text(row)}" for variable, row in counts.items() if _has_change(row)]
+        if sum_.assumed:
+            lines.append("assumed: for these decisions, the package looks when the run looked")
     lines += [
         f"not in the journal: {count} of the looks of {name}, because the run did not look at these times"
         for name, count in replay_result.missing_looks.items()
@@ -296,7 +298,7 @@ def _decisions_text(replay_result: Replayed) -> str:
 
 
 def _has_change(row: DecisionCounts) -> bool:
-    return bool(row.gained or row.lost or row.other_value or row.unknown)
+    return bool(row.gained or row.lost or row.other_value or row.unknown or row.assumed)
 
 
 def _counts_text(row: DecisionCounts) -> str:
@@ -305,6 +307,7 @@ def _counts_text(row: DecisionCounts) -> str:
         (row.lost, "replaced by a look"),
         (row.other_value, "answered with another value"),
         (row.unknown, "unknown"),
+        (row.assumed, "assumed"),
     )
     parts_text = ", ".join(f"{count} {text}" for count, text in parts if count)
     return f"{row.replayed} of {row.decisions}, in the run {row.recorded} ({parts_text})"

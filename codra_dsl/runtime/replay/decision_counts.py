@@ -6,6 +6,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.context.decisions import Decision
@@ -25,6 +26,7 @@ class DecisionCounts:
         lost: decisions for which only the run had an answer from context.
         other_value: decisions for which both had an answer from context, with different values.
         unknown: decisions for which the journal does not show how they would have been answered.
+        assumed: decisions, among all others, whose answer assumes that the package looks when the run looked.
     """
 
     decisions: int = 0
@@ -34,12 +36,21 @@ class DecisionCounts:
     lost: int = 0
     other_value: int = 0
     unknown: int = 0
+    assumed: int = 0
 
 
 class _Answer(StrEnum):
     CONTEXT = "context"
     LOOK = "look"
     UNKNOWN = "unknown"
+
+
+class _Answered(NamedTuple):
+    """How one decision was answered, or would have been answered."""
+
+    answer: _Answer
+    value: Value | None = None
+    is_assumed: bool = False
 
 
 _DecisionKey = tuple[str, float]
@@ -52,8 +63,8 @@ class DecisionComparison:
     def __init__(self, is_in_range: Callable[[float], bool]) -> None:
         """Count only decisions whose questions were asked in a range of time."""
         self._is_in_range = is_in_range
-        self._recorded: dict[_DecisionKey, deque[tuple[_Answer, Value | None]]] = defaultdict(deque)
-        self._replayed: dict[_DecisionKey, deque[tuple[_Answer, Value | None]]] = defaultdict(deque)
+        self._recorded: dict[_DecisionKey, deque[_Answered]] = defaultdict(deque)
+        self._replayed: dict[_DecisionKey, deque[_Answered]] = defaultdict(deque)
         self._answered_keys: set[_DecisionKey] = set()
         self._counts: dict[str, dict[str, int]] = {}
 
@@ -63,18 +74,20 @@ class DecisionComparison:
         has_answer = event.what in ("answered", "shadowed")
         if event.what == "answered":
             self._answered_keys.add(key)
-        answer = (_Answer.CONTEXT, event.details.get("value")) if has_answer else (_Answer.LOOK, None)
-        self._recorded[key].append(answer)
+        value = event.details.get("value")
+        self._recorded[key].append(_Answered(_Answer.CONTEXT, value) if has_answer else _Answered(_Answer.LOOK))
         self._match(key)
 
-    def add_replayed(self, decision: Decision, *, is_determined: bool) -> None:
+    def add_replayed(self, decision: Decision, *, is_determined: bool, is_assumed: bool) -> None:
         """Add a decision of the replay that context has answered, or for which the main execution begins to look."""
         key = (decision.request.variable, decision.asked_s)
         if not is_determined:
-            answer: tuple[_Answer, Value | None] = (_Answer.UNKNOWN, None)
+            answered = _Answered(_Answer.UNKNOWN)
+        elif decision.is_met:
+            answered = _Answered(_Answer.CONTEXT, decision.reading.content, is_assumed)
         else:
-            answer = (_Answer.CONTEXT, decision.reading.content) if decision.is_met else (_Answer.LOOK, None)
-        self._replayed[key].append(answer)
+            answered = _Answered(_Answer.LOOK, None, is_assumed)
+        self._replayed[key].append(answered)
         self._match(key)
 
     def take_recorded_answer(self, decision: Decision) -> bool:
@@ -87,8 +100,8 @@ class DecisionComparison:
     def counts(self) -> Mapping[str, DecisionCounts]:
         """Return the counts of each variable. A decision that the replay could not ask or answer is unknown."""
         for key, answers in self._recorded.items():
-            for answer in answers:
-                self._count(key, answer, (_Answer.UNKNOWN, None))
+            for answered in answers:
+                self._count(key, answered, _Answered(_Answer.UNKNOWN))
         self._recorded.clear()
         return {variable: DecisionCounts(**self._counts[variable]) for variable in sorted(self._counts)}
 
@@ -99,23 +112,20 @@ class DecisionComparison:
             if not answers[key]:
                 del answers[key]
 
-    def _count(
-        self, key: _DecisionKey, recorded: tuple[_Answer, Value | None], replayed: tuple[_Answer, Value | None]
-    ) -> None:
+    def _count(self, key: _DecisionKey, recorded: _Answered, replayed: _Answered) -> None:
         variable, asked_s = key
         if not self._is_in_range(asked_s):
             return
-        (recorded_answer, recorded_value), (replayed_answer, replayed_value) = recorded, replayed
-        was_context, is_context = recorded_answer is _Answer.CONTEXT, replayed_answer is _Answer.CONTEXT
-        is_unknown = replayed_answer is _Answer.UNKNOWN
+        was_context, is_context = recorded.answer is _Answer.CONTEXT, replayed.answer is _Answer.CONTEXT
         counts = self._counts.setdefault(variable, dict.fromkeys(DecisionCounts.__dataclass_fields__, 0))
         counts["decisions"] += 1
         counts["recorded"] += was_context
         counts["replayed"] += is_context
-        counts["unknown"] += is_unknown
         counts["gained"] += is_context and not was_context
-        counts["lost"] += was_context and not is_context and not is_unknown
-        counts["other_value"] += was_context and is_context and recorded_value != replayed_value
+        counts["lost"] += was_context and replayed.answer is _Answer.LOOK
+        counts["other_value"] += was_context and is_context and recorded.value != replayed.value
+        counts["unknown"] += replayed.answer is _Answer.UNKNOWN
+        counts["assumed"] += replayed.is_assumed
 
 
 def total(counts: Mapping[str, DecisionCounts]) -> DecisionCounts:

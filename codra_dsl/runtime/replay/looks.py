@@ -1,9 +1,9 @@
 """The looks of a what-if replay: which recorded look answers which look of the replay.
 
 After the first difference, jobs of the replay need not begin when the jobs of the run began. A job that begins at the
-instant of a recorded job has the result of this job. Any other job waits for the first recorded job of the same
-algorithm whose evidence begins after the job has begun, and has its result and its evidence. If none ends before the
-timeout of the job, its result is unknown: the job ends as failed, and its variables are undetermined.
+instant of a recorded job has the result of this job. Any other job is shifted: it waits for the first recorded job of
+the same algorithm whose evidence begins after the job has begun, and has its result and its evidence. If no recorded
+job comes within the period of the observer, or if the run no longer needed its result, the result is not known.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.perception import Failure, Interval, Result
+from codra_dsl.runtime.replay.undetermined import Undetermined
 from codra_dsl.runtime.values.cell import Reason
 
 NOT_RECORDED = "not recorded: the run did not look at this time"
@@ -61,17 +62,17 @@ class OpenLook:
 class Looks:
     """Ends the looks of a what-if replay with the outcomes of recorded looks."""
 
-    def __init__(self, clock: Clock, on_begin: Callable[[str], None], on_end: Callable[[str, bool], None]) -> None:
+    def __init__(self, clock: Clock, undetermined: Undetermined, periods_s: Mapping[str, float]) -> None:
         """Begin without looks.
 
         Args:
             clock: the clock of the replay.
-            on_begin: called with the algorithm of each look that begins when the run began none.
-            on_end: called with the algorithm of each look that ends, and whether its outcome is known.
+            undetermined: learns which looks are shifted, and which results the run does not have.
+            periods_s: the period of each algorithm's observer, by algorithm.
         """
         self._clock = clock
-        self._on_begin = on_begin
-        self._on_end = on_end
+        self._undetermined = undetermined
+        self._periods_s = periods_s
         self._recorded_starts_s: dict[str, dict[int, float]] = defaultdict(dict)
         self._last_looks: dict[str, RecordedLook] = {}
         self._open_looks: dict[str, OpenLook] = {}
@@ -103,7 +104,9 @@ class Looks:
         self._open_looks[look.algorithm] = look
         last_look = self._last_looks.get(look.algorithm)
         if look.index is None:
-            self._on_begin(look.algorithm)
+            self._undetermined.begin_shifted_look(look.algorithm)
+            period_s = self._periods_s.get(look.algorithm, 0.0)
+            self._clock.call_at(self._clock.now_s() + period_s, lambda: self._miss(look))
         elif last_look is not None and last_look.index == look.index:  # the recorded look took no time
             self._end_later(look, last_look)
 
@@ -128,6 +131,10 @@ class Looks:
                 look.report(self._clock.now_s(), recorded_look.interval)
             self._end_with(look, recorded_look)
 
+    def _miss(self, look: OpenLook) -> None:
+        if not look.is_over:
+            self._undetermined.miss_look(look.algorithm)
+
     def _end_later(self, look: OpenLook, recorded_look: RecordedLook) -> None:
         self._clock.call_at(self._clock.now_s(), lambda: self._end_with(look, recorded_look))
 
@@ -140,7 +147,7 @@ class Looks:
             return
         look.is_over = True
         del self._open_looks[look.algorithm]
-        self._on_end(look.algorithm, is_known)
+        self._undetermined.end_look(look.algorithm, is_known=is_known, is_shifted=look.index is None)
         look.deliver(outcome)
 
 

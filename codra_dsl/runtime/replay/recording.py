@@ -21,6 +21,8 @@ from codra_dsl.runtime.journal.schemas import kind_of
 
 _WHAT_KEY = b'"what":'
 _STARTED = b'"started"'
+_MAX_DELAY_S = 60.0
+_MAX_INPUTS_BEFORE_LATE_STEP = 10_000
 
 
 class RecordedEvent:
@@ -88,6 +90,7 @@ class Recording:
         self._program_input_count = 0
         self._expected_events: deque[RecordedEvent] = deque()
         self._is_expecting = True
+        self._late_steps: set[int] = set()
 
     @classmethod
     def of(cls, events: Sequence[Event]) -> Self:
@@ -128,6 +131,24 @@ class Recording:
         is_of_program = event.what != "evidence"
         self._program_input_count -= is_of_program
         return event, is_of_program and not self._program_input_count
+
+    def is_late(self, step: int, due_s: float) -> bool:
+        """Return whether the run may have made a step more than a tolerance after the step was due.
+
+        A late step is an input of its own. The journal is read until it shows whether there was one, but not beyond
+        limits that hardly any late step exceeds.
+        """
+        while step not in self._late_steps:
+            last_input = self._inputs[-1] if self._inputs else None
+            if last_input is not None and (
+                last_input.details["step"] > step
+                or last_input.instant_s > due_s + _MAX_DELAY_S
+                or len(self._inputs) > _MAX_INPUTS_BEFORE_LATE_STEP
+            ):
+                return False
+            if not self._read_next():
+                return True  # the step may have come after the end of the journal
+        return True
 
     def expect_nothing(self) -> None:
         """From now on, keep no events for a comparison, because the replay has differed from the run."""
@@ -188,6 +209,8 @@ class Recording:
             self.calls.setdefault(event.details["work"], []).append(event)
         elif event.kind is Kind.INPUT:
             self._inputs.append(event)
+            if event.what == "late":
+                self._late_steps.add(event.details["step"])
             self._program_input_count += event.what != "evidence"
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal.event_log import EventLog
@@ -72,7 +73,8 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     decisions = DecisionComparison(is_in_range)
     recording.on_decision = decisions.add_recorded
     parts = _prepare(header, recording, model, build, comparison, knowledge)
-    undetermined = Undetermined(header.summary if comparison.spec_summary is None else comparison.spec_summary)
+    summary = header.summary if comparison.spec_summary is None else comparison.spec_summary
+    undetermined = Undetermined(summary)
     parts.player.on_decision = count_decision(decisions, undetermined)
     comparison.check_completeness(_play(parts, recording, comparison, show_progress))
     ended_because, skipped_inputs = "", Counter[str]()
@@ -85,6 +87,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
             recording=recording,
             undetermined=undetermined,
             decisions=decisions,
+            summary=summary,
         )
         try:
             what_if.go_on(show_progress)
@@ -204,6 +207,8 @@ def _pass_inputs(
             if clock.next_event_s() > event.instant_s:
                 raise DivergedError
             clock.step()
+        while comparison.difference is None and _has_missed_step(clock, event.instant_s, recording):
+            clock.step()
         if comparison.difference is not None:
             return
         clock.advance(event.instant_s)
@@ -212,3 +217,9 @@ def _pass_inputs(
         player.has_tried_input = True
         player.pass_input(event)
         player.pending_input = None
+
+
+def _has_missed_step(clock: ReplayedClock, instant_s: float, recording: Recording) -> bool:
+    """Return whether a step of the replay was due before an instant, and the run did not make this step later."""
+    due_s = clock.next_event_s()
+    return due_s < instant_s - PUNCTUALITY_TOLERANCE_S and not recording.is_late(clock.step_count, due_s)

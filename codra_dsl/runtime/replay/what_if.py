@@ -11,8 +11,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
 from codra_dsl.runtime.context.decisions import Decision
 from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.replay.decision_counts import DecisionComparison
 from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
 from codra_dsl.runtime.replay.looks import NOT_RECORDED, Looks
@@ -20,7 +22,7 @@ from codra_dsl.runtime.replay.player import Player, is_waiting
 from codra_dsl.runtime.replay.recording import Recording
 from codra_dsl.runtime.replay.undetermined import Undetermined
 
-MAX_STEPS_BETWEEN_INPUTS = 300_000
+MAX_STEPS_BETWEEN_INPUTS = 50_000
 """A replay ends after this many steps without an input, because a forged journal could let it run forever."""
 
 _FOLLOWED_ELSEWHERE = frozenset({"evidence", "unstarted", "late"})
@@ -43,6 +45,7 @@ class WhatIf:
         recording: Recording,
         undetermined: Undetermined,
         decisions: DecisionComparison,
+        summary: SpecSummary,
     ) -> None:
         """Store the parts of the replay; nothing is passed yet."""
         self.skipped_inputs: Counter[str] = Counter()
@@ -52,6 +55,9 @@ class WhatIf:
         self._recording = recording
         self._undetermined = undetermined
         self._decisions = decisions
+        self._periods_s = {
+            algorithm: observer.period_s for observer in summary.observers.values() for algorithm in observer.algorithms
+        }
         self._waiting_numbers: set[int] = set()
 
     def go_on(self, progress: Callable[[float], None]) -> None:
@@ -60,8 +66,7 @@ class WhatIf:
         Raises:
             DivergedError: if the replay does not come to an end.
         """
-        looks = Looks(self._clock, self._undetermined.begin_look, self._end_look)
-        self._jobs.go_on(looks)
+        self._jobs.go_on(Looks(self._clock, self._undetermined, self._periods_s))
         self._recording.expect_nothing()
         self._jobs.pair_open_jobs()
         player = self._player
@@ -92,7 +97,8 @@ class WhatIf:
         for _ in range(MAX_STEPS_BETWEEN_INPUTS):
             deadline_s = min(map(self._deadline_s, self._waiting_numbers), default=float("inf"))
             next_event_s = self._clock.next_event_s()
-            if min(deadline_s, next_event_s) > instant_s:
+            # an input at the very end of a wait may still bring the answer
+            if next_event_s > instant_s and deadline_s >= instant_s - PUNCTUALITY_TOLERANCE_S:
                 self._clock.advance(instant_s)
                 return
             if next_event_s <= deadline_s:
@@ -150,6 +156,7 @@ class WhatIf:
                 self._miss_look_if_answered(number)
 
     def _end_recorded_wait(self, number: int) -> None:
+        self._resume_waiting_decisions()
         if number in self._player.decisions and number not in self._waiting_numbers:
             self._miss_look_if_answered(number)
 
@@ -161,14 +168,13 @@ class WhatIf:
         self._player.conclude_without_result(number, NOT_RECORDED)
         self._undetermined.miss_look_of_main_execution(decision.request.variable)
 
-    def _end_look(self, algorithm: str, is_known: bool) -> None:
-        self._undetermined.end_look(algorithm, is_known=is_known)
-
 
 def count_decision(decisions: DecisionComparison, undetermined: Undetermined) -> Callable[[Decision], None]:
     """Return a function that counts a decision of the replay."""
 
     def count(decision: Decision) -> None:
-        decisions.add_replayed(decision, is_determined=decision.request.variable not in undetermined)
+        variable = decision.request.variable
+        is_determined, is_assumed = variable not in undetermined.variables, variable in undetermined.assumed_variables
+        decisions.add_replayed(decision, is_determined=is_determined, is_assumed=is_assumed)
 
     return count
