@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +11,7 @@ import typer
 
 from codra_dsl.cli.arguments import QuickCommand
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, text_for_log, write_result
+from codra_dsl.cli.journals import FromOption, ToOption
 from codra_dsl.regular_files import real_path
 
 if TYPE_CHECKING:
@@ -57,6 +60,14 @@ WhatOption = Annotated[
 
 _LINES_PER_WRITE = 1000
 
+
+class ShowFormat(StrEnum):
+    """The formats of events."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
 journal_commands = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
@@ -93,10 +104,20 @@ def recover_command(file: JournalFile, *, output: OutputOption = None) -> None:
 
 @journal_commands.command("show", cls=QuickCommand)
 def show_command(
-    file: JournalFile, *, kind: KindOption = None, about: AboutOption = None, what: WhatOption = None
+    file: JournalFile,
+    *,
+    kind: KindOption = None,
+    about: AboutOption = None,
+    what: WhatOption = None,
+    from_: FromOption = None,
+    to: ToOption = None,
+    format_: Annotated[
+        ShowFormat, typer.Option("--format", help="The format of the events; json is one JSON object per line.")
+    ] = ShowFormat.TEXT,
 ) -> None:
     """Print the events of a journal, one per line: instant, kind, name, what happened, and details."""
-    from codra_dsl.cli.journals import open_journal, report_damage
+    from codra_dsl.cli.journals import open_journal, range_of, report_damage
+    from codra_dsl.cli.worlds import Progress
     from codra_dsl.runtime.journal import Kind
 
     existing([file])
@@ -107,21 +128,31 @@ def show_command(
             f"'{unknown_kind}' is not a kind; choose from {', '.join(kind_names)}", param_hint="--kind"
         )
     wanted_kinds = frozenset(kind or (name for name in kind_names if name != Kind.INPUT))
+    is_text = format_ is ShowFormat.TEXT
+    text_of, for_output = (_event_text, text_for_log) if is_text else (_event_json, str)
     with open_journal(file) as reader:
-        end_s, lines = reader.header().start_s, list[str]()
+        header = reader.header()
+        from_s, to_s = range_of(from_, to, header)
+        end_s, lines, progress = header.start_s, list[str](), Progress(is_shown=not sys.stdout.isatty())
         for event in reader.events():
+            if event.instant_s > to_s:
+                break
             end_s = event.instant_s
+            progress(end_s - header.start_s)
             if (
-                event.kind in wanted_kinds
+                event.instant_s >= from_s
+                and event.kind in wanted_kinds
                 and event.name in (about or (event.name,))
                 and event.what in (what or (event.what,))
             ):
-                lines.append(_event_text(event))
+                lines.append(text_of(event))
             if len(lines) == _LINES_PER_WRITE:
-                write_result(text_for_log("".join(lines)))
+                write_result(for_output("".join(lines)))
                 lines.clear()
-        write_result(text_for_log("".join(lines)))
-        report_damage(reader, end_s)
+        progress.clear()
+        write_result(for_output("".join(lines)))
+        if to is None:
+            report_damage(reader, end_s)
 
 
 def _event_text(event: Event) -> str:
@@ -132,6 +163,13 @@ def _event_text(event: Event) -> str:
     details = {key: detail for key, detail in event.details.items() if detail != ""}
     text = f"{instant_text(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}"
     return f"{visible_text(text)}\n"
+
+
+def _event_json(event: Event) -> str:
+    """Return an event as the JSON of its message in the journal, with its kind."""
+    from codra_dsl.runtime.journal.encoding import message_of
+
+    return f'{{"kind":"{event.kind}",{message_of(event).decode()[1:]}\n'
 
 
 def _recovery_text(recovery: Recovery) -> str:

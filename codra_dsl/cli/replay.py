@@ -15,6 +15,7 @@ import typer
 
 from codra_dsl.cli.console import ExitCode, common_root, existing, harmless_text, say, write_result
 from codra_dsl.cli.journal import JournalFile
+from codra_dsl.cli.journals import FromOption, ToOption
 from codra_dsl.isolation.error_text import described
 from codra_dsl.regular_files import real_path
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.journal.run_header import RunHeader
     from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
     from codra_dsl.runtime.knowledge import KnowledgeModel
-    from codra_dsl.runtime.replay import Build, Difference, Replayed
+    from codra_dsl.runtime.replay import Build, DecisionCounts, Difference, Replayed
     from codra_dsl.runtime.replay.recording import Recording
 
     KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
@@ -79,10 +80,12 @@ def replay_command(
     dsr: DsrOption = None,
     dsr_unit_m: DsrUnitOption = 0.001,
     journal: JournalOption = None,
+    from_: FromOption = None,
+    to: ToOption = None,
     format_: Annotated[ReplayFormat, typer.Option("--format", help="The format of the result.")] = ReplayFormat.TEXT,
 ) -> None:
     """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
-    from codra_dsl.cli.journals import open_journal, report_damage
+    from codra_dsl.cli.journals import open_journal, range_of, report_damage
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.replay.recording import Recording
 
@@ -98,9 +101,12 @@ def replay_command(
         is_torn = index_reader.damage.is_torn
         if is_torn:  # then the whole file was read, because it has no index
             report_damage(index_reader, header.start_s if end_s is None else end_s)
-        recording = Recording.of_file(reader, index_reader.kinds())
-        replay_result, is_journal_complete = _load_and_replay(header, recording, package, spec, make_knowledge, journal)
-        if not is_torn:
+        from_s, to_s = range_of(from_, to, header)
+        recording = Recording.of_file(reader, index_reader.kinds(), to_s)
+        replay_result, is_journal_complete = _load_and_replay(
+            header, recording, from_s, package, spec, make_knowledge, journal
+        )
+        if not is_torn and to is None:
             report_damage(reader, header.start_s if recording.end_s is None else recording.end_s)
     is_text = format_ is ReplayFormat.TEXT
     text = harmless_text(_replay_result_text(replay_result, header)) if is_text else _replay_result_json(replay_result)
@@ -137,6 +143,7 @@ def _knowledge_from_dsr(dsr: Path, unit_m: float, knowledge: KnowledgeModel | No
 def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
     header: RunHeader,
     recording: Recording,
+    from_s: float,
     package: Path | None,
     spec: Path | None,
     make_knowledge: KnowledgeFactory,
@@ -162,7 +169,7 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
         _report_version_differences(header, folder)
         try:
             knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
-            return _replay(header, recording, module, knowledge, _create_journal(journal))
+            return _replay(header, recording, from_s, module, knowledge, _create_journal(journal))
         except _REPLAY_ERRORS as error:
             say(f"codra: the journal cannot be replayed: {described(error)}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -176,9 +183,10 @@ def _manager_class(module: ModuleType) -> Build:
     return next((cls for cls in classes if cls is not ContextManager), ContextManager)
 
 
-def _replay(
+def _replay(  # noqa: PLR0917 - the arguments of the command
     header: RunHeader,
     recording: Recording,
+    from_s: float,
     module: ModuleType,
     knowledge: KnowledgeModel | None,
     derived_journal: Journal | None,
@@ -188,7 +196,7 @@ def _replay(
 
     progress = Progress()
     replay_result = replay(
-        header, recording, module.MODEL, _manager_class(module), derived_journal, knowledge, progress
+        header, recording, module.MODEL, _manager_class(module), derived_journal, knowledge, progress, from_s
     )
     progress.clear()
     if derived_journal is None or derived_journal.failure is None:
@@ -258,7 +266,51 @@ def _replay_result_text(replay_result: Replayed, header: RunHeader) -> str:
     )
     if replay_result.difference is None:
         return f"equal: {replay_result.compared} events\nderived: {derived_counts_text}\n{absent_kinds_text}"
-    return _difference_text(replay_result.difference, header) + absent_kinds_text
+    return _difference_text(replay_result.difference, header) + absent_kinds_text + _decisions_text(replay_result)
+
+
+def _decisions_text(replay_result: Replayed) -> str:
+    """Return how the decisions would have been answered, and what the journal does not show."""
+    from codra_dsl.runtime.replay.decision_counts import total
+
+    counts = replay_result.decisions
+    lines = []
+    if counts:
+        sum_ = total(counts)
+        lines.append(
+            f"decisions: context would have answered {sum_.replayed} of {sum_.decisions}; "
+            f"in the run, context answered {sum_.recorded}"
+        )
+        lines += [f"  {variable}: {_counts_text(row)}" for variable, row in counts.items() if _has_change(row)]
+        if sum_.assumed:
+            lines.append("assumed: for these decisions, the package looks when the run looked")
+    lines += [
+        f"not in the journal: {count} of the looks of {name}, because the run did not look at these times"
+        for name, count in replay_result.missing_looks.items()
+    ]
+    lines += [
+        f"not passed on: {count} of the inputs '{what}', which are not possible with this package"
+        for what, count in replay_result.skipped_inputs.items()
+    ]
+    if replay_result.ended_because:
+        lines.append(f"the replay ends early: {replay_result.ended_because}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _has_change(row: DecisionCounts) -> bool:
+    return bool(row.gained or row.lost or row.other_value or row.unknown or row.assumed)
+
+
+def _counts_text(row: DecisionCounts) -> str:
+    parts = (
+        (row.gained, "answered instead of a look"),
+        (row.lost, "replaced by a look"),
+        (row.other_value, "answered with another value"),
+        (row.unknown, "unknown"),
+        (row.assumed, "assumed"),
+    )
+    parts_text = ", ".join(f"{count} {text}" for count, text in parts if count)
+    return f"{row.replayed} of {row.decisions}, in the run {row.recorded} ({parts_text})"
 
 
 def _replay_result_json(replay_result: Replayed) -> str:

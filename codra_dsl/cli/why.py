@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,14 +81,14 @@ def why_command(
     format_: Annotated[WhyFormat, typer.Option("--format", help="The format of the explanation.")] = WhyFormat.TEXT,
 ) -> None:
     """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
-    from codra_dsl.cli.journals import open_journal, report_damage
+    from codra_dsl.cli.journals import instant_of, open_journal, report_damage
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.why.values import instant_text
 
     existing([journal])
     with open_journal(journal) as reader:
         header = reader.header()
-        at_s = None if at is None else _instant_s(at, header)
+        at_s = None if at is None else instant_of(at, header, "--at")
         events = EventsInFile(reader, header.summary, ends_before_close=at_s is None)
         end_s = header.start_s if events.end_s is None else events.end_s
         try:
@@ -133,38 +132,3 @@ def _explanation_json(explanation: Why) -> str:
     from codra_dsl.runtime.journal.encoding import json_text
 
     return f"{json_text(dataclasses.asdict(explanation))}\n"
-
-
-def _instant_s(text: str, header: RunHeader) -> float:
-    """Return the instant that the value of `--at` names."""
-    if text.startswith("+"):
-        seconds = _parse_seconds(text[1:].strip())
-        at_s = None if seconds is None else header.start_s + seconds
-    else:
-        seconds = _parse_seconds(text)
-        at_s = _time_of_day_s(text) if seconds is None else seconds
-    if at_s is None or not abs(at_s) < math.inf:
-        examples = "'31.5', '+2 min', or '2030-01-31 03:12:05' in UTC"
-        raise typer.BadParameter(f"'{text}' is not an instant such as {examples}", param_hint="--at")
-    return at_s
-
-
-def _parse_seconds(text: str) -> float | None:
-    from codra_dsl.language.units import parse_duration
-
-    try:
-        return float(text)
-    except ValueError:
-        duration_s = parse_duration(text)
-        return duration_s if isinstance(duration_s, float) else None
-
-
-def _time_of_day_s(text: str) -> float | None:
-    """Return the seconds from 1970 to a date and time; None for another text. Without a time zone, UTC is meant."""
-    from datetime import UTC, datetime
-
-    try:
-        date_time = datetime.fromisoformat(text.removesuffix("UTC").strip())
-    except ValueError:
-        return None
-    return (date_time if date_time.tzinfo is not None else date_time.replace(tzinfo=UTC)).timestamp()

@@ -50,8 +50,9 @@ class Pace(StrEnum):
 class Progress:
     """Shows the simulated time of a run on a terminal; elsewhere it shows nothing."""
 
-    def __init__(self) -> None:
-        self._is_terminal = sys.stderr.isatty()
+    def __init__(self, *, is_shown: bool = True) -> None:
+        """Show nothing yet; if `is_shown` is false, show nothing at all."""
+        self._is_terminal = is_shown and sys.stderr.isatty()
         self._last_shown_instant_s = 0.0
 
     def __call__(self, now_s: float) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from textwrap import indent
 from typing import Any
 
-from codra_dsl.integrations.testing.timeline import Belief, Check, Moment, Outcome, RunningCheck
+from codra_dsl.integrations.testing.timeline import Belief, Check, ExpectationCheck, Moment, Outcome, RunningCheck
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.runtime import ContextManager, EventLog, Kind, Why
@@ -99,6 +99,8 @@ def _failure_of(check: Check, at_s: float, codra: ContextManager[Any, Any], reco
             return _failure_of_observer(check, at_s, record)
         case Outcome():
             return _failure_of_decision(check, at_s, codra, record)
+        case ExpectationCheck():
+            return _failure_of_expectation(check, at_s, codra, record)
 
 
 def _unmet_text(check: Belief, why: Why) -> str | None:
@@ -170,6 +172,27 @@ def _failure_of_decision(
         f"{expected_text}, but at {instant_text(decision_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}",
         why,
     )
+
+
+def _failure_of_expectation(
+    check: ExpectationCheck, at_s: float, codra: ContextManager[Any, Any], record: EventLog
+) -> Failure | None:
+    """Return a failure unless the last outcome of every expectation of the skill about the variable is as stated."""
+    last_outcomes = {
+        event.details["expected"]: event
+        for event in record.of(Kind.EXPECTATION, check.variable)
+        if event.details["skill"] == check.skill and event.instant_s <= at_s
+    }
+    expected_text = f"by {instant_text(at_s)} the expectation of {check.skill} about {check.variable} should be"
+    if not last_outcomes:
+        message = f"{expected_text} {check.expected_outcome}, but it has no outcome yet"
+        return Failure(check.place, message, str(codra.why(check.variable, at_s=at_s)))
+    for text, event in last_outcomes.items():
+        if event.what != check.expected_outcome:
+            message = f"{expected_text} {check.expected_outcome}, but at {instant_text(event.instant_s)} it was"
+            why = str(codra.why(check.variable, at_s=event.instant_s))
+            return Failure(check.place, f"{message} {event.what}: {text}", why)
+    return None
 
 
 def _unit_text(unit: str) -> str:

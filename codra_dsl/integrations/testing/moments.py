@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from codra_dsl.integrations.testing.package import Package
+from codra_dsl.integrations.testing.placements import PlacementReader
 from codra_dsl.integrations.testing.timeline import (
     Alteration,
     Behaviour,
@@ -15,7 +16,10 @@ from codra_dsl.integrations.testing.timeline import (
     Check,
     Clearing,
     DecisionArguments,
+    ExpectationCheck,
     Fault,
+    LeafBehaviour,
+    LoopSwitch,
     Moment,
     Outcome,
     Overriding,
@@ -33,10 +37,13 @@ from codra_dsl.language.load.yaml.reader import Reader, entries
 from codra_dsl.language.model import Literal
 from codra_dsl.language.units import parse_duration
 from codra_dsl.runtime import Reason
+from codra_dsl.runtime.behavior_trees import Result
+from codra_dsl.runtime.observers.expectations import Outcome as ExpectationOutcome
 from codra_dsl.runtime.values.model import ValueType
 
 _SKILL_VERBS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END)
 _ANY_REASON = "any"
+_RUNS = "runs"
 
 
 class MomentReader:
@@ -49,6 +56,7 @@ class MomentReader:
         self._subject = subject
         self._findings = findings
         self._place = subject.origin.of
+        self._placements = PlacementReader(package.knowledge, self._missing_prefix, subject, findings)
 
     def read(self, at_s: float, key: ScalarNode, node: YamlNode, *steps: str) -> Moment:
         """Return the readable parts of a moment; `steps` is the path of the moment in the file."""
@@ -65,6 +73,9 @@ class MomentReader:
                 *read_section("agents", self._sayings),
                 *read_section("perception", self._behaviours),
                 *read_section("overrides", self._overrides),
+                *read_section("poses", self._placements.changes),
+                *read_section("leaves", self._leaf_behaviours),
+                *read_section("loops", self._loop_switches),
             ),
             steps=read_section("main_execution", self._steps),
             checks=(
@@ -72,6 +83,7 @@ class MomentReader:
                 *read_section("running", lambda node, path: self._observer_checks(node, path, is_running=True)),
                 *read_section("stopped", lambda node, path: self._observer_checks(node, path, is_running=False)),
                 *read_section("decided", self._outcomes),
+                *read_section("expects", self._expectation_checks),
             ),
         )
 
@@ -191,6 +203,25 @@ class MomentReader:
             jobs=reader.number("jobs", 0) or math.inf,
         )
 
+    # Changes of loops
+
+    def _loop_switches(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
+        names = () if self._package.mape is None else tuple(loop.name for loop in self._package.mape.loops)
+        for key, value in self._known_entries(node, names, f"{self._missing_prefix} loop", steps):
+            if isinstance(value, ScalarNode) and not value.reported:
+                yield LoopSwitch(loop=key.text, runs=value.text == _RUNS, place=self._place(key))
+
+    def _leaf_behaviours(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
+        problem = f"no tree of spec {shown(self._package.model.name)} has a leaf"
+        for key, value in self._known_entries(node, self._package.leaves, problem, steps):
+            if isinstance(value, MappingNode):
+                reader = self._reader(value)
+                result = Result.FAILURE if reader.text("returns", "") == Result.FAILURE.value else Result.SUCCESS
+                takes_s = reader.duration_s("takes", 0.0, least="zero")
+                yield LeafBehaviour(leaf=key.text, result=result, takes_s=takes_s)
+            elif not value.reported:
+                yield LeafBehaviour(leaf=key.text, result=Result.RUNNING)
+
     # Steps of the main execution
 
     def _steps(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Step]:
@@ -286,6 +317,22 @@ class MomentReader:
         ):
             if isinstance(value, ScalarNode):
                 yield Outcome(variable=key.text, expected_outcome=value.text, place=self._place(value))
+
+    def _expectation_checks(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
+        expected_variables = {
+            skill.name: tuple(dict.fromkeys(expectation.variable for expectation in skill.expects))
+            for skill in self._package.model.skills
+        }
+        for key, value in self._known_entries(node, expected_variables, f"{self._missing_prefix} skill", steps):
+            problem, skill_steps = f"skill '{key.text}' expects nothing of", (*steps, key.text)
+            for variable, word in self._known_entries(value, expected_variables[key.text], problem, skill_steps):
+                if isinstance(word, ScalarNode) and not word.reported:
+                    yield ExpectationCheck(
+                        skill=key.text,
+                        variable=variable.text,
+                        expected_outcome=ExpectationOutcome(word.text),
+                        place=self._place(word),
+                    )
 
     # Names
 

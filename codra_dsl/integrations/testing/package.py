@@ -22,6 +22,7 @@ from codra_dsl.language.diagnostics import suggest
 from codra_dsl.runtime import ContextManager, ContextModel, SimClock
 from codra_dsl.runtime.context.package_files import manifest_of
 from codra_dsl.runtime.knowledge import KnowledgeModel
+from codra_dsl.runtime.loops import Mape, MapeModel
 from codra_dsl.runtime.values.model import Algorithm, VariableModel
 
 FOLDER = "generated"
@@ -50,12 +51,16 @@ class Package:
         build: makes the context manager of the spec.
         algorithms: a mapping from names to the algorithms that the observers run.
         knowledge: the knowledge graph of the spec; None if the spec has none.
+        mape: the MAPE-K loops of the spec; None if the spec has none.
+        leaves: the names of the robot's leaves in the trees that the loops execute.
     """
 
     model: ContextModel
     build: Callable[..., ContextManager[Any, Any]]
     algorithms: Mapping[str, Algorithm]
     knowledge: KnowledgeModel | None = None
+    mape: MapeModel | None = None
+    leaves: tuple[str, ...] = ()
 
     @property
     def variables(self) -> Mapping[str, VariableModel]:
@@ -64,8 +69,11 @@ class Package:
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Return the names of outside writers, sorted."""
+        """Return the names of outside writers of context-variables and of the knowledge graph, sorted."""
         sources = {source for variable in self.model.variables for source in variable.sources}
+        if self.knowledge is not None:
+            sources |= {writer.agent for node_type in self.knowledge.node_types for writer in node_type.sources}
+            sources |= {writer.agent for edge_type in self.knowledge.edge_types for writer in edge_type.sources}
         return tuple(sorted(sources.difference(_OWN_SOURCES)))
 
     @property
@@ -139,6 +147,28 @@ def _package(module: ModuleType) -> Package:
         return collect_algorithm
 
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    generated_class(model, clock=SimClock(), resources=handles, find=collect_algorithm).close()
     knowledge: KnowledgeModel | None = getattr(module, "KNOWLEDGE", None)
-    return Package(model=model, build=generated_class, algorithms=algorithms, knowledge=knowledge)
+    mape: MapeModel | None = getattr(module, "MAPE", None)
+    clock, robot = SimClock(), _LeafCollector()
+    with generated_class(model, clock=clock, resources=handles, find=collect_algorithm, knowledge=knowledge) as codra:
+        if mape is not None:
+            Mape(codra, mape, clock=clock, robot=robot).close()
+    return Package(
+        model=model,
+        build=generated_class,
+        algorithms=algorithms,
+        knowledge=knowledge,
+        mape=mape,
+        leaves=tuple(sorted(robot.names)),
+    )
+
+
+class _LeafCollector:
+    """Collects the names of the leaves whose actions trees request; no action is ever started."""
+
+    def __init__(self) -> None:
+        self.names: set[str] = set()
+
+    def of(self, name: str) -> None:
+        """Note the name of a leaf."""
+        self.names.add(name)

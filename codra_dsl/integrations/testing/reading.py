@@ -12,7 +12,7 @@ from pathlib import Path
 
 from codra_dsl.integrations.testing.moments import MomentReader
 from codra_dsl.integrations.testing.package import Package, PackageError, load_package
-from codra_dsl.integrations.testing.timeline import Behaviour, Maker, Moment, Story, Timeline, Verb
+from codra_dsl.integrations.testing.timeline import Behaviour, LoopSwitch, Maker, Moment, Story, Timeline, Verb
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.values import read_literal
@@ -144,6 +144,7 @@ class _TimelineReader:
             story = Story(name=key.text, place=self._subject.origin.of(key), moments=moments)
             self._check_skills(story)
             self._check_behaviours(story)
+            self._check_loops(story)
             yield story
 
     def _moments_of(self, story: str, node: YamlNode) -> Iterator[Moment]:
@@ -179,6 +180,19 @@ class _TimelineReader:
                     running_skills.add(name)
                 elif step.verb is Verb.END:
                     running_skills.discard(name)
+
+    def _check_loops(self, story: Story) -> None:
+        """Report loops that stop without running, and running loops that start again."""
+        running_loops: set[str] = set()
+        for switch in (change for moment in story.moments for change in moment.changes):
+            if not isinstance(switch, LoopSwitch):
+                continue
+            if (switch.loop in running_loops) is switch.runs:
+                state, help_text = (
+                    ("is already running", "stop it first") if switch.runs else ("is not running", "let it run first")
+                )
+                self._findings.add("misplaced-key", f"loop {shown(switch.loop)} {state}", switch.place, help=help_text)
+            (running_loops.add if switch.runs else running_loops.discard)(switch.loop)
 
     def _check_behaviours(self, story: Story) -> None:
         """Report algorithms whose returned values are not stated."""

@@ -10,6 +10,7 @@ from typing import Any, Protocol, Self
 
 from codra_dsl.integrations.testing.checks import Failure, failures_of, failures_text
 from codra_dsl.integrations.testing.handles import alter, make_handle
+from codra_dsl.integrations.testing.loops import StoryLoops
 from codra_dsl.integrations.testing.package import Package
 from codra_dsl.integrations.testing.script import Script, Speakers
 from codra_dsl.integrations.testing.timeline import (
@@ -17,8 +18,12 @@ from codra_dsl.integrations.testing.timeline import (
     Behaviour,
     Clearing,
     DecisionArguments,
+    LeafBehaviour,
+    LoopSwitch,
     Moment,
     Overriding,
+    Placement,
+    Removal,
     Saying,
     Step,
     Story,
@@ -63,6 +68,7 @@ class Run:
 
     codra: ContextManager[Any, Any]
     record: EventLog
+    _loops: StoryLoops
 
     def __init__(
         self, timeline: Timeline, package: Package, story: Story, *, clock: SimClock, resources: Mapping[str, object]
@@ -85,7 +91,7 @@ class Run:
 
     def __exit__(self, exception_type: object, *_: object) -> None:
         __tracebackhide__ = True
-        with self.codra:
+        with self.codra, self._loops:
             if exception_type is None:
                 self.until(self._story.end_s)
                 self.check()
@@ -160,6 +166,7 @@ class Run:
         self._make_handles()
         with ExitStack() as stack:
             stack.enter_context(self._begin(self.clock, self.resources, self._timeline.seed, None))
+            stack.enter_context(self._loops)
             for index, moment in enumerate(self._story.moments):
                 self.until(moment.at_s)
                 for step in moment.steps:
@@ -188,6 +195,7 @@ class Run:
             knowledge=self._package.knowledge,
         )
         speakers = Speakers(self.codra, clock, self._timeline.repeat_intervals_s)
+        self._loops = StoryLoops(self.codra, self._package.mape, clock)
         for moment in self._story.moments:
             if moment.at_s > 0:
                 # The world changes after all other events at an instant, so a look that starts then sees the old state.
@@ -216,6 +224,23 @@ class Run:
                     self.codra.clear_override(change.variable)
                 case Alteration():
                     alter(self.resources.get(change.resource), change)
+                case Placement() | Removal():
+                    self._change_graph(change, speakers)
+                case LoopSwitch():
+                    self._loops.switch(change)
+                case LeafBehaviour():
+                    self._loops.change_leaf(change)
+
+    def _change_graph(self, change: Placement | Removal, speakers: Speakers) -> None:
+        __tracebackhide__ = True
+        try:
+            if isinstance(change, Placement):
+                speakers.place(change)
+            else:
+                speakers.remove(change)
+        except (LookupError, ValueError, PermissionError, RuntimeError) as error:
+            message = f"the graph does not allow this: {type(error).__name__}: {error}"
+            raise StoryFailed(failures_text([Failure(change.place, message)], self._timeline.source)) from error
 
     def _perform_step(self, step: Step) -> None:
         """Perform a step of the main execution."""

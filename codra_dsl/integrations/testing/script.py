@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from codra_dsl.integrations.testing.timeline import Behaviour, Fault, Saying
+from codra_dsl.integrations.testing.timeline import Behaviour, Fault, Placement, Removal, Saying
 from codra_dsl.language.model import Literal
 from codra_dsl.runtime import Clock, ContextManager, Job
 from codra_dsl.runtime.clock import Timer
+from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.perception import Function, imported
 from codra_dsl.runtime.values.model import Algorithm
 
@@ -186,6 +187,8 @@ class Speakers:
         self._clock = clock
         self._repeat_intervals_s = repeat_intervals_s
         self._last_values: dict[str, dict[str, Literal | None]] = {}
+        self._last_placements: dict[str, dict[tuple[str, str, str], Placement]] = {}
+        self._inserting_agents: dict[str, str] = {}
         self._timers: dict[str, Timer] = {}
 
     def say(self, saying: Saying) -> None:
@@ -196,13 +199,62 @@ class Speakers:
         if saying.values is not None:
             self._last_values.setdefault(agent, {}).update(saying.values)
             self._write(agent, saying.values)
+            self._repeat_later(agent)
+
+    def place(self, placement: Placement) -> None:
+        """Let an agent write an edge.
+
+        Raises:
+            LookupError: if the graph does not allow this; ValueError, PermissionError and RuntimeError likewise.
+        """
+        edge = (placement.origin, placement.type, placement.target)
+        self._last_placements.setdefault(placement.agent, {})[edge] = placement
+        self._write_edge(placement)
+        if placement.agent not in self._timers:
+            self._repeat_later(placement.agent)
+
+    def remove(self, removal: Removal) -> None:
+        """Let an agent remove an edge or a node.
+
+        Raises:
+            LookupError: if the graph does not have it; PermissionError if the agent may not remove it.
+        """
+        for placements in self._last_placements.values():
+            for edge in [edge for edge in placements if edge == removal.edge or removal.node in (edge[0], edge[2])]:
+                del placements[edge]
+        graph = self._codra.knowledge
+        agent = removal.agent or self._inserting_agents.get(removal.node, "")
+        operation = (
+            Operation(Verb.DELETE_NODE, (removal.node,)) if removal.node else Operation(Verb.DELETE_EDGE, removal.edge)
+        )
+        graph.write_as(agent, [operation])
+
+    def _write_edge(self, placement: Placement) -> None:
+        graph, edge = self._codra.knowledge, (placement.origin, placement.type, placement.target)
+        for node in placement.new_nodes:
+            if node.name not in graph.snapshot():
+                self._inserting_agents[node.name] = node.agent
+                graph.write_as(node.agent, [Operation(Verb.INSERT_NODE, (node.name, node.type, {}))])
+        operation = (
+            Operation(Verb.INSERT_EDGE, (*edge, {}))
+            if placement.pose is None
+            else Operation(Verb.PLACE, (*edge, placement.pose, None))
+        )
+        graph.write_as(placement.agent, [operation])
+
+    def _repeat_later(self, agent: str) -> None:
+        if agent in self._repeat_intervals_s:
+            next_write_s = self._clock.now_s() + self._repeat_intervals_s[agent]
+            self._timers[agent] = self._clock.call_at(next_write_s, lambda: self._repeat(agent))
+
+    def _repeat(self, agent: str) -> None:
+        """Write the last values and edges of an agent again."""
+        self._write(agent, self._last_values.get(agent, {}))
+        for placement in self._last_placements.get(agent, {}).values():
+            self._write_edge(placement)
+        self._repeat_later(agent)
 
     def _write(self, agent: str, values: Mapping[str, Literal | None]) -> None:
         """Write for an agent. This is possible whether or not the program has a handle of this agent."""
         for name, value in values.items():
             self._codra.commands.write(name, self._types[name].convert(value), agent, None)
-        if agent in self._repeat_intervals_s:
-            next_write_s = self._clock.now_s() + self._repeat_intervals_s[agent]
-            self._timers[agent] = self._clock.call_at(
-                next_write_s, lambda: self._write(agent, self._last_values[agent])
-            )

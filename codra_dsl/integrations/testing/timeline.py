@@ -11,6 +11,9 @@ from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.language.model import Literal
 from codra_dsl.runtime import Reason
+from codra_dsl.runtime.behavior_trees import Result
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.observers.expectations import Outcome as ExpectationOutcome
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,8 +102,69 @@ class Clearing:
     variable: str
 
 
-Change = Saying | Behaviour | Alteration | Overriding | Clearing
-"""A change in the world."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewNode:
+    """A node that an agent inserts if the graph does not have it yet."""
+
+    name: str
+    type: str
+    agent: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """An edge of the knowledge graph that an agent writes.
+
+    Attributes:
+        agent: the agent that writes the edge.
+        pose: the pose of the target in the origin; None for an edge without a pose.
+        new_nodes: the ends of the edge that are not in the initial graph.
+    """
+
+    agent: str
+    origin: str
+    type: str
+    target: str
+    pose: Pose | None
+    new_nodes: tuple[NewNode, ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Removal:
+    """An edge, or a node with all of its edges, that an agent removes; one of both is empty."""
+
+    agent: str
+    place: Place
+    node: str = ""
+    edge: tuple[str, str, str] = ("", "", "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopSwitch:
+    """A loop that starts or stops."""
+
+    loop: str
+    runs: bool
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeafBehaviour:
+    """The behavior of a leaf of behavior trees from now on.
+
+    Attributes:
+        result: the result of the leaf; `RUNNING` if it never completes.
+        takes_s: how long the leaf runs before it completes.
+    """
+
+    leaf: str
+    result: Result
+    takes_s: float = 0.0
+
+
+Change = Saying | Behaviour | Alteration | Overriding | Clearing | Placement | Removal | LoopSwitch | LeafBehaviour
+"""A change in the world, or of a loop."""
 
 
 class Verb(StrEnum):
@@ -191,7 +255,17 @@ class Outcome:
     place: Place
 
 
-Check = Belief | RunningCheck | Outcome
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectationCheck:
+    """A check of the last outcome of what a skill expects of a variable."""
+
+    skill: str
+    variable: str
+    expected_outcome: ExpectationOutcome
+    place: Place
+
+
+Check = Belief | RunningCheck | Outcome | ExpectationCheck
 """A check of a moment."""
 
 

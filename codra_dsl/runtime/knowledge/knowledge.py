@@ -224,7 +224,14 @@ class Knowledge:
         Raises:
             LookupError: if an operation fails; ValueError, TypeError, PermissionError and RuntimeError likewise.
         """
-        operations = operations_of(plain_operations)
+        self.write_as(agent, operations_of(plain_operations))
+
+    def write_as(self, agent: str, operations: Sequence[Operation]) -> None:
+        """Apply operations of an agent as one change, whether or not a handle of this agent is open.
+
+        Raises:
+            LookupError: if an operation fails; ValueError, TypeError, PermissionError and RuntimeError likewise.
+        """
 
         def apply_all(change_set: ChangeSet) -> None:
             for operation in operations:

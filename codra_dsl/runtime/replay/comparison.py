@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.journal.spec_summary_changes import Change
+from codra_dsl.runtime.replay.decision_counts import DecisionCounts
 from codra_dsl.runtime.replay.recording import RecordedEvent, Recording
 
 
@@ -39,15 +40,24 @@ class Replayed:
 
     Attributes:
         compared: the number of equal events.
-        derived: the number of derived events by kind.
+        derived: the number of derived events by kind, including the events after a difference.
         absent: kinds of events that the journal does not hold, and that were therefore not compared.
         difference: the first difference, if there is one.
+        decisions: how the decisions on each variable were answered in the run and in the replay.
+        missing_looks: the number of looks in the replay whose results the run does not have, by algorithm or
+            `main_execution`.
+        skipped_inputs: after a difference, the number of inputs that were not possible in the replay, by kind of input.
+        ended_because: why the replay ended before the journal; empty if it did not.
     """
 
     compared: int
     derived: Mapping[Kind, int]
     absent: tuple[Kind, ...]
     difference: Difference | None
+    decisions: Mapping[str, DecisionCounts] = field(default_factory=dict)
+    missing_looks: Mapping[str, int] = field(default_factory=dict)
+    skipped_inputs: Mapping[str, int] = field(default_factory=dict)
+    ended_because: str = ""
 
 
 class Comparison(EventLog):
@@ -58,11 +68,15 @@ class Comparison(EventLog):
         spec_summary: the summary of the spec that is replayed; None before the replay begins.
         accepts_inputs: whether the log accepts inputs; only `copy_log` needs them.
         position: the number of equal events so far.
-        derived: the number of derived events by kind.
+        compared: the number of equal events so far in the range of time whose events are counted.
+        derived: the number of derived events by kind in this range.
         difference: the first difference, if there is one so far.
+        on_event: called with each derived event.
     """
 
-    def __init__(self, recording: Recording, copy_log: EventLog | None) -> None:
+    def __init__(
+        self, recording: Recording, copy_log: EventLog | None, is_in_range: Callable[[float], bool] = lambda _: True
+    ) -> None:
         super().__init__(limit=1)
         self.may_continue = False
         self.spec_summary: SpecSummary | None = None
@@ -70,6 +84,9 @@ class Comparison(EventLog):
         self.position = 0
         self.derived: dict[Kind, int] = {}
         self.difference: Difference | None = None
+        self.on_event: Callable[[Event], None] = lambda _: None
+        self.compared = 0
+        self._is_in_range = is_in_range
         self._recording = recording
         self._copy_log = copy_log
 
@@ -90,7 +107,9 @@ class Comparison(EventLog):
         if self._copy_log is not None:
             self._copy_log.add(event)
         if event.kind is not Kind.INPUT:
-            self.derived[event.kind] = self.derived.get(event.kind, 0) + 1
+            if self._is_in_range(event.instant_s):
+                self.derived[event.kind] = self.derived.get(event.kind, 0) + 1
+            self.on_event(event)
             if event.kind in self._recording.kinds and self.difference is None:
                 self._compare(event)
 
@@ -116,6 +135,7 @@ class Comparison(EventLog):
         if recorded_event is not None and recorded_event.is_equal(event):
             self._recording.drop_expected_event()
             self.position += 1
+            self.compared += self._is_in_range(event.instant_s)
         elif recorded_event is not None or not self.may_continue:
             self._add_difference(recorded_event, replayed=event)
 

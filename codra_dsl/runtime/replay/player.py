@@ -7,8 +7,8 @@ decisions, so a difference means that the spec, the runtime or the journal has c
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from codra_dsl.runtime.context.commands import Commands
@@ -16,14 +16,10 @@ from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal.encoding import parse_json
-from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event
-from codra_dsl.runtime.journal.run_header import RunHeader
-from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance
-from codra_dsl.runtime.knowledge import ConflictError, KnowledgeModel, Snapshot
+from codra_dsl.runtime.knowledge import ConflictError
 from codra_dsl.runtime.knowledge.context_link import RefusedWrite
-from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
-from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
+from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedJobs
 from codra_dsl.runtime.replay.recording import Recording
 
 Build = Callable[..., ContextManager[Any, Any]]
@@ -37,8 +33,15 @@ _POSITION_DETAILS = frozenset({"step", "work", "number"})
 """The details of an input that state its position in the run; they are not arguments."""
 
 
-class _Player:
-    """Passes the inputs of a journal to a context manager, at their positions."""
+class Player:
+    """Passes the inputs of a journal to a context manager.
+
+    Attributes:
+        decisions: the decisions by their numbers in the journal.
+        on_decision: called with each decision that context has answered, or for which the main execution looks now.
+        pending_input: the input that comes next, and has not been passed completely.
+        has_tried_input: whether the player has tried to pass it.
+    """
 
     def __init__(
         self, manager: ContextManager[Any, Any], model: ContextModel, jobs: ReplayedJobs, recording: Recording
@@ -48,13 +51,22 @@ class _Player:
         self._jobs = jobs
         self._variable_names = frozenset(variable.name for variable in model.variables)
         self._skill_names = frozenset(skill.name for skill in model.skills)
-        self._decisions: dict[int, Decision] = {}
+        self.decisions: dict[int, Decision] = {}
+        self.on_decision: Callable[[Decision], None] = lambda _: None
+        self.pending_input: Event | None = None
+        self.has_tried_input = False
+        self._skill_numbers: dict[int, int] = {}
+        self._slot_numbers: dict[int, int] = {}
+        self._begun_skill_count = 0
+        self._slot_request_count = 0
         self._recording = recording
         jobs.repeat_calls = self._repeat_calls_of
 
     def pass_input(self, event: Event) -> None:
         """Pass an input to the context manager; an input that was refused in the run is refused again."""
         details = event.details
+        self._begun_skill_count += event.what == "begin"
+        self._slot_request_count += event.what == "request"
         self._check_names("variable", [details["variable"]] if "variable" in details else [], self._variable_names)
         self._check_names(
             "skill", details.get("skills", [details["skill"]] if "skill" in details else []), self._skill_names
@@ -66,6 +78,29 @@ class _Player:
             raise DivergedError(
                 f"{event.what} of {event.name} cannot be replayed: {type(error).__name__} {error}"
             ) from error
+
+    def resume(self, number: int) -> None:
+        """Read the variable of a decision again after its wait."""
+        decision = self.decisions[number]
+        self._commands.resume(decision)
+        self._note_decision(number, decision, is_waiting=False)
+
+    def conclude_without_result(self, number: int, message: str) -> None:
+        """End a decision for which the main execution looks, without a value; `message` says why there is none."""
+        self._commands.conclude(self.decisions.pop(number), None, message)
+
+    def is_met(self, decision: Decision, now_s: float) -> bool:
+        """Return whether context can answer a decision now."""
+        return decision.request.is_met(self._manager.get(decision.request.variable), now_s)
+
+    def _note_decision(self, number: int, decision: Decision, *, is_waiting: bool) -> None:
+        """Keep a decision that waits or looks."""
+        self.decisions[number] = decision
+        if is_waiting:
+            return
+        self.on_decision(decision)
+        if decision.is_answered:
+            del self.decisions[number]
 
     def _check_names(self, kind: str, names: Sequence[str], declared_names: frozenset[str]) -> None:
         missing_name = next((name for name in names if name not in declared_names), None)
@@ -87,13 +122,13 @@ class _Player:
             case "expect":
                 commands.expect(details["skills"], event.name)
             case "begin":
-                commands.begin(details["skill"], event.name)
+                self._skill_numbers[self._begun_skill_count] = commands.begin(details["skill"], event.name)
             case "act":
-                commands.act(details["number"])
+                commands.act(self._skill_numbers[details["number"]])
             case "acted":
-                commands.acted(details["number"])
+                commands.acted(self._skill_numbers[details["number"]])
             case "finish":
-                commands.finish(details["number"])
+                commands.finish(self._skill_numbers[details["number"]])
             case "leave":
                 commands.leave(event.name)
             case "write":
@@ -104,9 +139,10 @@ class _Player:
             case "clear":
                 commands.clear_override(details["variable"])
             case "request":
-                commands.request_slots(tuple(details["resources"]), lambda: None)
+                slot_number = commands.request_slots(tuple(details["resources"]), lambda: None)
+                self._slot_numbers[self._slot_request_count] = slot_number
             case "release":
-                commands.release_slots(details["number"])
+                commands.release_slots(self._slot_numbers.pop(details["number"]))
             case "delivered":
                 self._jobs.deliver((event.name, details["index"]))
             case "close":
@@ -119,11 +155,14 @@ class _Player:
         match event.what:
             case "decide":
                 request_fields = {key: value for key, value in details.items() if key not in _POSITION_DETAILS}
-                self._decisions[number] = self._commands.ask(DecisionRequest(**request_fields))
+                decision = self._commands.ask(DecisionRequest(**request_fields))
+                self._note_decision(number, decision, is_waiting=is_waiting(decision))
             case "waited":
-                self._commands.resume(self._decisions[number])
+                self.resume(number)
             case "found":
-                decision = self._decisions.pop(number)
+                decision = self.decisions.pop(number)
+                if is_waiting(decision):  # the main execution has abandoned it
+                    self.on_decision(decision)
                 self._commands.conclude(decision, details.get("value"), details.get("raised"))
             case "graph":
                 self._manager.knowledge.replay_operations(event.name, parse_json(details["operations"]))
@@ -145,137 +184,6 @@ class _Player:
                 pass
 
 
-def _show_nothing(_: float) -> None:
-    """Show no progress."""
-
-
-def replay(  # noqa: PLR0917 - the parts of a journal and of a package
-    header: RunHeader,
-    events: Sequence[Event] | Recording,
-    model: ContextModel,
-    build: Build,
-    copy: EventLog | None,
-    knowledge: KnowledgeModel | None = None,
-    progress: Callable[[float], None] = _show_nothing,
-) -> Replayed:
-    """Derive the events of a run again, and compare them with those of its journal.
-
-    Args:
-        header: the run header of the journal.
-        events: the events of the journal, or a recording, which does not hold all events in memory.
-        model: the model of the compiled spec.
-        build: creates the context manager of the package.
-        copy: an event log that receives the derived events, e.g. a `Journal`. If there is no difference, the file of
-            this journal equals, byte for byte, the file of the replayed journal.
-        knowledge: the knowledge graph of the spec, if it has one.
-        progress: this function is called for each input, with the time since the start of the run.
-
-    Raises:
-        JournalError: if the file of the journal exceeds a limit.
-    """
-    recording = events if isinstance(events, Recording) else Recording.of(events)
-    comparison = Comparison(recording, copy)
-    _, _, divergence_text = _play_journal(header, recording, model, build, comparison, knowledge, progress)
-    comparison.check_completeness(divergence_text)
-    recording.check()
-    comparison.end()
-    return Replayed(
-        compared=comparison.position,
-        derived=comparison.derived,
-        absent=comparison.absent(),
-        difference=_with_changes(comparison, header),
-    )
-
-
-def knowledge_at(
-    header: RunHeader, events: Sequence[Event], model: ContextModel, knowledge: KnowledgeModel, instant_s: float
-) -> Snapshot:
-    """Return the knowledge graph at an instant of a run, derived again from the run's journal.
-
-    Args:
-        header: the run header of the journal.
-        events: the events of the journal.
-        model: the model of the compiled spec.
-        knowledge: the knowledge graph of the spec.
-        instant_s: the instant.
-
-    Raises:
-        ValueError: if the run had not begun at that instant, or the journal's events do not follow from its inputs.
-    """
-    if instant_s < header.start_s:
-        raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
-    recording = Recording.of([event for event in events if event.instant_s <= instant_s])
-    comparison = Comparison(recording, None)
-    manager, clock, divergence_text = _play_journal(header, recording, model, ContextManager, comparison, knowledge)
-    if comparison.difference is not None or divergence_text:
-        raise ValueError(f"the journal does not follow from its inputs: {divergence_text or comparison.difference}")
-    clock.advance(instant_s)
-    return manager.knowledge.at(instant_s)
-
-
-def _play_journal(  # noqa: PLR0917 - the arguments of `replay`
-    header: RunHeader,
-    recording: Recording,
-    model: ContextModel,
-    build: Build,
-    comparison: Comparison,
-    knowledge: KnowledgeModel | None,
-    progress: Callable[[float], None] = _show_nothing,
-) -> tuple[ContextManager[Any, Any], ReplayedClock, str]:
-    """Pass a journal's inputs to a new context manager; return this manager, its clock, and why the replay stopped.
-
-    The reason is empty if the replay did not stop before its end.
-    """
-    jobs = ReplayedJobs()
-    recording.on_job_event = jobs.add_event
-    clock = ReplayedClock(header.start_s, jobs)
-    handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    manager_arguments = {
-        "clock": clock,
-        "resources": handles,
-        "seed": header.seed,
-        "record": comparison,
-        "find": jobs.find,
-    }
-    manager = build(model, **manager_arguments, knowledge=knowledge)
-    player = _Player(manager, model, jobs, recording)
-    try:
-        _pass_inputs(player, clock, comparison, recording, lambda now_s: progress(now_s - header.start_s))
-        end_s = header.start_s if recording.end_s is None else recording.end_s
-        while not comparison.is_over and clock.next_event_s() <= end_s:
-            clock.step()  # the journal may end in the middle of the run, after its last input
-    except DivergedError as error:
-        return manager, clock, str(error)
-    finally:
-        recording.check()
-    return manager, clock, ""
-
-
-def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | None:
-    """Return the first difference, with the changes of the spec."""
-    difference = comparison.difference
-    if difference is None or comparison.spec_summary is None:
-        return difference
-    names = [event.name for event in (difference.replayed, difference.recorded) if event is not None]
-    return replace(difference, changes=changes_by_distance(names, header.summary, comparison.spec_summary))
-
-
-def _pass_inputs(
-    player: _Player,
-    clock: ReplayedClock,
-    comparison: Comparison,
-    recording: Recording,
-    progress: Callable[[float], None],
-) -> None:
-    while (next_input := recording.take_input()) is not None:
-        event, is_last = next_input
-        while clock.step_count < event.details["step"] and comparison.difference is None:
-            if clock.next_event_s() > event.instant_s:
-                raise DivergedError
-            clock.step()
-        if comparison.difference is not None:
-            return
-        clock.advance(event.instant_s)
-        progress(event.instant_s)
-        comparison.may_continue |= is_last  # a journal may break off within the events of its last input
-        player.pass_input(event)
+def is_waiting(decision: Decision) -> bool:
+    """Return whether a decision waits for observers after its question."""
+    return math.isnan(decision.looked_s) and not decision.is_met and decision.request.wait_up_to_s > 0

@@ -7,9 +7,11 @@ meanwhile. Therefore a recording is read up to the next input of a program befor
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from itertools import takewhile
 from typing import Self
 
 from codra_dsl.runtime.journal.encoding import message_of
@@ -19,6 +21,8 @@ from codra_dsl.runtime.journal.schemas import kind_of
 
 _WHAT_KEY = b'"what":'
 _STARTED = b'"started"'
+_MAX_DELAY_S = 60.0
+_MAX_INPUTS_BEFORE_LATE_STEP = 10_000
 
 
 class RecordedEvent:
@@ -62,7 +66,9 @@ class Recording:
 
     Attributes:
         kinds: the kinds of events that the journal has.
-        on_job_event: called with each event about a job's evidence or end, when it is read.
+        on_job_event: called with each event about a job's evidence or end, when it is read; after `expect_nothing`,
+            also with each start of a job.
+        on_decision: called with each event of a decision, when it is read.
         calls: for each job, the inputs that are calls of its function. The key is the number of the job.
     """
 
@@ -75,6 +81,7 @@ class Recording:
         """
         self.kinds = frozenset(kinds)
         self.on_job_event: Callable[[Event], None] = lambda _: None
+        self.on_decision: Callable[[Event], None] = lambda _: None
         self.calls: dict[int, list[Event]] = {}
         self._events = events
         self._failure: Exception | None = None
@@ -82,6 +89,8 @@ class Recording:
         self._inputs: deque[Event] = deque()
         self._program_input_count = 0
         self._expected_events: deque[RecordedEvent] = deque()
+        self._is_expecting = True
+        self._late_steps: set[int] = set()
 
     @classmethod
     def of(cls, events: Sequence[Event]) -> Self:
@@ -89,11 +98,15 @@ class Recording:
         return cls({event.kind for event in events}, map(_recorded_event, events))
 
     @classmethod
-    def of_file(cls, reader: JournalReader, kinds: Iterable[Kind]) -> Self:
-        """Return a recording of a journal's file; the reader must not have read a message yet, and stays open."""
+    def of_file(cls, reader: JournalReader, kinds: Iterable[Kind], to_s: float = math.inf) -> Self:
+        """Return a recording of a journal's file, up to an instant.
+
+        The reader must not have read a message yet, and stays open.
+        """
+        raw_messages = takewhile(lambda message: message.message.log_time <= to_s * 1e9 + 0.5, reader.raw_messages())
         recorded_events = (
             RecordedEvent(kind, raw_message.message.data, partial(reader.event, raw_message))
-            for raw_message in reader.raw_messages()
+            for raw_message in raw_messages
             if (kind := kind_of(raw_message.channel.topic)) is not None
         )
         return cls(kinds, recorded_events)
@@ -118,6 +131,32 @@ class Recording:
         is_of_program = event.what != "evidence"
         self._program_input_count -= is_of_program
         return event, is_of_program and not self._program_input_count
+
+    def is_late(self, step: int, due_s: float) -> bool:
+        """Return whether the run may have made a step more than a tolerance after the step was due.
+
+        A late step is an input of its own. The journal is read until it shows whether there was one, but not beyond
+        limits that hardly any late step exceeds.
+        """
+        while step not in self._late_steps:
+            last_input = self._inputs[-1] if self._inputs else None
+            if last_input is not None and (
+                last_input.details["step"] > step
+                or last_input.instant_s > due_s + _MAX_DELAY_S
+                or len(self._inputs) > _MAX_INPUTS_BEFORE_LATE_STEP
+            ):
+                return False
+            if not self._read_next():
+                return True  # the step may have come after the end of the journal
+        return True
+
+    def expect_nothing(self) -> None:
+        """From now on, keep no events for a comparison, because the replay has differed from the run."""
+        self._is_expecting = False
+        for recorded_event in self._expected_events:
+            if recorded_event.kind is Kind.JOB and not recorded_event.is_job_end and recorded_event.event is not None:
+                self.on_job_event(recorded_event.event)
+        self._expected_events.clear()
 
     def check(self) -> None:
         """Raise the error that ended the reading of the journal; do nothing if there was none."""
@@ -155,18 +194,23 @@ class Recording:
 
     def _add(self, recorded_event: RecordedEvent) -> None:
         self._last_event = recorded_event
-        if recorded_event.kind is not Kind.INPUT:
+        if recorded_event.kind is not Kind.INPUT and self._is_expecting:
             self._expected_events.append(recorded_event)
-        is_needed = recorded_event.kind is Kind.INPUT or recorded_event.is_job_end
-        event = recorded_event.event if is_needed else None
+        is_used = recorded_event.kind in (Kind.INPUT, Kind.DECISION) or recorded_event.is_job_end
+        is_job_start = recorded_event.kind is Kind.JOB and not self._is_expecting
+        event = recorded_event.event if is_used or is_job_start else None
         if event is None:
             return
+        if event.kind is Kind.DECISION:
+            self.on_decision(event)
         if "index" in event.details:
             self.on_job_event(event)
         if event.kind is Kind.INPUT and "work" in event.details:
             self.calls.setdefault(event.details["work"], []).append(event)
         elif event.kind is Kind.INPUT:
             self._inputs.append(event)
+            if event.what == "late":
+                self._late_steps.add(event.details["step"])
             self._program_input_count += event.what != "evidence"
 
 

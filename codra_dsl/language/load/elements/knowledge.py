@@ -85,7 +85,7 @@ def build_edge(reader: Reader) -> EdgeType:
         sources=_read_writers(reader),
         attributes=tuple(_read_attributes(reader)),
         motion=_read_motion(reader) if label == RT else None,
-        pose=_read_pose(reader.inner(pose, "pose")) if isinstance(pose, MappingNode) and label == RT else None,
+        pose=read_pose(reader.inner(pose, "pose")) if isinstance(pose, MappingNode) and label == RT else None,
         places=reader.places(),
     )
 
@@ -195,7 +195,8 @@ def _read_motion(reader: Reader) -> Motion:
     )
 
 
-def _read_pose(reader: Reader) -> StartingPose:
+def read_pose(reader: Reader) -> StartingPose:
+    """Return the pose that a mapping of lengths and angles describes; missing values are 0."""
     x, y, z = (_read_quantity(reader, key, _METRE, "a length") for key in ("x", "y", "z"))
     roll, pitch, yaw = (_read_quantity(reader, key, _RADIAN, "an angle") for key in ("roll", "pitch", "yaw"))
     return StartingPose(translation_m=(x, y, z), rotation_rad=(roll, pitch, yaw))

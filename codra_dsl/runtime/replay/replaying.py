@@ -1,0 +1,225 @@
+"""Derive the events of a run again from its journal, and compare them with the recorded events."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
+from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.journal.event_log import EventLog
+from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.journal.run_header import RunHeader
+from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance
+from codra_dsl.runtime.knowledge import KnowledgeModel, Snapshot
+from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
+from codra_dsl.runtime.replay.decision_counts import DecisionComparison
+from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
+from codra_dsl.runtime.replay.player import Player
+from codra_dsl.runtime.replay.recording import Recording
+from codra_dsl.runtime.replay.undetermined import Undetermined
+from codra_dsl.runtime.replay.what_if import WhatIf, count_decision
+
+Build = Callable[..., ContextManager[Any, Any]]
+"""Creates the context manager of a package: a class with the parameters of `ContextManager`."""
+
+
+def _show_nothing(_: float) -> None:
+    """Show no progress."""
+
+
+def replay(  # noqa: PLR0917 - the parts of a journal and of a package
+    header: RunHeader,
+    events: Sequence[Event] | Recording,
+    model: ContextModel,
+    build: Build,
+    copy: EventLog | None,
+    knowledge: KnowledgeModel | None = None,
+    progress: Callable[[float], None] = _show_nothing,
+    from_s: float = -math.inf,
+) -> Replayed:
+    """Derive the events of a run again, and compare them with those of its journal.
+
+    After the first difference, the replay goes on to the end of the journal: it counts how decisions would have been
+    answered.
+
+    Args:
+        header: the run header of the journal.
+        events: the events of the journal, or a recording, which does not hold all events in memory.
+        model: the model of the compiled spec.
+        build: creates the context manager of the package.
+        copy: an event log that receives the derived events, e.g. a `Journal`. If there is no difference, the file of
+            this journal equals, byte for byte, the file of the replayed journal.
+        knowledge: the knowledge graph of the spec, if it has one.
+        progress: this function is called for each input, with the time since the start of the run.
+        from_s: earlier events and decisions are not counted. A difference is reported, whenever it is.
+
+    Raises:
+        JournalError: if the file of the journal exceeds a limit.
+    """
+
+    def is_in_range(instant_s: float) -> bool:
+        return instant_s >= from_s
+
+    def show_progress(now_s: float) -> None:
+        progress(now_s - header.start_s)
+
+    recording = events if isinstance(events, Recording) else Recording.of(events)
+    comparison = Comparison(recording, copy, is_in_range)
+    decisions = DecisionComparison(is_in_range)
+    recording.on_decision = decisions.add_recorded
+    parts = _prepare(header, recording, model, build, comparison, knowledge)
+    summary = header.summary if comparison.spec_summary is None else comparison.spec_summary
+    undetermined = Undetermined(summary)
+    parts.player.on_decision = count_decision(decisions, undetermined)
+    comparison.check_completeness(_play(parts, recording, comparison, show_progress))
+    ended_because, skipped_inputs = "", Counter[str]()
+    if comparison.difference is not None:
+        comparison.on_event = undetermined.add_event
+        what_if = WhatIf(
+            player=parts.player,
+            clock=parts.clock,
+            jobs=parts.jobs,
+            recording=recording,
+            undetermined=undetermined,
+            decisions=decisions,
+            summary=summary,
+        )
+        try:
+            what_if.go_on(show_progress)
+        except DivergedError as error:
+            ended_because = str(error)
+        skipped_inputs = what_if.skipped_inputs
+    recording.check()
+    comparison.end()
+    return Replayed(
+        compared=comparison.compared,
+        derived=comparison.derived,
+        absent=comparison.absent(),
+        difference=_with_changes(comparison, header),
+        decisions=decisions.counts(),
+        missing_looks=dict(sorted(undetermined.missing_looks.items())),
+        skipped_inputs=dict(sorted(skipped_inputs.items())),
+        ended_because=ended_because,
+    )
+
+
+def knowledge_at(
+    header: RunHeader, events: Sequence[Event], model: ContextModel, knowledge: KnowledgeModel, instant_s: float
+) -> Snapshot:
+    """Return the knowledge graph at an instant of a run, derived again from the run's journal.
+
+    Args:
+        header: the run header of the journal.
+        events: the events of the journal.
+        model: the model of the compiled spec.
+        knowledge: the knowledge graph of the spec.
+        instant_s: the instant.
+
+    Raises:
+        ValueError: if the run had not begun at that instant, or the journal's events do not follow from its inputs.
+    """
+    if instant_s < header.start_s:
+        raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
+    recording = Recording.of([event for event in events if event.instant_s <= instant_s])
+    comparison = Comparison(recording, None)
+    parts = _prepare(header, recording, model, ContextManager, comparison, knowledge)
+    divergence_text = _play(parts, recording, comparison, _show_nothing)
+    if comparison.difference is not None or divergence_text:
+        raise ValueError(f"the journal does not follow from its inputs: {divergence_text or comparison.difference}")
+    parts.clock.advance(instant_s)
+    return parts.manager.knowledge.at(instant_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Parts:
+    """The parts of a replay."""
+
+    manager: ContextManager[Any, Any]
+    clock: ReplayedClock
+    jobs: ReplayedJobs
+    player: Player
+
+
+def _prepare(  # noqa: PLR0917 - the arguments of `replay`
+    header: RunHeader,
+    recording: Recording,
+    model: ContextModel,
+    build: Build,
+    comparison: Comparison,
+    knowledge: KnowledgeModel | None,
+) -> _Parts:
+    """Return a new context manager, and what passes the journal's inputs to it."""
+    jobs = ReplayedJobs(lambda: comparison.difference is None)
+    recording.on_job_event = jobs.add_event
+    clock = ReplayedClock(header.start_s, jobs)
+    handles = {resource.name: None for resource in model.resources if resource.slots is None}
+    manager_arguments = {
+        "clock": clock,
+        "resources": handles,
+        "seed": header.seed,
+        "record": comparison,
+        "find": jobs.find,
+    }
+    manager = build(model, **manager_arguments, knowledge=knowledge)
+    return _Parts(manager=manager, clock=clock, jobs=jobs, player=Player(manager, model, jobs, recording))
+
+
+def _play(parts: _Parts, recording: Recording, comparison: Comparison, progress: Callable[[float], None]) -> str:
+    """Pass a journal's inputs until the first difference; return why the replay stopped before its end, if it did."""
+    clock = parts.clock
+    try:
+        _pass_inputs(parts.player, clock, comparison, recording, progress)
+        end_s = clock.now_s() if recording.end_s is None else recording.end_s
+        while not comparison.is_over and clock.next_event_s() <= end_s:
+            clock.step()  # the journal may end in the middle of the run, after its last input
+    except DivergedError as error:
+        return str(error)
+    finally:
+        recording.check()
+    return ""
+
+
+def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | None:
+    """Return the first difference, with the changes of the spec."""
+    difference = comparison.difference
+    if difference is None or comparison.spec_summary is None:
+        return difference
+    names = [event.name for event in (difference.replayed, difference.recorded) if event is not None]
+    return replace(difference, changes=changes_by_distance(names, header.summary, comparison.spec_summary))
+
+
+def _pass_inputs(
+    player: Player,
+    clock: ReplayedClock,
+    comparison: Comparison,
+    recording: Recording,
+    progress: Callable[[float], None],
+) -> None:
+    while (next_input := recording.take_input()) is not None:
+        event, is_last = next_input
+        player.pending_input, player.has_tried_input = event, False
+        while clock.step_count < event.details["step"] and comparison.difference is None:
+            if clock.next_event_s() > event.instant_s:
+                raise DivergedError
+            clock.step()
+        while comparison.difference is None and _has_missed_step(clock, event.instant_s, recording):
+            clock.step()
+        if comparison.difference is not None:
+            return
+        clock.advance(event.instant_s)
+        progress(event.instant_s)
+        comparison.may_continue |= is_last  # a journal may break off within the events of its last input
+        player.has_tried_input = True
+        player.pass_input(event)
+        player.pending_input = None
+
+
+def _has_missed_step(clock: ReplayedClock, instant_s: float, recording: Recording) -> bool:
+    """Return whether a step of the replay was due before an instant, and the run did not make this step later."""
+    due_s = clock.next_event_s()
+    return due_s < instant_s - PUNCTUALITY_TOLERANCE_S and not recording.is_late(clock.step_count, due_s)

@@ -1,0 +1,103 @@
+"""What a what-if replay can know about variables.
+
+After its first difference, a replay may need a result that the run does not have: of a look at a time at which the run
+did not look, or of the main execution's own look. No value is invented for it. The variables that such a result could
+have changed are undetermined, and so are all variables whose observers depend on them, until evidence of the run
+identifies them again.
+
+If the package looks at other times than the run, the replay assumes that its looks happen when those of the run
+happened. Variables that rest on this assumption are called assumed. A look that finds no look of the run within the
+period of its observer is missing, and its variables are undetermined.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+
+from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.spec_summary import SpecSummary
+from codra_dsl.runtime.values.declarations import MAIN
+from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis
+
+
+class Undetermined:
+    """The undetermined and the assumed variables at the present instant of a replay.
+
+    Attributes:
+        missing_looks: the number of looks whose results the run does not have, by algorithm or `main_execution`.
+        variables: the undetermined variables.
+        assumed_variables: the variables whose readings assume that the package looks when the run looked.
+    """
+
+    def __init__(self, summary: SpecSummary) -> None:
+        """Begin with readings that are all known to the replay."""
+        self.missing_looks: Counter[str] = Counter()
+        self.variables: set[str] = set()
+        self.assumed_variables: set[str] = set()
+        self._identified_variables = {name: set(algorithm.identifies) for name, algorithm in summary.algorithms.items()}
+        self._read_variables: Mapping[str, set[str]] = {
+            name: {variable for rule in algorithm.preconditions for variable in rule.term.variables()}
+            for name, algorithm in summary.algorithms.items()
+        }
+        self._variables_with_memory = {
+            variable
+            for algorithm in summary.algorithms.values()
+            for variable, rule in algorithm.identifies.items()
+            if isinstance(rule.term, DebouncedCondition | Hysteresis)
+        }
+        self._shifted_algorithms: set[str] = set()
+        self._overdue_algorithms: set[str] = set()
+
+    def begin_shifted_look(self, algorithm: str) -> None:
+        """Handle the start of a look at a time at which the run began none."""
+        self._shifted_algorithms.add(algorithm)
+        self.assumed_variables |= self._with_dependents(self._identified_variables.get(algorithm, ()))
+
+    def miss_look(self, algorithm: str) -> None:
+        """Handle a look for which the run has no look within the period."""
+        self._overdue_algorithms.add(algorithm)
+        self.missing_looks[algorithm] += 1
+        self.variables |= self._with_dependents(self._identified_variables.get(algorithm, ()))
+
+    def end_look(self, algorithm: str, *, is_known: bool, is_shifted: bool) -> None:
+        """Handle the end of a look: with a result of the run, or with a result that the run does not have."""
+        if not is_known and algorithm not in self._overdue_algorithms:
+            self.miss_look(algorithm)
+        self._overdue_algorithms.discard(algorithm)
+        if not is_shifted:
+            self._shifted_algorithms.discard(algorithm)
+
+    def miss_look_of_main_execution(self, variable: str) -> None:
+        """Handle an own look of the main execution that the run did not make."""
+        self.missing_looks[MAIN] += 1
+        self.variables |= self._with_dependents([variable])
+
+    def add_event(self, event: Event) -> None:
+        """Handle an event of the replay: evidence of the run may determine a variable again."""
+        if event.kind is not Kind.VARIABLE or event.what != "identified" or not event.details.get("present"):
+            return
+        variable, source = event.name, event.details["source"]
+        read_variables = self._read_variables.get(source, set())
+        may_change = any(variable in self._identified_variables[algorithm] for algorithm in self._overdue_algorithms)
+        has_memory = source in self._identified_variables and variable in self._variables_with_memory
+        if not may_change and not has_memory and self.variables.isdisjoint(read_variables):
+            self.variables.discard(variable)
+        if source in self._shifted_algorithms or not self.assumed_variables.isdisjoint(read_variables):
+            self.assumed_variables |= self._with_dependents([variable])
+        elif not has_memory:
+            self.assumed_variables.discard(variable)
+
+    def _with_dependents(self, variables: Iterable[str]) -> set[str]:
+        """Return variables, and all variables whose observers depend on them."""
+        dependents = set(variables)
+        new_variables = set(dependents)
+        while new_variables:
+            new_variables = {
+                identified_variable
+                for algorithm, read_variables in self._read_variables.items()
+                if not read_variables.isdisjoint(new_variables)
+                for identified_variable in self._identified_variables[algorithm]
+            } - dependents
+            dependents |= new_variables
+        return dependents

@@ -1,0 +1,246 @@
+"""A replay after its first difference: its claims about decisions, against runs of the changed package."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from hypothesis import given as given_examples
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from codra_dsl.logic import Term, value
+from codra_dsl.runtime import ContextManager, ContextModel, Journal, SimClock
+from codra_dsl.runtime.journal import Event, Kind
+from codra_dsl.runtime.journal.run_header import RunHeader
+from codra_dsl.runtime.replay import DecisionCounts, Replayed, replay, what_if
+from codra_dsl.runtime.replay.decision_counts import total
+from codra_dsl.runtime.values.model import SkillModel, integer
+from tests.runtime.forests import Look, World, algorithm, forest, given, observer, variable
+from tests.runtime.journal.journals import read
+
+Manager = ContextManager[str, str]
+DECISIONS = 5
+SLOT_S = 2.0
+"""The time between two decisions of the program; every decision is over after it."""
+
+RESULT = {"number": integer(0, 9), "quality": integer(0, 9)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thresholds:
+    """What differs between two packages."""
+
+    near: int = 4
+    open: int = 4
+    quality: int = 0
+    light: int = 0
+    has_spare: bool = False
+
+    def model(self) -> ContextModel:
+        settings: dict[str, Any] = {"period_s": 0.5}
+        measure = self._look("measure", "near", self.near, [value("light") > self.light])
+        looks = [self._look("look", "open", self.open, [value("near")])]
+        if self.has_spare:
+            looks.append(self._look("spare", "open", self.open, [value("light") > self.light]))
+        return forest(
+            [
+                given("light", type=integer(0, 9)),
+                variable("near", valid_for_s=3.0),
+                variable("open", valid_for_s=4.0, when_unobservable="forget"),
+            ],
+            observer("o_near", measure, **settings),
+            observer("o_open", *looks, **settings),
+            skills=[SkillModel(name="push", changes=("open",))],
+        )
+
+    def _look(self, name: str, identified: str, threshold: int, when: Sequence[Term]) -> Look:
+        accept = [value("quality") >= self.quality]
+        return Look(algorithm(name, RESULT), {identified: value("number") > threshold}, when, accept)
+
+
+def world_of(chance: random.Random) -> Callable[[str, float], Mapping[str, int]]:
+    """Return a world that changes now and then; every look sees the world as it is when the look begins."""
+    changes = {name: sorted(chance.uniform(0, 30) for _ in range(6)) for name in ("measure", "look", "spare")}
+    values = {(name, index): (chance.randrange(10), chance.randrange(10)) for name in changes for index in range(7)}
+
+    def see(name: str, now_s: float) -> Mapping[str, int]:
+        number, quality = values[name, sum(change_s <= now_s for change_s in changes[name])]
+        return {"number": number, "quality": quality}
+
+    return see
+
+
+def run(path: Path, thresholds: Thresholds, seed: int) -> tuple[RunHeader, list[Event]]:
+    """Run a program that decides, acts and writes at the same instants with any thresholds."""
+    chance = random.Random(seed)
+    see, clock, duration_s = world_of(chance), SimClock(), chance.choice([0.0, 0.1, 0.3])
+
+    def find(name: str) -> Callable[[Any], object]:
+        def look(job: Any) -> object:
+            seen = see(name, job.now_s())
+            job.evidence(job.now_s(), job.now_s())
+            job.sleep(duration_s)
+            return seen
+
+        return look
+
+    world = World({name: find(name) for name in ("measure", "look", "spare")})
+    resources = {"world": world}
+    with Manager(thresholds.model(), clock=clock, resources=resources, record=Journal(path)) as manager:
+        for name in ("near", "open"):
+            manager.declare(name)
+        for slot in range(1, DECISIONS + 1):
+            name, max_age_s = chance.choice(["near", "open"]), chance.choice([0.4, 2.0, 60.0])
+            manager.set("light", chance.choice([2, 5, 8]))
+            clock.sleep(chance.choice([0.3, 0.45, 0.7]))
+            found, wait_up_to_s = chance.choice([True, False, None]), chance.choice([0.0, 0.4])
+            manager.decide(name, lambda: found, max_age_s=max_age_s, wait_up_to_s=wait_up_to_s)  # noqa: B023
+            if chance.random() < 0.3:
+                with manager.skill("push") as skill, skill.acting():
+                    pass
+            clock.sleep(slot * SLOT_S - clock.now_s())
+    return read(path)
+
+
+def decisions_of(events: Sequence[Event]) -> list[tuple[bool, object]]:
+    """Return, for each decision, whether context answered it, and the value."""
+    decisions = [event for event in events if event.kind is Kind.DECISION]
+    return [(event.what == "answered", event.details.get("value")) for event in decisions]
+
+
+def replayed(header: RunHeader, events: Sequence[Event], thresholds: Thresholds, from_s: float = 0.0) -> Replayed:
+    return replay(header, events, thresholds.model(), Manager, None, from_s=from_s)
+
+
+def claim_about(header: RunHeader, events: Sequence[Event], thresholds: Thresholds, index: int) -> DecisionCounts:
+    """Return the counts of one decision: those from its question on, less those from the next question on."""
+    asked_s = [event.details["asked_s"] for event in events if event.kind is Kind.DECISION] + [math.inf]
+    now, later = (
+        total(replayed(header, events, thresholds, from_s).decisions) for from_s in asked_s[index : index + 2]
+    )
+    names = DecisionCounts.__dataclass_fields__
+    return DecisionCounts(**{name: getattr(now, name) - getattr(later, name) for name in names})
+
+
+THRESHOLDS = st.builds(
+    Thresholds,
+    near=st.integers(0, 8),
+    open=st.integers(0, 8),
+    quality=st.integers(0, 5),
+    light=st.integers(0, 6),
+    has_spare=st.booleans(),
+)
+
+
+@given_examples(THRESHOLDS, THRESHOLDS, st.integers(0, 10_000), st.integers(0, DECISIONS - 1))
+@settings(max_examples=5)
+def test_a_claim_without_an_assumption_is_what_the_changed_package_does(
+    before: Thresholds, after: Thresholds, seed: int, index: int
+) -> None:
+    with TemporaryDirectory() as folder:
+        header, events = run(Path(folder) / "before.mcap", before, seed)
+        _, events_after = run(Path(folder) / "after.mcap", after, seed)
+
+    claim = claim_about(header, events, after, index)
+    (was_answered, value_before), (is_answered, value_after) = (
+        decisions_of(each)[index] for each in (events, events_after)
+    )
+    assert (claim.decisions, claim.recorded) == (1, was_answered)
+    if not claim.unknown and not claim.assumed:
+        assert claim.replayed == is_answered
+        assert claim.other_value == (was_answered and is_answered and value_before != value_after)
+
+
+# A door that a robot approaches: the cases one by one
+
+
+def door_run(path: Path, near: int = 4, light: int = 0, **settings: Any) -> tuple[RunHeader, list[Event]]:
+    """Run a robot that decides on `near` four times; the light is too weak before 3 s in the changed packages."""
+    clock, world = SimClock(), World({"measure": {"number": 6, "quality": 9}})
+    model = Thresholds(near=near, light=light).model()
+    with Manager(model, clock=clock, resources={"world": world}, record=Journal(path), **settings) as manager:
+        manager.declare("near")
+        manager.set("light", 3)
+        for instant_s in (1.2, 2.2, 4.2, 5.2):
+            if instant_s > 3.0:
+                clock.sleep(3.3 - min(clock.now_s(), 3.3))
+                manager.set("light", 9)
+            clock.sleep(instant_s - clock.now_s())
+            manager.decide("near", lambda: None)
+    return read(path)
+
+
+def test_another_threshold_changes_values_and_everything_is_known(tmp_path: Path) -> None:
+    header, events = door_run(tmp_path / "run.mcap")
+
+    result = replayed(header, events, Thresholds(near=7))
+    assert result.decisions == {"near": DecisionCounts(decisions=4, recorded=4, replayed=4, other_value=4)}
+    assert (result.missing_looks, result.skipped_inputs, result.ended_because) == ({}, {}, "")
+
+
+def test_decisions_that_would_need_a_look_are_counted_and_its_result_stays_unknown(tmp_path: Path) -> None:
+    header, events = door_run(tmp_path / "run.mcap")
+
+    result = replayed(header, events, Thresholds(light=5))
+    counts = result.decisions["near"]
+    assert (counts.decisions, counts.recorded, counts.lost) == (4, 4, 1)
+    assert counts.unknown >= 1, "the first look of the main execution might have been kept"
+    assert result.missing_looks.keys() == {"main_execution"}
+
+
+def test_a_look_that_the_run_did_not_make_has_no_invented_result(tmp_path: Path) -> None:
+    header, events = door_run(tmp_path / "run.mcap", light=5)
+
+    result = replayed(header, events, Thresholds(light=0))
+    counts = result.decisions["near"]
+    assert (counts.decisions, counts.recorded, counts.gained, counts.unknown) == (4, 2, 0, 2)
+    assert result.missing_looks["measure"] > 0
+
+
+def test_an_unchanged_package_gives_the_counts_of_the_run(tmp_path: Path) -> None:
+    header, events = door_run(tmp_path / "run.mcap", light=5)
+
+    result = replayed(header, events, Thresholds(light=5))
+    assert result.difference is None
+    assert result.decisions == {"near": DecisionCounts(decisions=4, recorded=2, replayed=2)}
+
+
+def test_only_events_and_decisions_from_an_instant_on_are_counted(tmp_path: Path) -> None:
+    header, events = door_run(tmp_path / "run.mcap")
+
+    result = replayed(header, events, Thresholds(), from_s=4.0)
+    assert result.decisions == {"near": DecisionCounts(decisions=2, recorded=2, replayed=2)}
+    assert result.compared == sum(event.kind is not Kind.INPUT and event.instant_s >= 4.0 for event in events)
+
+
+def test_inputs_that_are_not_possible_in_the_package_are_skipped_and_counted(tmp_path: Path) -> None:
+    with Manager(
+        forest([given("light", type=integer(0, 9)), given("door")]),
+        clock=SimClock(),
+        resources={"world": World()},
+        record=Journal(tmp_path / "run.mcap"),
+    ) as manager:
+        manager.set("door", True)
+        manager.set("light", 3)
+        assert manager.decide("light", lambda: None) == 3
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replay(header, events, forest([given("light", type=integer(0, 9))]), Manager, None)
+    assert result.skipped_inputs == {"write": 1}
+    assert result.decisions == {"light": DecisionCounts(decisions=1, recorded=1, replayed=1)}
+
+
+def test_a_forged_journal_cannot_let_a_replay_go_on_forever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(what_if, "MAX_STEPS_BETWEEN_INPUTS", 300)
+    header, events = door_run(tmp_path / "run.mcap", light=5)
+    last_input = max(index for index, event in enumerate(events) if event.kind is Kind.INPUT)
+    forged = [*events[:last_input], replace(events[last_input], instant_s=1e12), *events[last_input + 1 :]]
+
+    assert "steps since the last input of the run" in replayed(header, forged, Thresholds(light=0)).ended_because
