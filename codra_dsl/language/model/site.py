@@ -44,6 +44,9 @@ class Handle:
     arguments: tuple[tuple[str, Literal], ...]
     place: Place
 
+    def __str__(self) -> str:
+        return f"{self.call}({', '.join(f'{name}={value!r}' for name, value in self.arguments)})"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
@@ -58,3 +61,7 @@ class Site:
     place: Place
     replacements: tuple[Replacement, ...]
     handles: tuple[Handle, ...] = ()
+
+    def replacement_around(self, place: Place) -> Replacement | None:
+        """Return the value of the site that contains a place; None if there is none."""
+        return next((value for value in self.replacements if value.extent.span.contains(place.span)), None)

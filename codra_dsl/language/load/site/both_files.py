@@ -40,19 +40,11 @@ def name_both_files(
 
 def _places_in_spec(place: Place, site: Site) -> Iterator[Related]:
     """Yield the place in the spec of the value of a site at a place."""
-    for replacement in site.replacements:
-        if _is_within(place, replacement.extent):
-            if replacement.replaced is None:
-                yield Related("the spec leaves this value out", replacement.element)
-            else:
-                yield Related("it replaces this value of the spec", replacement.replaced)
-            return
-
-
-def _is_within(place: Place, extent: Place) -> bool:
-    inner, outer = place.span, extent.span
-    starts_within = (outer.line, outer.column) <= (inner.line, inner.column)
-    return starts_within and (inner.end_line, inner.end_column) <= (outer.end_line, outer.end_column)
+    value = site.replacement_around(place)
+    if value is not None and value.replaced is None:
+        yield Related("the spec leaves this value out", value.element)
+    elif value is not None and value.replaced is not None:
+        yield Related("it replaces this value of the spec", value.replaced)
 
 
 def _values_of_site(diagnostic: Diagnostic, site: Site) -> Iterator[Related]:
