@@ -70,7 +70,7 @@ class LintInput:
         return len(file_sets) - len(outside_file_sets), hint
 
 
-def input_from_files(paths: list[Path], sites: list[Path], timings: Timings) -> LintInput:
+def input_from_files(paths: list[Path], timings: Timings, sites: Sequence[Path] = ()) -> LintInput:
     """Return the specs at or below some paths, with the values of some sites, as the input of linting."""
     from codra_dsl.language.project import relative_path
 

@@ -67,7 +67,7 @@ def lint_command(
     if is_text and site:
         raise typer.BadParameter("a site cannot be combined with a spec from standard input", param_hint="--site")
     lint_input = (
-        input_from_standard_input(stage_timings) if is_text else input_from_files(paths, site or [], stage_timings)
+        input_from_standard_input(stage_timings) if is_text else input_from_files(paths, stage_timings, site or ())
     )
     text = None if lint_input.stdin_data is None else lint_input.stdin_data.decode("utf-8", errors="replace")
     view = View(

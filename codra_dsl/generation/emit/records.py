@@ -152,8 +152,9 @@ def _other_place_text(place: Place, site: Site) -> str:
     value = site.replacement_around(place)
     if value is not None:
         return "" if value.replaced is None else f', "replaces": {{{_span_entries(value.replaced.span)}}}'
-    values = (value for value in site.replacements if value.element.span in (place.span, place.use))
-    first_value = next(values, None)
+    arguments = [value for value in site.replacements if value.section == "use" and value.element.span == place.use]
+    values = [value for value in site.replacements if value.element == place]
+    first_value = next(iter((*values, *arguments)), None)
     return "" if first_value is None else f', "site": {{{_span_entries(first_value.place.span)}}}'
 
 
@@ -213,6 +214,8 @@ def model_digest(plan: BuildPlan) -> str:
     meaningful_values = (*basic_values, *knowledge_values) if spec.knows else basic_values
     if checked.mape is not None:
         meaningful_values = (*meaningful_values, *_loop_values(checked))
+    if spec.site is not None:
+        meaningful_values = (*meaningful_values, *spec.site.handles)
     return _digest(_meaning(meaningful_values))
 
 

@@ -13,7 +13,7 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.file_queries import real_path
 from codra_dsl.language.load.calls import DeclaredNames, check_calls
 from codra_dsl.language.load.elements.elements import Elements
-from codra_dsl.language.load.elements.handles import take_handles
+from codra_dsl.language.load.elements.handles import report_handles_of_slots, take_handles
 from codra_dsl.language.load.instantiation import Uses
 from codra_dsl.language.load.loop_variables import with_loop_variables
 from codra_dsl.language.load.parts import Parts
@@ -127,6 +127,7 @@ def _read_spec(
     uses.create_elements(parts.documents, module_names, elements)
     uses.try_unused_templates()
     elements.report_comments()
+    report_handles_of_slots(handles, elements.elements_by_section["resources"], findings)
     if name is None:
         return None
     module_files = check_calls(

@@ -35,6 +35,7 @@ from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, KnowledgeModel, nodes_of_variables
 from codra_dsl.runtime.observers.waiting import wait_for
 from codra_dsl.runtime.perception import Cost, Function, check_handles, imported
+from codra_dsl.runtime.perception.site_handles import with_site_handles
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading
 from codra_dsl.runtime.values.declarations import MAIN, OBSERVER
 from codra_dsl.runtime.values.model import Algorithm, SkillModel, VariableModel
@@ -76,7 +77,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         Args:
             model: the compiled spec.
             clock: real or simulated time.
-            resources: the handle of each resource without slots, by name.
+            resources: the handle of each resource without slots, by name; handles that the site states may be left out.
             seed: the seed of `job.random` in jobs.
             record: the event log for every change; by default a new one.
             find: returns the perception function of an algorithm; by default, the function that `call` of the algorithm
@@ -87,6 +88,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             CallError: if a perception function cannot be imported, or a handle is missing or not usable.
         """
         check_handles(model.resources, resources)
+        resources = with_site_handles(model.resources, resources, clock)
         self.record = EventLog() if record is None else record
         self.model = model
         components = Components(model, clock=clock, resources=resources, record=self.record, seed=seed, find=find)

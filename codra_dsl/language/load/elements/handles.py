@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
+from codra_dsl.language.diagnostics import Related
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.values import read_literal
 from codra_dsl.language.load.schema.document import section_of
@@ -15,15 +16,17 @@ from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import MappingNode
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.reader import Reader, entries
-from codra_dsl.language.model import Handle
+from codra_dsl.language.model import Handle, Resource
 
-_DEFINITION = "handle_maker"
 _KEYS = ("call", "with")
 
 
 def take_handles(site_file: SiteFile, findings: Findings) -> Iterator[Handle]:
     """Remove `call` and `with` from the resources of a site, and yield the handles that they describe."""
     for key, node in entries(section_of(site_file.root, "resources")):
+        subject = Subject("resources", key, site_file.origin)
+        if not has_shape("site_resource", node.data):
+            explain("site_resource", node, subject, findings)
         stated_keys = [name for name in _KEYS if isinstance(node, MappingNode) and name in node.entries]
         if not isinstance(node, MappingNode) or not stated_keys:
             continue
@@ -31,11 +34,23 @@ def take_handles(site_file: SiteFile, findings: Findings) -> Iterator[Handle]:
         for name in stated_keys:
             name_node = node.entries[name][0]
             maker.put(name_node, node.take(name) or name_node)
-        subject = Subject("resources", key, site_file.origin)
-        damaged = frozenset() if has_shape(_DEFINITION, maker.data) else explain(_DEFINITION, maker, subject, findings)
+        damaged: frozenset[str] = frozenset()
+        if not has_shape("handle_maker", maker.data):
+            damaged = explain("handle_maker", maker, subject, findings)
         handle = _read_handle(Reader(subject, maker, findings, damaged))
         if handle is not None:
             yield handle
+
+
+def report_handles_of_slots(handles: Iterable[Handle], resources: Mapping[str, Resource], findings: Findings) -> None:
+    """Report handles of resources that have slots instead."""
+    for handle in handles:
+        resource = resources.get(handle.resource)
+        if resource is not None and resource.slots is not None:
+            message = f"the resource {shown(handle.resource)} has slots, so it has no handle"
+            related = [Related("declared here", resource.place)]
+            path, help_text = f"resources.{handle.resource}.call", "remove 'call' and 'with'"
+            findings.add("misplaced-key", message, handle.place, help=help_text, path=path, related=related)
 
 
 def _read_handle(reader: Reader) -> Handle | None:

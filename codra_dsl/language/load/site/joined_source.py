@@ -64,7 +64,7 @@ def joined_origin(origin: Origin, source: JoinedSource) -> JoinedOrigin:
 def shifted(node: YamlNode, offset: int) -> YamlNode:
     """Return a copy of a node and of all nodes in it, with positions increased by an offset."""
     if isinstance(node, ScalarNode):
-        return _shifted_scalar(node, offset)
+        return shifted_scalar(node, offset)
     copy: SequenceNode | MappingNode
     if isinstance(node, SequenceNode):
         copy = SequenceNode(node.start + offset, node.end + offset, flow=node.flow)
@@ -74,12 +74,13 @@ def shifted(node: YamlNode, offset: int) -> YamlNode:
         copy = MappingNode(node.start + offset, node.end + offset, flow=node.flow)
         copy.unread = node.unread
         for key, value in node.entries.values():
-            copy.put(_shifted_scalar(key, offset), shifted(value, offset))
+            copy.put(shifted_scalar(key, offset), shifted(value, offset))
     copy.reported = node.reported
     return copy
 
 
-def _shifted_scalar(node: ScalarNode, offset: int) -> ScalarNode:
+def shifted_scalar(node: ScalarNode, offset: int) -> ScalarNode:
+    """Return a copy of a scalar, with positions increased by an offset."""
     copy = ScalarNode(node.text, node.data, node.start + offset, node.end + offset, node.style)
     copy.reported = node.reported
     return copy

@@ -8,7 +8,7 @@ from dataclasses import replace
 from codra_dsl.language.diagnostics import Place, Related, replacement_fix
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import SECTIONS, section_of
-from codra_dsl.language.load.site.joined_source import JoinedSource, join, joined_origin, shifted
+from codra_dsl.language.load.site.joined_source import JoinedSource, join, joined_origin, shifted, shifted_scalar
 from codra_dsl.language.load.site.site_file import SiteFile
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
@@ -52,14 +52,18 @@ class Overlay:
         if entry is None:
             return subject, node
         if address not in self._applied:
-            self._applied[address] = self._overlaid(subject, node, entry[1])
+            self._applied[address] = self._overlaid(subject, node, *entry)
         return self._applied[address]
 
-    def _overlaid(self, subject: Subject, node: YamlNode, value: YamlNode) -> Element:
+    def _overlaid(self, subject: Subject, node: YamlNode, key: ScalarNode, value: YamlNode) -> Element:
         spec_source = subject.origin.source
         source = self._sources.setdefault(spec_source.file, join(spec_source, self.site.source))
         joined_subject = replace(subject, origin=joined_origin(subject.origin, source))
-        return joined_subject, self._merged(joined_subject, node, shifted(value, source.site_start), ())
+        site_key, site_value = shifted_scalar(key, source.site_start), shifted(value, source.site_start)
+        merged = self._merged(joined_subject, node, site_value, ())
+        if merged is site_value:
+            self._record(joined_subject, (site_key, site_value), subject.origin.of(subject.key), ())
+        return joined_subject, merged
 
     def _merged(self, subject: Subject, node: YamlNode, value: YamlNode, steps: tuple[str, ...]) -> YamlNode:
         """Return a value of the spec with the values of the site; `steps` leads from the element to the value."""
