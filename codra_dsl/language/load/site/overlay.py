@@ -8,6 +8,8 @@ from dataclasses import replace
 from codra_dsl.language.diagnostics import Place, Related, replacement_fix
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import SECTIONS, section_of
+from codra_dsl.language.load.schema.schema import keys_of
+from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.site.joined_source import JoinedSource, join, joined_origin, shifted, shifted_scalar
 from codra_dsl.language.load.site.site_file import SiteFile
 from codra_dsl.language.load.yaml.findings import Findings, list_names
@@ -60,6 +62,8 @@ class Overlay:
         source = self._sources.setdefault(spec_source.file, join(spec_source, self.site.source))
         joined_subject = replace(subject, origin=joined_origin(subject.origin, source))
         site_key, site_value = shifted_scalar(key, source.site_start), shifted(value, source.site_start)
+        if subject.section == "use" and isinstance(site_value, MappingNode):
+            self._refuse_template(joined_subject, site_value)
         merged = self._merged(joined_subject, node, site_value, ())
         if merged is site_value:
             self._record(joined_subject, (site_key, site_value), subject.origin.of(subject.key), ())
@@ -92,15 +96,39 @@ class Overlay:
         A key of the language has a default, which the site may replace. The entries of `with`, `returns` and the like
         have names of their own, which must exist.
         """
-        if subject.section == "use" and key.text != "template":
+        if not steps:
+            return subject.section == "use" or self._is_known_key(subject, key)
+        if steps[-1] not in KEYS_OF_MAPPINGS:
             return True
-        if subject.section != "use" and (not steps or steps[-1] not in KEYS_OF_MAPPINGS):
-            return True
-        whole = ".".join(steps) if steps else "use"
-        message = f"{subject} has no {shown(key.text)} under {shown(whole)}"
+        message = f"{subject} has no {shown(key.text)} under {shown('.'.join(steps))}"
         related = Related("declared here", subject.origin.of(subject.key))
         self._refuse(message, key, subject, node.entries, related)
         return False
+
+    def _is_known_key(self, subject: Subject, key: ScalarNode) -> bool:
+        """Return whether elements of a section can have a key; if not, report it."""
+        definition = schema()["$defs"][subject.section]["additionalProperties"]["$ref"].rpartition("/")[2]
+        known_keys = keys_of(definition)
+        if key.text in known_keys:
+            return True
+        suggestion = self._findings.nearest(key.text, known_keys)
+        help_text = f"did you mean '{suggestion}'?" if suggestion else f"allowed: {', '.join(sorted(known_keys))}"
+        message, place = f"unknown key {shown(key.written)} in {subject}", subject.origin.of(key)
+        related = Related("declared here", subject.origin.of(subject.key))
+        fix = replacement_fix(place, key.written, suggestion, safe=False) if suggestion else None
+        path = subject.part(key.text)
+        self._findings.add("unknown-key", message, place, help=help_text, path=path, related=[related], fix=fix)
+        return False
+
+    def _refuse_template(self, subject: Subject, arguments: MappingNode) -> None:
+        """Report and remove the name of another template: it would remove and add elements."""
+        entry = arguments.entries.get("template")
+        if entry is not None:
+            arguments.take("template")
+            related = Related("the template of the spec", subject.origin.of(subject.key))
+            message, place = f"a site cannot choose the template of {subject}", subject.origin.of(entry[0])
+            help_text, path = "remove 'template': a site changes only arguments", subject.part("template")
+            self._findings.add("misplaced-key", message, place, help=help_text, path=path, related=[related])
 
     def _record(
         self, subject: Subject, entry: tuple[ScalarNode, YamlNode], replaced: Place | None, steps: tuple[str, ...]

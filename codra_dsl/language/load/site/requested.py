@@ -41,9 +41,11 @@ def find_sites(
     findings = Findings()
     sites: dict[str, list[RequestedSite]] = {}
     for path in paths:
-        site_file = read_site_file(path, relative_path(path, root), root, findings, texts)
+        file_findings = Findings()
+        site_file = read_site_file(path, relative_path(path, root), root, file_findings, texts)
         if site_file is None:
-            continue
+            findings.extend(file_findings)
+            continue  # other findings about the file are reported when it is read together with its spec
         name, place = site_file.spec_name.text, site_file.origin.of(site_file.spec_name)
         sites_of_spec = sites.setdefault(name, [])
         if one_for_each_spec and sites_of_spec:
