@@ -23,7 +23,7 @@ from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_begi
 
 _NAME_KEY_PATTERN = re.compile(rb"\bname[\"']?[ \t]*:")
 _VERSION_KEY_PATTERN = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
-_SITE_KEY_PATTERN = re.compile(rb"^overlays[ \t]*:", re.MULTILINE)
+_SITE_KEY_PATTERN = re.compile(rb"\boverlays[\"']?[ \t]*:")
 _LANGUAGE_KEYS = frozenset({"codra", "templates", "use", *KEYS})
 _UTF16_BYTE_ORDER_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -140,8 +140,14 @@ def _read_beginning(file: Path, root: Path) -> bytes | None:
 
 
 def _is_site(data: bytes | None) -> bool:
-    """Return whether to read a file as a site."""
-    return bool(data and _SITE_KEY_PATTERN.search(data) and _VERSION_KEY_PATTERN.search(data))
+    """Return whether to read a file as a site: it has the key `overlays` and a key of this language."""
+    if not data or not _SITE_KEY_PATTERN.search(data):
+        return False
+    try:
+        keys = set(_top_keys(data.decode("utf-8", "replace")))
+    except yaml.YAMLError:
+        return _VERSION_KEY_PATTERN.search(data) is not None
+    return "overlays" in keys and bool(keys & _LANGUAGE_KEYS)
 
 
 def _is_spec(data: bytes | None) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Any
 
 from codra_dsl.isolation.error_text import described
@@ -49,6 +49,14 @@ def make_handle(call: str, parameters: Mapping[str, object], clock: Clock) -> ob
     factory: Any = importlib.import_module(module)
     for name in path.split("."):
         factory = getattr(factory, name)
-    takes_clock = "clock" in inspect.signature(factory).parameters and "clock" not in parameters
+    takes_clock = "clock" not in parameters and "clock" in _parameter_names(factory)
     handle: object = factory(**parameters, **({"clock": clock} if takes_clock else {}))
     return handle
+
+
+def _parameter_names(factory: Callable[..., object]) -> Container[str]:
+    """Return the names of the parameters of a function; none for a built-in function without a signature."""
+    try:
+        return inspect.signature(factory).parameters
+    except ValueError:
+        return ()

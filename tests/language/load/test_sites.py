@@ -385,6 +385,47 @@ def test_a_site_outside_of_the_project_is_not_read(tmp_path: Path) -> None:
     assert [finding.rule.name for finding in findings] == ["cannot-read"]
 
 
+@pytest.mark.parametrize(
+    ("text", "rules"),
+    [
+        ('{"codra": 1, "overlays": "door", "context": {"light": {"valid_for": "2 min"}}}', []),
+        ("overlays: door\ncontext: {light: {valid_for: 2 min}}\n", ["language-version"]),
+        ("codra: 1\noverlays: door\ncontext: {light: {valid_for: 2 min\n", ["yaml-syntax"]),
+        ("codra: 1\r\noverlays: door\r\ncontext: {light: {valid_for: 2 mins}}\r\n", ["duration"]),
+        ("codra: 1\noverlays: door\nname: hall\n", ["unknown-key"]),
+        ("# overlays: door\nsomething: {else: 1}\n", []),
+    ],
+)
+def test_sites_below_a_folder_are_found_and_other_files_are_not(text: str, rules: list[str], tmp_path: Path) -> None:
+    root = project(tmp_path, text)
+    findings = lint_paths([root / "specs", root / "sites"], root).diagnostics
+
+    assert [finding.rule.name for finding in findings if finding.rule.name != "no-spec"] == rules
+    assert {finding.place.span.file for finding in findings if finding.rule.name != "no-spec"} <= {SITE}
+
+
+@pytest.mark.parametrize("end", ["", "\n", "\n# end"])
+@pytest.mark.parametrize("condition", ["'light > drak'", '"light >\\\n      drak"', ">\n      light\n      > drak\n"])
+def test_places_in_a_site_are_exact_for_every_style_of_text(condition: str, end: str, tmp_path: Path) -> None:
+    keys = f"perception:\n  measure:\n    observable_when:\n    - {condition}\n{end}"
+    root = project(tmp_path, site_of(keys), SPEC.rstrip("\n") + end)
+    (finding,) = plan_paths([root / "specs"], root, sites=[root / SITE]).diagnostics
+
+    assert (finding.rule.name, marked(site_of(keys), finding.place)) == ("unknown-variable", "drak")
+
+
+def test_a_node_declared_by_its_type_alone_gets_the_keys_of_the_site(tmp_path: Path) -> None:
+    spec = SPEC + "knowledge: {types: {robot: {}, hall: {}}, nodes: {world: hall, robbie: robot}}\n"
+    root = project(tmp_path, site_of("knowledge: {nodes: {robbie: {label: Robbie of hall 2}}}\n"), spec)
+    loaded, _ = load_spec(root / "specs/door.yaml", root, site=root / SITE)
+    assert loaded is not None
+
+    assert [(node.name, node.type.name, node.label) for node in loaded.nodes] == [
+        ("world", "hall", ""),
+        ("robbie", "robot", "Robbie of hall 2"),
+    ]
+
+
 # Handles
 
 
