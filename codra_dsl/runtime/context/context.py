@@ -35,7 +35,6 @@ from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, KnowledgeModel, nodes_of_variables
 from codra_dsl.runtime.observers.waiting import wait_for
 from codra_dsl.runtime.perception import Cost, Function, check_handles, imported
-from codra_dsl.runtime.perception.site_handles import with_site_handles
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading
 from codra_dsl.runtime.values.declarations import MAIN, OBSERVER
 from codra_dsl.runtime.values.model import Algorithm, SkillModel, VariableModel
@@ -88,7 +87,6 @@ class ContextManager(Generic[VariableName, SkillName]):
             CallError: if a perception function cannot be imported, or a handle is missing or not usable.
         """
         check_handles(model.resources, resources)
-        resources = with_site_handles(model.resources, resources, clock)
         self.record = EventLog() if record is None else record
         self.model = model
         components = Components(model, clock=clock, resources=resources, record=self.record, seed=seed, find=find)
