@@ -22,6 +22,8 @@ from codra_dsl.language.check import CheckedSpec, check
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_binding_errors, has_errors
 from codra_dsl.language.file_queries import Answers, PresentAnswers, merged_answers, recorded_queries
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
+from codra_dsl.language.load.site.both_files import name_both_files
+from codra_dsl.language.load.site.requested import RequestedSites, find_sites, sites_without_spec
 from codra_dsl.language.load.yaml.rules import RULES as LANGUAGE_RULES
 from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec
@@ -99,6 +101,9 @@ class _Request:
         specs: the files of the specs, relative to the root.
         paths: the requested files and folders, relative to the root.
         texts: contents of files that are not read from disk.
+        sites: the sites, by the name of the spec that they change.
+        applies_sites: whether the sites replace their specs. Otherwise they are only checked.
+        diagnostics: the findings about sites that cannot be read.
     """
 
     root: Path
@@ -106,6 +111,9 @@ class _Request:
     specs: Sequence[str]
     paths: Sequence[str]
     texts: Mapping[str, bytes]
+    sites: RequestedSites = field(default_factory=dict)
+    applies_sites: bool = False
+    diagnostics: Sequence[Diagnostic] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +143,8 @@ def compile_paths(
     timings: Timings = UNTIMED,
     results: SpecResults | None = None,
     out: Path | None = None,
+    *,
+    sites: Sequence[Path] = (),
 ) -> Compilation:
     """Compile all specs at or below some paths; if any of them has an error, nothing is emitted.
 
@@ -144,8 +154,9 @@ def compile_paths(
         timings: measures the stages.
         results: earlier results of specs. Those that are out of date are replaced. None if there are none.
         out: the output folder. An earlier result is used only if the folder has the files that belong to it.
+        sites: the sites for which the specs are compiled. Without them, the sites at or below the paths are checked.
     """
-    request = _find(paths, root, AS_ON_DISK, timings)
+    request = _find(paths, root, AS_ON_DISK, timings, sites)
     results = {} if results is None or out is None else results
     checked_specs = _check(request, results, timings, lambda result: out is not None and _needs_no_output(result, out))
     specs = tuple(_plan(checked_specs, timings))
@@ -159,10 +170,18 @@ def compile_paths(
 
 @paused_collector()
 def plan_paths(
-    paths: Sequence[Path], root: Path, texts: Mapping[str, bytes] = AS_ON_DISK, timings: Timings = UNTIMED
+    paths: Sequence[Path],
+    root: Path,
+    texts: Mapping[str, bytes] = AS_ON_DISK,
+    timings: Timings = UNTIMED,
+    *,
+    sites: Sequence[Path] = (),
 ) -> Planned:
-    """Load, check and plan all specs at or below some paths; `texts` has contents that are not read from disk."""
-    request = _find(paths, root, texts, timings)
+    """Load, check and plan all specs at or below some paths; `texts` has contents that are not read from disk.
+
+    With `sites`, the specs have the values of these sites.
+    """
+    request = _find(paths, root, texts, timings, sites)
     return _triage(request, tuple(_plan(_check(request, {}, timings), timings)), timings)
 
 
@@ -173,13 +192,16 @@ def lint_paths(
     texts: Mapping[str, bytes] = AS_ON_DISK,
     timings: Timings = UNTIMED,
     results: SpecResults | None = None,
+    *,
+    sites: Sequence[Path] = (),
 ) -> Planned:
     """Load and check all specs at or below some paths. Nothing is planned, because this causes no findings.
 
     `texts` has contents that are not read from disk. `results` has earlier results of specs; those that are out of date
-    are replaced.
+    are replaced. With `sites`, the specs have the values of these sites; without them, the sites at or below the paths
+    are checked as well.
     """
-    request = _find(paths, root, texts, timings)
+    request = _find(paths, root, texts, timings, sites)
     checked_specs = _check(request, {} if results is None else results, timings)
     return _triage(request, [replace(spec, checked=None) for spec in checked_specs], timings)
 
@@ -194,16 +216,22 @@ def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIM
     return _triage(request, tuple(_plan([checked_spec], timings)), timings)
 
 
-def _find(paths: Sequence[Path], root: Path, texts: Mapping[str, bytes], timings: Timings) -> _Request:
-    """Return the specs and parts at or below some paths."""
+def _find(
+    paths: Sequence[Path], root: Path, texts: Mapping[str, bytes], timings: Timings, sites: Sequence[Path]
+) -> _Request:
+    """Return the specs and parts at or below some paths; without `sites`, with the sites at or below the paths."""
     with timings.stage("find"):
         files = find_files(paths, root)
+        requested_sites, site_findings = find_sites(sites or files.sites, root, texts, one_for_each_spec=bool(sites))
     return _Request(
         root=root,
         files=files,
         specs=[relative_path(file, root) for file in files.specs],
-        paths=[relative_path(path, root) for path in paths],
+        paths=[relative_path(path, root) for path in (*paths, *sites)],
         texts=texts,
+        sites=requested_sites,
+        applies_sites=bool(sites),
+        diagnostics=site_findings,
     )
 
 
@@ -214,26 +242,71 @@ def _check(
 
     `is_usable` returns whether an earlier result that is up to date can be used.
     """
-    present_answers = PresentAnswers(request.texts)
+    checks = _Checks(request, results, timings)
     for file in request.files.specs:
-        key = result_key(file, request.root)
-        earlier_result = results.get(key)
+        yield from checks.check(file, is_usable)
+
+
+class _Checks:
+    """The stages `load` and `check` for the specs of one request."""
+
+    def __init__(self, request: _Request, results: SpecResults, timings: Timings) -> None:
+        self._request, self._results, self._timings = request, results, timings
+        self._present_answers = PresentAnswers(request.texts)
+
+    def check(self, file: Path, is_usable: Callable[[SpecResult], bool]) -> Iterator[_Spec]:
+        """Yield the spec in a file, and the spec with the values of each of its sites.
+
+        If the sites are applied, the spec alone is left out; otherwise the spec with a site is not planned.
+        """
+        sites, applies_sites = self._request.sites, self._request.applies_sites
+        spec = self._spec(file, lambda result: (applies_sites and result.name in sites) or is_usable(result))
+        sites_of_spec = sites.get(spec.result.name or "", ())
+        if not (applies_sites and sites_of_spec):
+            yield spec
+        for site in sites_of_spec:
+            spec_at_site = self._spec(file, is_usable if applies_sites else _always, site.path, spec.result)
+            if applies_sites:
+                yield spec_at_site
+            else:
+                yield replace(spec_at_site, checked=None, result=replace(spec_at_site.result, output_digests={}))
+
+    def _spec(
+        self,
+        file: Path,
+        is_usable: Callable[[SpecResult], bool],
+        site: Path | None = None,
+        without_site: SpecResult | None = None,
+    ) -> _Spec:
+        request = self._request
+        key = result_key(file, request.root, site)
+        earlier_result = self._results.get(key)
         if (
             earlier_result is not None
-            and present_answers.agree_with(earlier_result.answers)
+            and self._present_answers.agree_with(earlier_result.answers)
             and is_usable(earlier_result)
         ):
-            yield _Spec(key=key, result=earlier_result)
-            continue
-        load = partial(load_spec, file, request.root, request.texts)
+            return _Spec(key=key, result=earlier_result)
+        load = partial(load_spec, file, request.root, request.texts, site)
         with recorded_queries() as answers:
-            checked_spec = _load_and_check(key, load, request.root, answers, timings)
-        results[key] = checked_spec.result
-        yield checked_spec
+            checked_spec = _load_and_check(key, load, request.root, answers, self._timings, without_site=without_site)
+        self._results[key] = checked_spec.result
+        return checked_spec
 
 
-def _load_and_check(key: str, load: Callable[[], Loaded], root: Path, answers: Answers, timings: Timings) -> _Spec:
-    """Return a spec with the findings of reading it, of its checks, and of the behaviour trees that it names."""
+def _load_and_check(
+    key: str,
+    load: Callable[[], Loaded],
+    root: Path,
+    answers: Answers,
+    timings: Timings,
+    *,
+    without_site: SpecResult | None = None,
+) -> _Spec:
+    """Return a spec with the findings of reading it, of its checks, and of the behaviour trees that it names.
+
+    `without_site` is the result of the spec alone, if the spec is loaded with a site.
+    """
     with timings.stage("load"):
         spec, load_findings = load()
     if spec is None:
@@ -242,8 +315,12 @@ def _load_and_check(key: str, load: Callable[[], Loaded], root: Path, answers: A
         forests_by_tree_name = read_trees(spec, root)
         checked, check_findings = check(spec, forests_by_tree_name)
     findings = (*load_findings, *_taken_class_name(spec))
+    diagnostics = (*findings, *check_findings)
+    if spec.site is not None and without_site is not None:
+        diagnostics = tuple(name_both_files(diagnostics, without_site.diagnostics, spec.site))
+        answers = merged_answers((answers, without_site.answers))
     result = SpecResult(
-        diagnostics=(*findings, *check_findings),
+        diagnostics=diagnostics,
         answers=answers,
         name=spec.name,
         place=spec.place,
@@ -272,9 +349,10 @@ def _triage(request: _Request, specs: Sequence[_Spec], timings: Timings) -> Plan
     """Return the plans of specs, with all findings after triage."""
     settings, settings_findings = settings_of(request.root)
     results = [spec.result for spec in specs]
-    diagnostics = [*settings_findings, *request.files.diagnostics]
+    diagnostics = [*settings_findings, *request.files.diagnostics, *request.diagnostics]
     diagnostics += (diagnostic for result in results for diagnostic in result.diagnostics)
     diagnostics += _same_names(results)
+    diagnostics += sites_without_spec(request.sites, (result.name for result in results))
     files = tuple(sorted({*request.specs, *(file for result in results for file in result.files)}))
     if not has_errors(diagnostics):
         diagnostics += request.files.unincluded(files, request.root)
@@ -344,7 +422,7 @@ def _same_names(results: Iterable[SpecResult]) -> Iterator[Diagnostic]:
     named = ((result.file, result.name, result.place) for result in results if result.name is not None and result.place)
     for file, name, place in sorted(named, key=lambda spec: spec[0]):
         other_file, other_place = first_names.setdefault(name.casefold(), (file, place))
-        if other_place is not place:
+        if other_file != file:
             yield Diagnostic(
                 rule=RULES["same-spec-name"],
                 message=f"the name '{name}' is taken by {other_file}",

@@ -1,7 +1,7 @@
 """Complete specs: those in cases/valid give no finding, those in cases/invalid exactly the expected findings.
 
-A case is a file NAME.yaml, or a folder NAME with spec.yaml and its parts; NAME.txt has the expected text. Renew the
-expected texts with `pytest tests/test_cases.py --renew-cases`, and read the diff.
+A case is a file NAME.yaml, or a folder NAME with spec.yaml, its parts, and its sites in a folder `sites`; NAME.txt has
+the expected text. Renew the expected texts with `pytest tests/test_cases.py --renew-cases`, and read the diff.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def cases(folder: str) -> list[Path]:
 
 def planned(case: Path) -> Planned:
     path, root = (case / "spec.yaml", case) if case.is_dir() else (case, case.parent)
-    return plan_paths([path], root)
+    sites = sorted(case.glob("sites/*.yaml"))
+    return plan_paths([path, *sites], root)
 
 
 def all_findings(case: Path) -> str:

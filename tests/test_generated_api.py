@@ -67,6 +67,8 @@ def generated_texts() -> Iterator[str]:
     for spec in ("conditions.yaml", "knowledge-everything.yaml", "poses.yaml", "loops-everything/spec.yaml"):
         path = ROOT / "tests/cases/valid" / spec
         outputs.append(compile_paths([path], path.parent).files)
+    folder = ROOT / "tests/cases/valid/sites"
+    outputs.append(compile_paths([folder / "spec.yaml"], folder, sites=[folder / "sites/hall_1.yaml"]).files)
     yield from (text for files in outputs for path, text in files.items() if path.endswith(".py"))
 
 

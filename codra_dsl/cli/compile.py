@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,6 +31,7 @@ from codra_dsl.cli.options import (
     FindingsFormat,
     NoCacheOption,
     OutputOption,
+    SitesOption,
     Specs,
     TimingsOption,
 )
@@ -55,6 +57,7 @@ CheckOption = Annotated[bool, typer.Option("--check", help="Write nothing; show 
 def compile_command(
     paths: Specs,
     *,
+    site: SitesOption = None,
     out: OutOption = None,
     check: CheckOption = False,
     format_: FindingsFormat = None,
@@ -68,12 +71,14 @@ def compile_command(
     from codra_dsl.tooling.report.findings import visible_lines
     from codra_dsl.workspace.cache import cache_of
 
-    paths = existing(paths)
-    root = common_root(paths)
-    folder = (out if out is not None else _default_output_folder(paths[0])).absolute()
+    paths, sites = existing(paths), existing(site or ())
+    root = common_root([*paths, *sites])
+    folder = (out if out is not None else _default_output_folder(paths[0], sites)).absolute()
     stage_timings = make_timings(timings)
-    cache = None if no_cache or timings else cache_of(root, "compile", paths)
-    run, output_result = _compile_or_recall(paths, root, folder, check=check, cache=cache, timings=stage_timings)
+    cache = None if no_cache or timings else cache_of(root, "compile", paths, sites)
+    run, output_result = _compile_or_recall(
+        paths, root, folder, sites=sites, check=check, cache=cache, timings=stage_timings
+    )
     failure_threshold = choose_failure_threshold(fail_on, run.fail_on)
     view = View(
         root=root, format=choose_format(format_, output), colour=color, fail_on=failure_threshold, title="codra compile"
@@ -98,10 +103,10 @@ def compile_command(
     )
 
 
-def _default_output_folder(path: Path) -> Path:
+def _default_output_folder(path: Path, sites: Sequence[Path]) -> Path:
     from codra_dsl.language.project import project_of
 
-    return (project_of(path) or Path.cwd()) / "generated"
+    return (project_of(path) or Path.cwd()) / "_".join(["generated", *(site.stem for site in sites)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +124,14 @@ class _OutputResult:
 
 
 def _compile_or_recall(
-    paths: list[Path], root: Path, folder: Path, *, check: bool, cache: Cache | None, timings: Timings
+    paths: list[Path],
+    root: Path,
+    folder: Path,
+    *,
+    sites: list[Path],
+    check: bool,
+    cache: Cache | None,
+    timings: Timings,
 ) -> tuple[Run, _OutputResult]:
     """Compile the specs, and compare or write the output folder.
 
@@ -137,7 +149,7 @@ def _compile_or_recall(
     from codra_dsl.compiler import compile_paths
 
     results = {} if cache is None else cache.load_results()
-    compilation = compile_paths(paths, root, timings, results, folder)
+    compilation = compile_paths(paths, root, timings, results, folder, sites=sites)
     run = compilation.as_run()
     if check:
         _verify(compilation)  # before the run is kept: a kept run is not verified again

@@ -18,6 +18,7 @@ from codra_dsl.cli.console import (
     Colour,
     ExitCode,
     append_to_summary,
+    existing,
     folder_in_repository,
     is_coloured,
     say,
@@ -56,7 +57,10 @@ BeforeArgument = Annotated[
     str, typer.Argument(metavar="A", help="The version before: a path, or else a git revision.", show_default=False)
 ]
 AfterArgument = Annotated[
-    str, typer.Argument(metavar="B", help="The version after: a path, or else a git revision.", show_default=False)
+    str | None,
+    typer.Argument(
+        metavar="B", help="The version after: a path, or else a git revision. Omit it with --site.", show_default=False
+    ),
 ]
 Paths = Annotated[
     list[str] | None,
@@ -77,6 +81,15 @@ FormatOption = Annotated[
 FailOnOption = Annotated[
     FailOnVerdict, typer.Option("--fail-on", help="The mildest verdict that makes the command fail.")
 ]
+SitesOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--site",
+        metavar="FILE",
+        help="Compare A with A at this site; given twice, compare A at the two sites.",
+        show_default=False,
+    ),
+]
 AllowOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -90,9 +103,10 @@ AllowOption = Annotated[
 
 def diff_command(
     before: BeforeArgument,
-    after: AfterArgument,
+    after: AfterArgument = None,
     paths: Paths = None,
     *,
+    site: SitesOption = None,
     format_: FormatOption = None,
     output: OutputOption = None,
     fail_on: FailOnOption = FailOnVerdict.BREAKING,
@@ -111,7 +125,10 @@ def diff_command(
     relative_paths = [_relative_path(path) for path in paths or ()]
     with ExitStack() as stack:
         try:
-            sides = _sides((before, after), relative_paths, stack)
+            if site:
+                sides = _sides_at_sites(before, after, existing(site))
+            else:
+                sides = _sides((before, _required(after)), relative_paths, stack)
         except RevisionError as error:
             raise typer.BadParameter(str(error), param_hint="A, B") from error
         versions = [_version(side) for side in sides]
@@ -142,6 +159,7 @@ class _Side:
         paths: the compared paths that exist in this version.
         root: the folder to which the files of this version are relative.
         file_prefix: the text before each file name of this version in the output.
+        site: the site whose values the specs have; None for the specs alone.
         folder: the path of the root within the repository, for annotations on GitHub.
     """
 
@@ -150,6 +168,12 @@ class _Side:
     root: Path
     file_prefix: str
     folder: str
+    site: Path | None = None
+
+    @property
+    def sites(self) -> tuple[Path, ...]:
+        """The site as an argument of the compiler."""
+        return () if self.site is None else (self.site,)
 
     def file(self, name: str) -> str:
         """Return the name under which a file is shown."""
@@ -161,6 +185,27 @@ def _relative_path(path: str) -> PurePosixPath:
     if relative_path.is_absolute() or not path:
         raise typer.BadParameter(f"'{path}' must be relative: it is looked up below A and B", param_hint="PATH")
     return relative_path
+
+
+def _required(after: str | None) -> str:
+    if after is None:
+        raise typer.BadParameter("give the version after, or --site to compare sites", param_hint="B")
+    return after
+
+
+def _sides_at_sites(before: str, after: str | None, sites: Sequence[Path]) -> tuple[_Side, _Side]:
+    """Return the specs at a path alone and at a site, or at two sites."""
+    if after is not None or not os.path.lexists(before):
+        raise typer.BadParameter("with --site, give one path: both versions have its specs", param_hint="A, B")
+    if len(sites) > 2:
+        raise typer.BadParameter("two versions are compared: give at most two sites", param_hint="--site")
+    side = _side_on_disk(before, Path(before), ())
+    first, second = (_at_site(side, site) for site in (*((None,) if len(sites) == 1 else ()), *sites))
+    return first, second
+
+
+def _at_site(side: _Side, site: Path | None) -> _Side:
+    return side if site is None else replace(side, name=f"{side.name} at {site.as_posix()}", site=site)
 
 
 def _sides(names: tuple[str, str], relative_paths: Sequence[PurePosixPath], stack: ExitStack) -> tuple[_Side, _Side]:
@@ -288,7 +333,7 @@ def _version(side: _Side) -> Version:
 
     if not side.paths:
         return Version()
-    planning_result = plan_paths(side.paths, side.root)
+    planning_result = plan_paths(side.paths, side.root, sites=side.sites)
     errors = [
         finding for finding in planning_result.diagnostics if has_errors([finding]) and finding.rule.name != "no-spec"
     ]
@@ -322,7 +367,7 @@ def _broken_specs(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic
     from codra_dsl.tooling.diff import BrokenSpec
 
     for file in files:
-        spec, _ = load_spec(side.root / file, side.root)
+        spec, _ = load_spec(side.root / file, side.root, site=side.site)
         spec_errors = (
             tuple(error for error in errors if error.place.span.file == file)
             if spec is None

@@ -70,19 +70,21 @@ class LintInput:
         return len(file_sets) - len(outside_file_sets), hint
 
 
-def input_from_files(paths: list[Path], timings: Timings) -> LintInput:
-    """Return the specs at or below some paths as the input of linting."""
+def input_from_files(paths: list[Path], timings: Timings, sites: Sequence[Path] = ()) -> LintInput:
+    """Return the specs at or below some paths, with the values of some sites, as the input of linting."""
     from codra_dsl.language.project import relative_path
 
-    paths = existing(paths)
-    root = common_root(paths)
+    paths, sites = existing(paths), existing(sites)
+    root = common_root([*paths, *sites])
 
     def lint(texts: Mapping[str, bytes], results: SpecResults) -> Planned:
         from codra_dsl.compiler import lint_paths
 
-        return lint_paths(paths, root, texts, timings, results)
+        return lint_paths(paths, root, texts, timings, results, sites=sites)
 
-    return LintInput(root=root, requested_paths=tuple(relative_path(path, root) for path in paths), lint=lint)
+    return LintInput(
+        root=root, requested_paths=tuple(relative_path(path, root) for path in (*paths, *sites)), lint=lint
+    )
 
 
 def input_from_standard_input(timings: Timings) -> LintInput:

@@ -23,7 +23,7 @@ from codra_dsl.cli.console import (
     say,
     write_result,
 )
-from codra_dsl.cli.options import ColourOption, OutputOption, Specs
+from codra_dsl.cli.options import ColourOption, OutputOption, SitesOption, Specs
 from codra_dsl.tooling.report.graph_formats import DEFAULT_FORMAT, FORMATS, GraphFormat, format_by_ending
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ ExcludeOption = Annotated[
 def graph_command(
     paths: Specs,
     *,
+    site: SitesOption = None,
     format_: GraphFormatOption = None,
     select: SelectOption = None,
     exclude: ExcludeOption = None,
@@ -72,10 +73,10 @@ def graph_command(
     from codra_dsl.compiler import plan_paths
     from codra_dsl.tooling.report.graphs import graph_of
 
-    paths = existing(paths)
+    paths, sites = existing(paths), existing(site or ())
     graph_format = FORMATS[format_] if format_ is not None else _choose_format(output)
-    root = common_root(paths)
-    planning_result = plan_paths(paths, root)
+    root = common_root([*paths, *sites])
+    planning_result = plan_paths(paths, root, sites=sites)
     if planning_result.diagnostics:
         view = View(root=root, format=Format.FULL, colour=color)
         text = view.render(planning_result.diagnostics, sys.stderr)

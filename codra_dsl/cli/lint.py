@@ -29,6 +29,7 @@ from codra_dsl.cli.options import (
     FindingsFormat,
     NoCacheOption,
     OutputOption,
+    SitesOption,
     SpecsOrText,
     TimingsOption,
 )
@@ -47,6 +48,7 @@ DiffOption = Annotated[bool, typer.Option("--diff", help="Show what --fix would 
 def lint_command(
     paths: SpecsOrText,
     *,
+    site: SitesOption = None,
     fix: FixOption = False,
     diff: DiffOption = False,
     format_: FindingsFormat = None,
@@ -62,7 +64,11 @@ def lint_command(
 
     stage_timings = make_timings(timings)
     is_text = paths == [Path(STANDARD_INPUT)]
-    lint_input = input_from_standard_input(stage_timings) if is_text else input_from_files(paths, stage_timings)
+    if is_text and site:
+        raise typer.BadParameter("a site cannot be combined with a spec from standard input", param_hint="--site")
+    lint_input = (
+        input_from_standard_input(stage_timings) if is_text else input_from_files(paths, stage_timings, site or ())
+    )
     text = None if lint_input.stdin_data is None else lint_input.stdin_data.decode("utf-8", errors="replace")
     view = View(
         root=lint_input.root, format=choose_format(format_, output), colour=color, text=text, title="codra lint"
@@ -71,7 +77,7 @@ def lint_command(
         raise typer.Exit(_show_diff(lint_input, output))
     if fix:
         raise typer.Exit(_apply_fixes(lint_input, view, fail_on, output))
-    cache = None if no_cache or timings or is_text else cache_of(lint_input.root, "lint", paths)
+    cache = None if no_cache or timings or is_text else cache_of(lint_input.root, "lint", paths, site or ())
     run = _lint_or_recall(lint_input, cache)
     failure_threshold = choose_failure_threshold(fail_on, run.fail_on)
     with stage_timings.stage("show"):

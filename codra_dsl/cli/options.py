@@ -29,6 +29,15 @@ SpecsOrText = Annotated[
         allow_dash=True,
     ),
 ]
+SitesOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--site",
+        metavar="FILE",
+        help="Use the values of this site. The option may be repeated for sites of other specs.",
+        show_default=False,
+    ),
+]
 FindingsFormat = Annotated[
     Format | None,
     typer.Option(

@@ -53,6 +53,12 @@ class Span:
     end_line: int
     end_column: int
 
+    def contains(self, other: Span) -> bool:
+        """Return whether another span is within this one."""
+        starts_within = (self.line, self.column) <= (other.line, other.column)
+        ends_within = (other.end_line, other.end_column) <= (self.end_line, self.end_column)
+        return self.file == other.file and starts_within and ends_within
+
 
 class HasSpans(Protocol):
     """A text that can convert its ranges to spans."""

@@ -68,6 +68,7 @@ from codra_dsl.runtime.values.conditions import (
 from codra_dsl.runtime.values.model import (
     Algorithm,
     ExpectationModel,
+    HandleModel,
     ResourceModel,
     SkillModel,
     VariableModel,
@@ -181,6 +182,7 @@ __all__ = [
     "Entry",
     "EventLog",
     "ExpectationModel",
+    "HandleModel",
     "Handover",
     "HardRuleModel",
     "Identify",

@@ -377,7 +377,7 @@ def test_on_github_changes_are_annotations_and_the_summary_of_the_step(project: 
         (["main", "v1", "/etc"], "must be relative"),
         (["specs/door.yaml", "main", "door.yaml"], "remove the paths below it"),
         (["main", "specs", "--allow", "wekaer"], "unknown category"),
-        (["main"], "Missing argument 'B'"),
+        (["main"], "give the version after, or --site"),
     ],
 )
 def test_a_usage_error_exits_with_2_and_a_hint(project: Path, arguments: list[str], hint: str) -> None:

@@ -33,7 +33,7 @@ ENTRY_NAMES = frozenset(
     {"MODEL", "start", "VariableName", "SkillName", "BoolName", "IntName", "FloatName", "StrName"}
     | {"BoolAnswer", "IntAnswer", "FloatAnswer", "StrAnswer"}
     | {"TYPE_CHECKING", "Any", "Callable", "Literal", "Mapping", "Never", "TypeVar", "math", "overload"}
-    | {"Clock", "ContextManager", "ContextModel", "Reading", "EventLog", "ResourceModel"}
+    | {"Clock", "ContextManager", "ContextModel", "HandleModel", "Reading", "EventLog", "ResourceModel"}
 )
 """The names that the entry of a generated package imports or defines itself, apart from its modules."""
 

@@ -12,7 +12,17 @@ from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import Expression, call, dictionary, spread_call, tuple_of
 from codra_dsl.generation.emit.literals import literal, text_literal
 from codra_dsl.language.check.checked.spec import CheckedExpectation
-from codra_dsl.language.model import ALGORITHM_SETTINGS, Access, Kind, Resource, Returned, Skill, ValueType, Variable
+from codra_dsl.language.model import (
+    ALGORITHM_SETTINGS,
+    Access,
+    Handle,
+    Kind,
+    Resource,
+    Returned,
+    Skill,
+    ValueType,
+    Variable,
+)
 
 DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     "Algorithm": {
@@ -24,7 +34,8 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         **{setting.field_name: literal(setting.default) for setting in ALGORITHM_SETTINGS},
     },
     "ObserverModel": {"period_s": "1.0", "priority": "0"},
-    "ResourceModel": {"slots": "None"},
+    "HandleModel": {"parameters": "{}"},
+    "ResourceModel": {"slots": "None", "handle": "None"},
     "SkillModel": {"preview": "()", "monitor": "()", "changes": "()", "expects": "()"},
     "ExpectationModel": {"within_s": "math.inf"},
     "VariableModel": {
@@ -125,10 +136,21 @@ def skill_declaration(
     return call("SkillModel", **fields)
 
 
-def resource_declaration(declared_resource: Resource, imports: Imports) -> Expression:
-    """Return the declaration of a resource."""
-    slots = "None" if declared_resource.slots is None else literal(declared_resource.slots)
-    return call("ResourceModel", **_fields("ResourceModel", imports, name=literal(declared_resource.name), slots=slots))
+def resource_declaration(declared_resource: Resource, handle: Handle | None, imports: Imports) -> Expression:
+    """Return the declaration of a resource; `handle` is how the site makes its handle, if a site states this."""
+    fields = _fields(
+        "ResourceModel",
+        imports,
+        name=literal(declared_resource.name),
+        slots="None" if declared_resource.slots is None else literal(declared_resource.slots),
+        handle="None" if handle is None else _handle_declaration(handle, imports),
+    )
+    return call("ResourceModel", **fields)
+
+
+def _handle_declaration(handle: Handle, imports: Imports) -> Expression:
+    parameters = dictionary({text_literal(name): literal(value) for name, value in handle.arguments})
+    return call("HandleModel", **_fields("HandleModel", imports, call=literal(handle.call), parameters=parameters))
 
 
 def _expectation(expectation: CheckedExpectation, imports: Imports) -> Expression:

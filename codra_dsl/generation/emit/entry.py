@@ -165,7 +165,9 @@ def _local_imports(plan: BuildPlan) -> str:
 
 
 def _model(plan: BuildPlan, imports: Imports) -> Expression:
-    resources = [resource_declaration(declared_resource, imports) for declared_resource in plan.checked.spec.resources]
+    spec = plan.checked.spec
+    handles = {handle.resource: handle for handle in (() if spec.site is None else spec.site.handles)}
+    resources = [resource_declaration(resource, handles.get(resource.name), imports) for resource in spec.resources]
     return spread_call(
         "ContextModel",
         name=text_literal(plan.name),

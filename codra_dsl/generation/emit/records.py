@@ -19,7 +19,7 @@ from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_pla
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Agent, Algorithm, Variable
+from codra_dsl.language.model import Agent, Algorithm, Site, Variable
 from codra_dsl.language.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -83,11 +83,13 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     """
     variables = {name: _type_entries(variable) for name, variable in plan.checked.variables.items()}
     digests = {path: _digest(outputs[path]) for path in sorted(outputs)}
+    site = plan.checked.spec.site
     return object_of(
         format=json.dumps(MANIFEST_FORMAT),
         format_version=str(FORMAT_VERSION),
         name=json.dumps(plan.name),
         spec=json.dumps(plan.checked.spec.file),
+        **({} if site is None else {"site": json.dumps(site.file)}),
         model=json.dumps(model_digest(plan)),
         variables=mapping_of(variables),
         outputs=mapping_of(digests),
@@ -107,8 +109,12 @@ def _type_entries(variable: Variable) -> dict[str, object]:
 
 
 def sources_text(plan: BuildPlan) -> str:
-    """Return the text of `sources.json`: file and line of each element and condition, and of its template's use."""
-    return _json_object([f"{json_text(name)}: {_place_text(place)}" for name, place in places(plan)]) + "\n"
+    """Return the text of `sources.json`: file and line of each element and condition, and of its template's use.
+
+    For a spec with a site, elements and conditions also have the place in the other file.
+    """
+    site = plan.checked.spec.site
+    return _json_object([f"{json_text(name)}: {_place_text(place, site)}" for name, place in places(plan)]) + "\n"
 
 
 def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
@@ -135,9 +141,21 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
         yield from loop_places(plan, plan.checked.mape)
 
 
-def _place_text(place: Place) -> str:
+def _place_text(place: Place, site: Site | None) -> str:
     use = "" if place.use is None else f', "use": {{{_span_entries(place.use)}}}'
-    return f"{{{_span_entries(place.span)}{use}}}"
+    in_other_file = "" if site is None else _other_place_text(place, site)
+    return f"{{{_span_entries(place.span)}{use}{in_other_file}}}"
+
+
+def _other_place_text(place: Place, site: Site) -> str:
+    """Return the entry for the place in the site of an element of the spec, or in the spec of a value of the site."""
+    value = site.replacement_around(place)
+    if value is not None:
+        return "" if value.replaced is None else f', "replaces": {{{_span_entries(value.replaced.span)}}}'
+    arguments = [value for value in site.replacements if value.section == "use" and value.element.span == place.use]
+    values = [value for value in site.replacements if value.element == place]
+    first_value = next(iter((*values, *arguments)), None)
+    return "" if first_value is None else f', "site": {{{_span_entries(first_value.place.span)}}}'
 
 
 def _span_entries(span: Span) -> str:
@@ -196,6 +214,8 @@ def model_digest(plan: BuildPlan) -> str:
     meaningful_values = (*basic_values, *knowledge_values) if spec.knows else basic_values
     if checked.mape is not None:
         meaningful_values = (*meaningful_values, *_loop_values(checked))
+    if spec.site is not None:
+        meaningful_values = (*meaningful_values, *spec.site.handles)
     return _digest(_meaning(meaningful_values))
 
 

@@ -19,8 +19,10 @@ def render(template: str, **texts: object) -> str:
 
 def made_by_line(plan: BuildPlan) -> str:
     """Return the line that names the source of generated code and how to renew it."""
-    file = prose(plan.checked.spec.file)
-    return f"Made by codra from {file}; edits are lost. Renew: codra compile {file}"
+    spec = plan.checked.spec
+    file, site_file = prose(spec.file), prose(spec.site.file) if spec.site is not None else ""
+    files, arguments = (f"{file} and {site_file}", f"{file} --site {site_file}") if site_file else (file, file)
+    return f"Made by codra from {files}; edits are lost. Renew: codra compile {arguments}"
 
 
 @cache

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-from collections.abc import Callable, Mapping, MutableMapping
-from typing import Any
+from collections.abc import Mapping, MutableMapping
 
 from codra_dsl.integrations.testing.timeline import Alteration, Maker
 from codra_dsl.isolation.error_text import described
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.runtime import CallError, Clock
+from codra_dsl.runtime.perception.site_handles import make_handle
 
 _PLAIN_TYPES = (bool, int, float, str, type(None))
 
 
-def make_handle(maker: Maker, clock: Clock) -> object:
+def make_stated_handle(maker: Maker, clock: Clock) -> object:
     """Return the handle that a maker makes.
 
     Raises:
         CallError: if the class or function cannot be imported, or raises an exception, e.g. for a wrong argument.
     """
     try:
-        factory = _import_callable(maker.call)
-        takes_clock = "clock" in inspect.signature(factory).parameters and "clock" not in maker.arguments
-        return factory(**maker.arguments, **({"clock": clock} if takes_clock else {}))
+        return make_handle(maker.call, maker.arguments, clock)
     except Exception as error:
         raise CallError(f"{_place_text(maker.place)}: {maker.call!r}: {described(error)}") from error
 
@@ -39,15 +35,6 @@ def alter(handle: object, change: Alteration) -> None:
         message = f"there is no handle {change.resource!r}: add it under the key `resources` of the file"
         raise CallError(f"{_place_text(change.place)}: {message}")
     _set_attributes(handle, change.attributes, f"{_place_text(change.place)}: {change.resource}")
-
-
-def _import_callable(call: str) -> Callable[..., object]:
-    module, _, path = call.partition(":")
-    target: Any = importlib.import_module(module)
-    for name in path.split("."):
-        target = getattr(target, name)
-    function: Callable[..., object] = target
-    return function
 
 
 def _set_attributes(target: object, attributes: Mapping[str, object], path: str) -> None:

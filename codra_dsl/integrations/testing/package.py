@@ -83,7 +83,7 @@ class Package:
 
 
 @cache
-def load_package(root: Path, name: str) -> Package:
+def load_package(root: Path, name: str, folder: str = FOLDER) -> Package:
     """Import a compiled spec as programs in the project's root do: `from generated import NAME`.
 
     This happens once per process. Before the import, the spec is compiled once more, to make sure that the package
@@ -92,45 +92,48 @@ def load_package(root: Path, name: str) -> Package:
     Args:
         root: the root of the project; Python searches modules there from now on.
         name: the name of the spec.
+        folder: the name of the folder with the packages, in the root.
 
     Raises:
         PackageError: if there is no compiled spec of this name that is up to date and can be imported.
     """
-    _require_compiled_spec(root, name)
-    _require_up_to_date(root, name)
+    _require_compiled_spec(root, name, folder)
+    _require_up_to_date(root, name, folder)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
     try:
-        module = importlib.import_module(f"{FOLDER}.{name}")
+        module = importlib.import_module(f"{folder}.{name}")
     except Exception as error:
-        message = f"'{FOLDER}/{name}' cannot be imported: {described(error)}"
+        message = f"'{folder}/{name}' cannot be imported: {described(error)}"
         raise PackageError(message, "compile it again: codra compile") from error
     if not Path(str(module.__file__)).resolve().is_relative_to(root.resolve()):
-        message = f"Python finds '{FOLDER}.{name}' in another project"
+        message = f"Python finds '{folder}.{name}' in another project"
         raise PackageError(message, "run pytest for each project separately")
     return _package(module)
 
 
-def _require_compiled_spec(root: Path, name: str) -> None:
-    compiled_names = sorted(manifest.parent.name for manifest in (root / FOLDER).glob("*/manifest.json"))
+def _require_compiled_spec(root: Path, name: str, folder: str) -> None:
+    compiled_names = sorted(manifest.parent.name for manifest in (root / folder).glob("*/manifest.json"))
     if name not in compiled_names:
         suggestion = suggest(name, compiled_names)
         help_text = f"did you mean '{suggestion}'?" if suggestion else "compile the spec first: codra compile"
-        raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", help_text)
+        raise PackageError(f"there is no compiled spec '{folder}/{name}'", help_text)
 
 
-def _require_up_to_date(root: Path, name: str) -> None:
-    """Require that the package was compiled from the model that the spec has now, if the spec exists."""
-    manifest = manifest_of(root / FOLDER / name)
-    file = root / str(manifest.get("spec", ""))
-    if not file.is_file():
+def _require_up_to_date(root: Path, name: str, folder: str) -> None:
+    """Require that the package was compiled from the model that the spec has now, if the spec and its site exist."""
+    manifest = manifest_of(root / folder / name)
+    files = [str(manifest[key]) for key in ("spec", "site") if key in manifest]
+    if not files or not all((root / file).is_file() for file in files):
         return
-    plans = plan_paths([file], root).plans
+    spec, *sites = files
+    arguments = " ".join([spec, *(f"--site {site}" for site in sites)])
+    plans = plan_paths([root / spec], root, sites=[root / site for site in sites]).plans
     if not plans:
-        raise PackageError(f"'{manifest['spec']}' has errors", f"see: codra lint {manifest['spec']}")
+        raise PackageError(f"'{spec}' has errors", f"see: codra lint {arguments}")
     if model_digest(plans[0]) != manifest.get("model"):
-        message = f"'{FOLDER}/{name}' is out of date: it does not match '{manifest['spec']}'"
-        raise PackageError(message, f"compile it: codra compile {manifest['spec']}")
+        message = f"'{folder}/{name}' is out of date: it does not match {' and '.join(map(repr, files))}"
+        raise PackageError(message, f"compile it: codra compile {arguments}")
 
 
 def _package(module: ModuleType) -> Package:

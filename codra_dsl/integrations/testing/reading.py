@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from codra_dsl.integrations.testing.moments import MomentReader
-from codra_dsl.integrations.testing.package import Package, PackageError, load_package
+from codra_dsl.integrations.testing.package import FOLDER, Package, PackageError, load_package
 from codra_dsl.integrations.testing.timeline import Behaviour, LoopSwitch, Maker, Moment, Story, Timeline, Verb
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
 from codra_dsl.language.expression.tokens import shown
@@ -66,7 +66,7 @@ def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> 
     if not isinstance(name, ScalarNode) or name.reported:
         return None
     try:
-        package = load_package(root, name.text)
+        package = load_package(root, name.text, Reader(subject, node, findings).text("folder", FOLDER))
     except PackageError as error:
         findings.add("unknown-value", error.message, subject.origin.of(name), help=error.help, path="timeline")
         return None

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, Protocol, Self
 
 from codra_dsl.integrations.testing.checks import Failure, failures_of, failures_text
-from codra_dsl.integrations.testing.handles import alter, make_handle
+from codra_dsl.integrations.testing.handles import alter, make_stated_handle
 from codra_dsl.integrations.testing.loops import StoryLoops
 from codra_dsl.integrations.testing.package import Package
 from codra_dsl.integrations.testing.script import Script, Speakers
@@ -32,6 +32,7 @@ from codra_dsl.integrations.testing.timeline import (
 )
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.runtime import ContextManager, EventLog, SimClock
+from codra_dsl.runtime.perception.site_handles import with_site_handles
 
 __all__ = ["OpenStory", "Run", "StoryFailed"]
 
@@ -205,10 +206,18 @@ class Run:
         return self.codra
 
     def _make_handles(self) -> None:
-        """Make the handles that were not passed."""
+        """Make the handles that were not passed.
+
+        The handles that the site states are made for algorithms that the story does not script.
+        """
         for resource, maker in self._timeline.makers.items():
             if resource not in self.resources:
-                self.resources[resource] = make_handle(maker, self.clock)
+                self.resources[resource] = make_stated_handle(maker, self.clock)
+        algorithms = self._package.algorithms.values()
+        unscripted = (algorithm for algorithm in algorithms if algorithm.name not in self._story.scripted_algorithms)
+        needed_handles = {handle for algorithm in unscripted for handle in algorithm.handles}
+        resources = [resource for resource in self._package.model.resources if resource.name in needed_handles]
+        self.resources.update(with_site_handles(resources, self.resources, self.clock))
 
     def _apply_changes(self, moment: Moment, speakers: Speakers) -> None:
         """Apply the changes of the world at a moment."""

@@ -6,6 +6,7 @@ A finding of one step suppresses findings of later steps about the same element.
 - `schema` compares the shape of the nodes with `schema.json`;
 - `parts` reads the parts that the spec includes;
 - `templates` and `instantiation` read templates and their uses;
+- `site` replaces the values that differ on one site;
 - `elements` builds the elements;
 - `calls` and `called_modules` check the functions that the elements call.
 

@@ -1,4 +1,4 @@
-"""Find the specs and parts at or below given paths."""
+"""Find the specs, parts and sites at or below given paths."""
 
 from __future__ import annotations
 
@@ -23,22 +23,25 @@ from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_begi
 
 _NAME_KEY_PATTERN = re.compile(rb"\bname[\"']?[ \t]*:")
 _VERSION_KEY_PATTERN = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
+_SITE_KEY_PATTERN = re.compile(rb"\boverlays[\"']?[ \t]*:")
 _LANGUAGE_KEYS = frozenset({"codra", "templates", "use", *KEYS})
 _UTF16_BYTE_ORDER_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """The specs and parts at and below some paths.
+    """The specs, parts and sites at and below some paths.
 
     Attributes:
         specs: the specs, sorted and without duplicates.
         parts: the parts, each with the place of its key `codra`.
+        sites: the sites, sorted and without duplicates.
         diagnostics: the findings about folders that cannot be read and paths without a spec.
     """
 
     specs: tuple[Path, ...] = ()
     parts: Mapping[Path, Place] = field(default_factory=dict)
+    sites: tuple[Path, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
 
     def unincluded(self, included_files: Iterable[str], root: Path) -> Iterator[Diagnostic]:
@@ -58,25 +61,38 @@ class Files:
 
 
 def find_files(paths: Sequence[Path], root: Path) -> Files:
-    """Return the specs and parts at or below paths.
+    """Return the specs, parts and sites at or below paths.
 
-    A file given as a path is always treated as a spec, so that `load_spec` reports its mistakes. Below a folder, the
-    specs are those YAML files of this language that have a `name`. Hidden folders and links to folders are not entered.
+    A file given as a path is always treated as a site or a spec, so that `load_spec` reports its mistakes. The sites
+    are the files of this language with the key `overlays`. Below a folder, the specs are those YAML files of this
+    language that have a `name`. Hidden folders and links to folders are not entered.
     """
     findings = Findings()
     specs: dict[Path, Path] = {}
+    sites: dict[Path, Path] = {}
     parts: dict[Path, Place] = {}
     for path in paths:
-        spec_files = list(_specs_below(path, root, parts, findings)) if path.is_dir() else [path]
+        if path.is_dir():
+            spec_files = list(_specs_below(path, root, parts, sites, findings))
+        else:
+            is_site = _is_site(_read_beginning(path, root))
+            spec_files = [] if is_site else [path]
+            sites.update({real_path(path): path} if is_site else {})
         for file in spec_files:
             specs.setdefault(real_path(file), file)
     for file in specs.keys() & parts.keys():
         del parts[file]
-    return Files(tuple(sorted(specs.values(), key=lambda file: file.as_posix())), parts, findings.all())
+    return Files(_sorted_files(specs), parts, _sorted_files(sites), findings.all())
 
 
-def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: Findings) -> Iterator[Path]:
-    """Yield the specs below a folder, and add its parts to `parts`."""
+def _sorted_files(files: Mapping[Path, Path]) -> tuple[Path, ...]:
+    return tuple(sorted(files.values(), key=lambda file: file.as_posix()))
+
+
+def _specs_below(
+    folder: Path, root: Path, parts: dict[Path, Place], sites: dict[Path, Path], findings: Findings
+) -> Iterator[Path]:
+    """Yield the specs below a folder, and add its parts and sites to `parts` and `sites`."""
     name, has_spec_or_error = _relative_name(folder, root), False
     for file in yaml_files(folder):
         if os.path.isdir(file):  # noqa: PTH112 - it never raises
@@ -84,7 +100,10 @@ def _specs_below(folder: Path, root: Path, parts: dict[Path, Place], findings: F
             message = f"cannot read the folder {shown(place.span.file)}"
             findings.add("cannot-read", message, place, help="check its permissions")
             has_spec_or_error = True
-        elif _is_spec(data := _read_beginning(file, root)):
+        elif _is_site(data := _read_beginning(file, root)):
+            has_spec_or_error = True
+            sites.setdefault(real_path(file), file)
+        elif _is_spec(data):
             has_spec_or_error = True
             yield file
         elif data and (version_match := _VERSION_KEY_PATTERN.search(data)):
@@ -118,6 +137,17 @@ def _read_beginning(file: Path, root: Path) -> bytes | None:
     except OSError:
         return None
     return data.decode("utf-16", "replace").encode() if data.startswith(_UTF16_BYTE_ORDER_MARKS) else data
+
+
+def _is_site(data: bytes | None) -> bool:
+    """Return whether to read a file as a site: it has the key `overlays` and a key of this language."""
+    if not data or not _SITE_KEY_PATTERN.search(data):
+        return False
+    try:
+        keys = set(_top_keys(data.decode("utf-8", "replace")))
+    except yaml.YAMLError:
+        return _VERSION_KEY_PATTERN.search(data) is not None
+    return "overlays" in keys and bool(keys & _LANGUAGE_KEYS)
 
 
 def _is_spec(data: bytes | None) -> bool:

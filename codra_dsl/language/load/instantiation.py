@@ -11,6 +11,7 @@ from codra_dsl.language.load.schema.document import Document
 from codra_dsl.language.load.schema.keys_and_values import explain
 from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_declarations
 from codra_dsl.language.load.schema.schema import has_shape
+from codra_dsl.language.load.site.overlay import Overlay
 from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
 from codra_dsl.language.load.templates.substitution import Filler, example_value
 from codra_dsl.language.load.templates.templates import EXAMPLES, Template, declare, declared_template
@@ -34,12 +35,19 @@ class Uses:
         is_complete: whether the names of all created elements are known.
     """
 
-    def __init__(self, findings: Findings, *, may_lack_templates: bool) -> None:
-        """Initialize; `may_lack_templates` means that templates may be missing because a part could not be read."""
+    def __init__(self, findings: Findings, overlay: Overlay | None = None, *, may_lack_templates: bool) -> None:
+        """Initialize.
+
+        Args:
+            findings: where findings are added.
+            overlay: the arguments that a site replaces.
+            may_lack_templates: whether templates may be missing because a part could not be read.
+        """
         self.valid_uses: list[Use] = []
         self.is_complete = not may_lack_templates
         self._may_lack_templates = may_lack_templates
         self._findings = findings
+        self._overlay = overlay
         self._templates: dict[str, Template] = {}
         self._corrections: dict[str, str] = {}
         self._first_subjects: dict[tuple[str, str], Subject] = {}
@@ -49,7 +57,7 @@ class Uses:
     def declare(self, documents: Iterable[Document]) -> None:
         """Add the templates that the documents declare."""
         declarations = [entry for document in documents for entry in _entries(document, "templates")]
-        uses = _UsedNames(use for document in documents for use in _entries(document, "use"))
+        uses = _UsedNames(use for document in documents for use in self._uses(document))
         self._corrections = self._report_misspelt_templates(declarations, uses)
         used_names = {declared: used for used, declared in self._corrections.items()}
         for subject, node in declarations:
@@ -93,7 +101,7 @@ class Uses:
         """Add the elements that the uses in the documents create; `modules` maps the name of each use to its module."""
         uses_with_template: list[tuple[Subject, YamlNode, Template]] = []
         size = 0
-        for subject, node in (use for document in documents for use in _entries(document, "use")):
+        for subject, node in (use for document in documents for use in self._uses(document)):
             template = self._template(subject, node)
             if template is None:
                 self.is_complete = False
@@ -131,6 +139,10 @@ class Uses:
             if name not in self._used_templates:
                 bound_values = {key: example_value(parameter) for key, parameter in template.parameters.items()}
                 self._fill(template, Arguments(bound_values, is_valid=True), template.origin, Elements(self._findings))
+
+    def _uses(self, document: Document) -> Iterator[tuple[Subject, YamlNode]]:
+        """Yield the uses in a document, with the arguments that a site states."""
+        return _entries(document, "use", self._overlay)
 
     def _is_new(self, subject: Subject) -> bool:
         """Report an invalid or duplicate name; return whether the name can be used."""
@@ -239,6 +251,7 @@ def _record_lost_names(template: Template, arguments: Arguments, elements: Eleme
             elements.record_lost(section, name)
 
 
-def _entries(document: Document, section: str) -> Iterator[tuple[Subject, YamlNode]]:
+def _entries(document: Document, section: str, overlay: Overlay | None = None) -> Iterator[tuple[Subject, YamlNode]]:
     for key, node in entries(document.section(section)):
-        yield Subject(section, key, document.origin), node
+        subject = Subject(section, key, document.origin)
+        yield (subject, node) if overlay is None else overlay.apply(subject, node)

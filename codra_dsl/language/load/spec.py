@@ -13,18 +13,21 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.file_queries import real_path
 from codra_dsl.language.load.calls import DeclaredNames, check_calls
 from codra_dsl.language.load.elements.elements import Elements
+from codra_dsl.language.load.elements.handles import report_handles_of_slots, take_handles
 from codra_dsl.language.load.instantiation import Uses
 from codra_dsl.language.load.loop_variables import with_loop_variables
 from codra_dsl.language.load.parts import Parts
 from codra_dsl.language.load.pose_conditions import with_pose_conditions
 from codra_dsl.language.load.schema.document import SECTIONS, Document, read_document, take_section
+from codra_dsl.language.load.site.overlay import Overlay
+from codra_dsl.language.load.site.site_file import SiteFile, read_site_file
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
 from codra_dsl.language.load.yaml.nodes import ScalarNode
 from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.reader import entries
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, accept, decode, read
-from codra_dsl.language.model import AnyName, Spec
+from codra_dsl.language.model import AnyName, Handle, Site, Spec
 
 STANDARD_INPUT = "-"
 
@@ -33,17 +36,24 @@ Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
 
 
 @paused_collector()
-def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -> Loaded:
+def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK, site: Path | None = None) -> Loaded:
     """Return the spec in a file, with its parts.
 
-    `root` is the project's folder: findings name files relative to this folder, and parts must be inside it. `texts`
-    maps the paths of files, relative to `root`, to their content; these files are not read from disk.
+    Args:
+        path: the file.
+        root: the project's folder: findings name files relative to this folder, and parts must be inside it.
+        texts: the contents of files that are not read from disk, by their paths relative to `root`.
+        site: the file of a site, whose values replace those of the spec; None for the spec itself.
 
     Raises:
-        ValueError: if the file is not in the project.
+        ValueError: if a file is not in the project.
     """
     findings = Findings()
-    return _load(read(path, _relative_path(path, root), root, findings, texts), path, root, findings, texts)
+    site_file = None if site is None else read_site_file(site, _relative_path(site, root), root, findings, texts)
+    if site is not None and site_file is None:
+        return None, _sorted_diagnostics(findings)
+    source = read(path, _relative_path(path, root), root, findings, texts)
+    return _load(source, path, root, findings, texts, site_file=site_file)
 
 
 @paused_collector()
@@ -66,7 +76,13 @@ def _relative_path(path: Path, root: Path) -> str:
 
 
 def _load(
-    source: Source | None, path: Path, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK
+    source: Source | None,
+    path: Path,
+    root: Path,
+    findings: Findings,
+    texts: Mapping[str, bytes] = AS_ON_DISK,
+    *,
+    site_file: SiteFile | None = None,
 ) -> Loaded:
     document = None if source is None else read_document(source, findings)
     if document is None:
@@ -80,7 +96,7 @@ def _load(
     parts.read_all(document, real_path(path))
     if parts.are_too_large:
         return None, _sorted_diagnostics(findings)
-    spec = _read_spec(document, name, parts, root, findings)
+    spec = _read_spec(document, name, parts, root, findings, site_file=site_file)
     return spec, _sorted_diagnostics(findings)
 
 
@@ -89,11 +105,19 @@ def _sorted_diagnostics(findings: Findings) -> tuple[Diagnostic, ...]:
 
 
 def _read_spec(
-    document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings
+    document: Document,
+    name: ScalarNode | None,
+    parts: Parts,
+    root: Path,
+    findings: Findings,
+    *,
+    site_file: SiteFile | None,
 ) -> Spec | None:
+    handles = () if site_file is None else tuple(take_handles(site_file, findings))
+    overlay = None if site_file is None else Overlay(site_file, findings)
     lost_sections = frozenset[str]().union(*(part.lost_sections for part in parts.documents))
-    elements = Elements(findings)
-    uses = Uses(findings, may_lack_templates=bool(lost_sections) or not parts.is_complete)
+    elements = Elements(findings, overlay)
+    uses = Uses(findings, overlay, may_lack_templates=bool(lost_sections) or not parts.is_complete)
     module_names = _module_names(parts.documents)
     uses.declare(parts.documents)
     for part in parts.documents:
@@ -103,6 +127,7 @@ def _read_spec(
     uses.create_elements(parts.documents, module_names, elements)
     uses.try_unused_templates()
     elements.report_comments()
+    report_handles_of_slots(handles, elements.elements_by_section["resources"], findings)
     if name is None:
         return None
     module_files = check_calls(
@@ -111,6 +136,7 @@ def _read_spec(
     damaged_names = _damaged_names(
         elements, lost_sections if uses.is_complete and parts.is_complete else frozenset(SECTIONS)
     )
+    site = None if overlay is None else _site(overlay, handles, parts, elements, damaged_names)
     if has_errors(findings.all()):
         damaged_names["spec"] = frozenset({name.text})
     elements_by_section = {
@@ -120,7 +146,8 @@ def _read_spec(
         name=name.text,
         place=document.origin.of(name),
         file=document.origin.source.file,
-        files=tuple(part.origin.source.file for part in parts.documents),
+        files=(*(part.origin.source.file for part in parts.documents), *([] if site is None else [site.file])),
+        site=site,
         modules=module_files,
         **elements_by_section,
         uses=tuple(uses.valid_uses),
@@ -130,6 +157,26 @@ def _read_spec(
         damaged_keys=elements.damaged_keys,
     )
     return with_pose_conditions(with_loop_variables(spec, findings))
+
+
+def _site(
+    overlay: Overlay,
+    handles: tuple[Handle, ...],
+    parts: Parts,
+    elements: Elements,
+    damaged_names: Mapping[str, frozenset[str]],
+) -> Site:
+    """Return what a site states; report the names in it that the spec does not have."""
+    names_by_section = {section: [*names] for section, names in elements.elements_by_section.items()}
+    names_by_section["use"] = [key.text for part in parts.documents for key, _ in entries(part.section("use"))]
+    overlay.report_unknown_names(parts.documents[0].subject, names_by_section, damaged_names)
+    site_file = overlay.site
+    return Site(
+        file=site_file.source.file,
+        place=site_file.origin.of(site_file.spec_name),
+        replacements=tuple(overlay.replacements),
+        handles=handles,
+    )
 
 
 def _declared_names(elements: Elements) -> DeclaredNames:

@@ -80,6 +80,7 @@ from codra_dsl.language.model.mape import (
     Worse,
     weight_name,
 )
+from codra_dsl.language.model.site import Handle, Replacement, Site
 from codra_dsl.language.model.spec import AnyName, DeclaredTemplate, Spec, Use
 
 __all__ = [
@@ -110,6 +111,7 @@ __all__ = [
     "Expectation",
     "Expected",
     "FuzzyTerm",
+    "Handle",
     "HardRule",
     "Hysteresis",
     "Identification",
@@ -137,9 +139,11 @@ __all__ = [
     "Reference",
     "Refresh",
     "Repeat",
+    "Replacement",
     "Resource",
     "Returned",
     "Setting",
+    "Site",
     "Skill",
     "Spec",
     "StartingPose",

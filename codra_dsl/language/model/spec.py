@@ -17,6 +17,7 @@ from codra_dsl.language.model.elements import (
 )
 from codra_dsl.language.model.knowledge import Agent, EdgeType, NodeElement, NodeType, Task
 from codra_dsl.language.model.mape import Adaptation, Loop, Output, TreeElement
+from codra_dsl.language.model.site import Site
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +70,7 @@ class Spec:
     Attributes:
         file: the spec's own file, relative to the project root.
         files: all files of the spec: its own file first, then parts in the order of inclusion.
+        site: what a site's file states; None without a site. The last of `files` is the site's file.
         modules: the files of Python modules with which its calls were compared, including files that do not exist.
         origins: for each element (`kind`, `name`), the name of its generated module. A module is named after the `use`
             that made the element, or after the element's file. The name is an identifier, unique without regard to
@@ -104,6 +106,7 @@ class Spec:
     loops: tuple[Loop, ...] = ()
     uses: tuple[Use, ...] = ()
     templates: tuple[DeclaredTemplate, ...] = ()
+    site: Site | None = None
     origins: Mapping[tuple[str, str], str] = field(default_factory=dict, compare=False, hash=False)
     damaged: Mapping[str, frozenset[str]] = field(default_factory=dict, compare=False, hash=False)
     damaged_keys: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict, compare=False, hash=False)

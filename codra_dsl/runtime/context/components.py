@@ -23,6 +23,7 @@ from codra_dsl.runtime.observers.observer import Observer
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.observers.store import Store
 from codra_dsl.runtime.perception import Function, Perception
+from codra_dsl.runtime.perception.site_handles import with_site_handles
 from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.model import Algorithm
@@ -64,7 +65,7 @@ class Components:
         self.perception = Perception(
             clock=self.clock,
             slots=self.slots,
-            handles=resources,
+            handles=with_site_handles(model.resources, resources, clock),
             seed=seed,
             event_writer=self.event_writer,
             find_function=find,

@@ -77,7 +77,7 @@ class ContextManager(Overrides[VariableName], Generic[VariableName, SkillName]):
         Args:
             model: the compiled spec.
             clock: real or simulated time.
-            resources: the handle of each resource without slots, by name.
+            resources: the handle of each resource without slots, by name; handles that the site states may be left out.
             seed: the seed of `job.random` in jobs.
             record: the event log for every change; by default a new one.
             find: returns the perception function of an algorithm; by default, the function that `call` of the algorithm

@@ -21,15 +21,21 @@ class Place:
 
     Attributes:
         use: if the place is in a template, the place where this template is used; otherwise None.
+        site: if a site states values of the element at the place, the place of the first of them; otherwise None.
+        replaces: if the place is in the file of a site, the place in the spec of the value that the site replaces;
+            otherwise None.
     """
 
     file: str
     line: int
     use: Place | None = None
+    site: Place | None = None
+    replaces: Place | None = None
 
     def __str__(self) -> str:
-        use_text = "" if self.use is None else f" (used at {self.use})"
-        return f"{self.file}:{self.line}{use_text}"
+        notes = (("used at", self.use), ("changed at", self.site), ("replaces", self.replaces))
+        notes_text = ", ".join(f"{verb} {place}" for verb, place in notes if place is not None)
+        return f"{self.file}:{self.line}{f' ({notes_text})' if notes_text else ''}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,4 +135,10 @@ def place_from_data(data: Any) -> Place | None:
     """Return the place that plain data describes; None if the data contains no place."""
     if not isinstance(data, Mapping) or "file" not in data:
         return None
-    return Place(file=str(data["file"]), line=int(data["line"]), use=place_from_data(data.get("use")))
+    return Place(
+        file=str(data["file"]),
+        line=int(data["line"]),
+        use=place_from_data(data.get("use")),
+        site=place_from_data(data.get("site")),
+        replaces=place_from_data(data.get("replaces")),
+    )

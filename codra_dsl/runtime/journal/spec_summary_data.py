@@ -79,8 +79,9 @@ def _rule_to_data(rule: Rule) -> dict[str, Any]:
 def _place_to_data(place: Place | None) -> dict[str, Any] | None:
     if place is None:
         return None
-    use_data = {} if place.use is None else {"use": _place_to_data(place.use)}
-    return {"file": place.file, "line": place.line, **use_data}
+    others = (("use", place.use), ("site", place.site), ("replaces", place.replaces))
+    others_data = {name: _place_to_data(other) for name, other in others if other is not None}
+    return {"file": place.file, "line": place.line, **others_data}
 
 
 def _finite_or_none(number: float) -> float | None:

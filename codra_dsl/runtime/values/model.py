@@ -283,8 +283,26 @@ class SkillModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HandleModel:
+    """How a site makes the handle of a resource.
+
+    Attributes:
+        call: `module:name` of a class or function.
+        parameters: its arguments, with quantities in SI units.
+    """
+
+    call: str
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ResourceModel:
-    """A resource that algorithms share: a handle or, if `slots` is given, slots for this number of jobs at a time."""
+    """A resource that algorithms share: a handle or, if `slots` is given, slots for this number of jobs at a time.
+
+    Attributes:
+        handle: how the site makes the handle; None if the program must pass it to `start`.
+    """
 
     name: str
     slots: int | None = None
+    handle: HandleModel | None = None

@@ -173,6 +173,7 @@ def compare_identification(scope: Scope, _: str, *rules: Any) -> Iterator[Change
             "the value is computed in another way",
             _identification_text(old),
             _identification_text(new),
+            changed_parts=(old.by, new.by),
         )
     before, after = map(_confirm_counts, rules)
     if before != after:

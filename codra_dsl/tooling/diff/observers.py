@@ -99,6 +99,10 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
         yield from _HANDLE_COMPARER(
             resource_scope, "", *(bool(side.users(name, Access.READ)) for side in scope.pair.sides)
         )
+        made_before, made_after = (_handle_text(side, name) for side in scope.pair.sides)
+        if made_before != made_after:
+            message = "the site makes the handle in another way"
+            yield resource_scope.make_change(Category.PERCEIVED_OTHERWISE, "", message, made_before, made_after)
         if before and after:
             user_counts = (len(side.users(name, Access.SLOT)) for side in scope.pair.sides)
             yield from _SLOTS_COMPARER(resource_scope, "", *zip(user_counts, (before.slots, after.slots), strict=True))
@@ -106,6 +110,13 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
             yield resource_scope.make_change(Category.REMOVED, "", "the resource is gone")
         elif after and after.slots:
             yield resource_scope.make_change(Category.ADDED, "", "new resource with slots")
+
+
+def _handle_text(side: Side, resource: str) -> str:
+    """Return how the site makes the handle of a resource; empty if no site does."""
+    site = side.plan.checked.spec.site
+    handles = (handle for handle in (() if site is None else site.handles) if handle.resource == resource)
+    return next((str(handle) for handle in handles), "")
 
 
 def compare_layout(scope: Scope) -> Iterator[Change]:

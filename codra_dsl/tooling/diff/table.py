@@ -75,8 +75,8 @@ FIELD_COMPARERS: ComparerTable = {
         "observers": compare_observers,
         "resources": compare_resources,
         "agents": knowledge.compare_agents,
-        # Specs are compared with their parts included and their templates expanded.
-        **dict.fromkeys(("file", "files", "modules", "uses", "templates"), compare_nothing),
+        # Specs are compared with their parts included, their templates expanded, and the values of their sites.
+        **dict.fromkeys(("file", "files", "modules", "site", "uses", "templates"), compare_nothing),
     },
     model.Variable: {
         "type": type_comparer(),

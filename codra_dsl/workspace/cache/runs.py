@@ -49,8 +49,8 @@ class Run:
     covered_paths: tuple[str, ...] = ()
 
 
-def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
-    """Return the cache for a command and its paths. Outside of a project, nothing is stored: return None.
+def cache_of(root: Path, command: str, paths: Sequence[Path], sites: Sequence[Path] = ()) -> Cache | None:
+    """Return the cache for a command, its paths and its sites. Outside of a project, nothing is stored: return None.
 
     The result is also None in CI (if the environment variable `CI` is set), if the cache folder is a link, and if no
     secret of the user can be kept outside of the project. In these cases the cache could be part of the change that is
@@ -60,7 +60,8 @@ def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
     if not is_trusted or project_of(root) != root:
         return None
     secret = user_secret(root)
-    return None if secret is None else Cache(root, command, paths, secret)
+    command_with_sites = f"{command} --site {len(sites)}" if sites else command
+    return None if secret is None else Cache(root, command_with_sites, [*paths, *sites], secret)
 
 
 class Cache:

@@ -53,17 +53,20 @@ class SpecResult:
 
 
 SpecResults = MutableMapping[str, SpecResult]
-"""The last results of specs, by the path of the spec's file; see `result_key`."""
+"""The last results of specs, by the paths of the spec and of the site; see `result_key`."""
 
 
-def result_key(path: Path, root: Path) -> str:
-    """Return the key of the result of the spec in a file; `root` is the folder of the project."""
-    return f"{root.absolute()}\0{path.absolute()}"
+def result_key(path: Path, root: Path, site: Path | None = None) -> str:
+    """Return the key of the result of the spec in a file, alone or with the values of a site.
+
+    `root` is the folder of the project.
+    """
+    return "\0".join(str(part.absolute()) for part in (root, path, *([] if site is None else [site])))
 
 
 def is_outdated(key: str) -> bool:
-    """Return whether the file of a result does not exist any more."""
-    return not os.path.lexists(key.rpartition("\0")[2])
+    """Return whether the file of a spec, or of a site, does not exist any more."""
+    return not all(map(os.path.lexists, key.split("\0")[1:]))
 
 
 def record_of_result(result: SpecResult) -> dict[str, object]:

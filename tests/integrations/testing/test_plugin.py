@@ -228,6 +228,31 @@ def test_a_handle_that_cannot_be_made_is_reported_without_a_traceback(project: P
     assert "collecting.py" not in process.stdout
 
 
+def test_a_timeline_tests_the_package_of_a_site_with_the_handles_that_the_site_states(project: Path) -> None:
+    files = {
+        "sites/yard.yaml": (
+            "codra: 1\noverlays: gate\nresources: {camera: {call: yard:Camera, with: {angle: 60 deg}}}\n"
+            "perception: {look_at_gate: {identifies: {gate_open: angle > 50 deg}}}\n"
+        ),
+        "yard.py": "class Camera:\n    def __init__(self, clock, angle):\n        self.angle_rad = angle\n",
+        "tests/yard.timeline.yaml": (
+            "codra: 1\ntimeline: gate\nfolder: generated_yard\nstories:\n  the camera of the yard sees the gate:\n"
+            "    0 s:\n      agents: {porter: {gate_lit: true}}\n      main_execution: {expect: [pass_gate]}\n"
+            "    3 s: {believes: {gate_open: true}, resources: {camera: {angle_rad: 45 deg}}}\n"
+            "    6 s: {believes: {gate_open: false}}\n"
+        ),
+    }
+    for name, text in files.items():
+        (project / name).parent.mkdir(exist_ok=True)
+        (project / name).write_text(text, "utf-8")
+    before = run("-m", "pytest", "-q", "tests/yard.timeline.yaml", cwd=project)
+    run("-m", "codra_dsl", "compile", "specs", "--site", "sites/yard.yaml", cwd=project)
+    after = run("-m", "pytest", "-q", "tests/yard.timeline.yaml", cwd=project)
+
+    assert "there is no compiled spec 'generated_yard/gate'" in before.stdout
+    assert "1 passed" in after.stdout, after.stdout
+
+
 def test_a_program_runs_in_stories_through_the_fixture(project: Path) -> None:
     (project / "tests" / "cross.yaml").write_text(CROSS, "utf-8")
     (project / "tests" / "test_gate.py").write_text(TESTS, "utf-8")

@@ -28,6 +28,7 @@ WHOLE_VALUE_CLASSES = {
     "Condition": "conditions are compared by meaning",
     "DeclaredTemplate": "specs are compared with their templates expanded",
     "FuzzyTerm": "the terms of an element are compared together",
+    "Handle": "handles are compared with their resources, by their text",
     "HardRule": "the hard rules of a course are compared together",
     "LeafTasks": "the leaves of a tree are compared together",
     "Letters": "only places",
@@ -37,6 +38,8 @@ WHOLE_VALUE_CLASSES = {
     "PoseCondition": "guards are compared with their comparisons of poses",
     "Rate": "a rate is compared as one value",
     "Reference": "references are compared by name",
+    "Replacement": "specs are compared with the values of their sites",
+    "Site": "specs are compared with the values of their sites",
     "StartingPose": "a pose is compared as one value",
     "StartingValue": "the starting values of a node are compared together",
     "Use": "specs are compared with their templates expanded",
@@ -46,8 +49,11 @@ WHOLE_VALUE_CLASSES = {
 IGNORED_CLASSES = {
     "Condition": "by meaning only",
     "DeclaredTemplate": "see above",
+    "Handle": "by their text only",
     "Letters": "only places",
     "PoseCondition": "see above",
+    "Replacement": "see above",
+    "Site": "see above",
     "Use": "see above",
     "Writer": "by name and order only",
 }

@@ -26,10 +26,11 @@ from codra_dsl.language.load.elements.loops import build_action, build_adaptatio
 from codra_dsl.language.load.schema.document import SECTIONS
 from codra_dsl.language.load.schema.keys_and_values import explain
 from codra_dsl.language.load.schema.schema import has_shape, keys_of
+from codra_dsl.language.load.site.overlay import Overlay
 from codra_dsl.language.load.templates.templates import DEFINITIONS
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.names import check_name
-from codra_dsl.language.load.yaml.nodes import MappingNode, YamlNode
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import NOUNS, Origin, Subject
 from codra_dsl.language.load.yaml.reader import Reader, Suspect
 from codra_dsl.language.model import Algorithm
@@ -65,12 +66,14 @@ class Elements:
         origins: the name of the generated module of each element (section, name).
     """
 
-    def __init__(self, findings: Findings) -> None:
+    def __init__(self, findings: Findings, overlay: Overlay | None = None) -> None:
+        """Initialize; `overlay` has the values that a site replaces."""
         self.elements_by_section: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
         self.damaged: dict[str, set[str]] = {section: set() for section in SECTIONS}
         self.damaged_keys: dict[tuple[str, str], frozenset[str]] = {}
         self.origins: dict[tuple[str, str], str] = {}
         self._findings = findings
+        self._overlay = overlay
         self._first_subjects: dict[str, dict[str, Subject]] = {section: {} for section in SECTIONS}
         self._suspects: list[tuple[Suspect, frozenset[str]]] = []
 
@@ -92,13 +95,15 @@ class Elements:
             subject = Subject(section, key, origin)
             is_new = self._is_new(subject)
             damaged = wrong_keys.get(key.written, frozenset())
-            if not all_have_shape and key.written not in wrong_keys:
+            element_node = node
+            if self._overlay is not None and key.written not in wrong_keys:
+                subject, node = self._overlay.apply(subject, _as_element(section, key, node))  # noqa: PLW2901
+            if node is not element_node or not (all_have_shape or key.written in wrong_keys):
                 damaged = self._report_shape_mistakes(subject, node)
             if isinstance(node, MappingNode) and node.unread:
                 damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
             element = None
-            if section == "nodes":
-                node = as_mapping(key, node)  # noqa: PLW2901  a text alone is the node's type
+            node = _as_element(section, key, node)  # noqa: PLW2901
             if isinstance(node, MappingNode):  # duplicates are read to find their other mistakes
                 reader = Reader(subject, node, self._findings, damaged)
                 element = _BUILDERS[section](reader)
@@ -154,6 +159,11 @@ class Elements:
         """Report mistakes in the shape of an element; return the keys that cannot be read because of them."""
         definition = DEFINITIONS[subject.section]
         return frozenset() if has_shape(definition, node.data) else explain(definition, node, subject, self._findings)
+
+
+def _as_element(section: str, key: ScalarNode, node: YamlNode) -> YamlNode:
+    """Return the value of an element's name as the element. For a node, a text alone is its type."""
+    return as_mapping(key, node) if section == "nodes" else node
 
 
 def report_duplicate_name(subject: Subject, first: Subject, findings: Findings) -> None:

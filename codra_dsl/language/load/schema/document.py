@@ -87,8 +87,8 @@ def take_section(root: MappingNode, section: str) -> MappingNode | None:
     return node
 
 
-def read_document(source: Source, findings: Findings) -> Document | None:
-    """Return a file as a document, or None if it cannot be read as a spec or a part."""
+def read_root(source: Source, findings: Findings) -> MappingNode | None:
+    """Return the keys of a file, or None if it has none or is not of this version of the language."""
     before = len(findings)
     root = compose(source, findings)
     if root is None and len(findings) > before:
@@ -99,11 +99,19 @@ def read_document(source: Source, findings: Findings) -> Document | None:
         return None
     if not _check_version(root, source, findings):
         return None
+    _refuse_parameters(root, source, findings)
+    return root
+
+
+def read_document(source: Source, findings: Findings) -> Document | None:
+    """Return a file as a document, or None if it cannot be read as a spec or a part."""
+    root = read_root(source, findings)
+    if root is None:
+        return None
     name = root.value("name")
     first = next(iter(root.entries.values()))[0]
     is_spec = isinstance(name, ScalarNode)
     subject = Subject("spec" if is_spec else "part", name if isinstance(name, ScalarNode) else first, Origin(source))
-    _refuse_parameters(root, source, findings)
     explain_outline(FILE_DEFINITION, root, subject, findings)
     document = Document(subject.origin, root, subject, _lost_sections(root))
     if document.name is not None and isinstance(document.name.data, str):

@@ -83,7 +83,7 @@ class Subject:
     """The element that a finding is about.
 
     Attributes:
-        section: the element's section, or `spec` or `part` for a complete file.
+        section: the element's section, or `spec`, `part` or `site` for a complete file.
         key: the element's name in the file. Findings about missing keys have the place of this name.
         origin: the element's file or use.
     """
@@ -100,7 +100,7 @@ class Subject:
     @property
     def path(self) -> str:
         """Return the element's path in the spec: sections and names joined by dots."""
-        if self.section in ("spec", "part"):
+        if self.section in ("spec", "part", "site"):
             return ""
         prefix = f"templates.{self.origin.template}." if self.origin.template else ""
         group = "knowledge." if self.section in _UNDER_KNOWLEDGE else ""
@@ -112,6 +112,6 @@ class Subject:
 
     def __str__(self) -> str:
         """Return noun and name for messages, e.g. `skill 'open_door'`; a name in a template has its parameters."""
-        if self.section == "part":
-            return "this part"
+        if self.section in ("part", "site"):
+            return f"this {self.section}"
         return f"{NOUNS.get(self.section, self.section)} {shown(self.key.written)}"

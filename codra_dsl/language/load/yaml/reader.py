@@ -18,8 +18,8 @@ from codra_dsl.language.units import duration_help, parse_duration
 
 _parse_duration = lru_cache(maxsize=1024)(parse_duration)
 
-_MAPPINGS = ("with", "uses", "returns", "identifies", "attributes", "rules", "terms", "course", "leaves")
-"""The keys of elements whose values are mappings."""
+KEYS_OF_MAPPINGS = ("with", "uses", "returns", "identifies", "attributes", "rules", "terms", "course", "leaves")
+"""The keys of elements whose values are mappings with names of their own."""
 
 Choice = TypeVar("Choice", bound=StrEnum)
 
@@ -62,7 +62,7 @@ class Reader:
         self.suspects: list[Suspect] = []
         self._within = within
         if not within:
-            self.damaged.update(key for key in _MAPPINGS if key in node.entries and is_unread(node.value(key)))
+            self.damaged.update(key for key in KEYS_OF_MAPPINGS if key in node.entries and is_unread(node.value(key)))
 
     def inner(self, node: MappingNode, *steps: str) -> Reader:
         """Return a reader of the part of the element at `steps`; both readers share the damaged keys."""

@@ -57,6 +57,7 @@ RULES = rules(
     ("CDR2014", "monitor", _ERROR),
     ("CDR2015", "confirm", _ERROR),
     ("CDR2016", "fuzzy-term", _ERROR),
+    ("CDR2021", "not-a-site", _ERROR),
     # Names of parts, templates and elements
     ("CDR3001", "ill-formed-name", _ERROR),
     ("CDR3002", "reserved-name", _ERROR),
@@ -77,6 +78,10 @@ RULES = rules(
     ("CDR3028", "parameter-outside-template", _ERROR),
     ("CDR3030", "call-not-found", _WARNING),
     ("CDR3031", "call-arguments", _WARNING),
+    # Sites
+    ("CDR3032", "site-without-spec", _ERROR),
+    ("CDR3033", "not-in-spec", _ERROR),
+    ("CDR3034", "two-sites", _ERROR),
     # Conditions
     ("CDR4001", "condition-syntax", _ERROR),
     ("CDR4002", "pattern-syntax", _ERROR),

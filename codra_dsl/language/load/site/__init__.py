@@ -1,0 +1,1 @@
+"""Sites: files with the values of a spec that differ on one site."""

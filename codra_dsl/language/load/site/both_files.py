@@ -1,0 +1,67 @@
+"""Findings that concern a spec and a site name the places in both files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.model import Replacement, Site
+
+MAX_NAMED = 3
+"""The maximum number of values of a site that a finding about the spec names."""
+
+
+def name_both_files(
+    diagnostics: Iterable[Diagnostic], spec_diagnostics: Iterable[Diagnostic], site: Site
+) -> Iterator[Diagnostic]:
+    """Yield the findings about a spec with a site. Those that the site causes name the places in both files.
+
+    A finding about a value of the site names the place of the value in the spec. A finding about the spec that the spec
+    alone does not have names the values of the site that are its probable cause.
+
+    Args:
+        diagnostics: the findings about the spec with the site.
+        spec_diagnostics: the findings about the spec alone.
+        site: what the site states.
+    """
+    findings_of_spec = set(spec_diagnostics)
+    for diagnostic in diagnostics:
+        files = {place.span.file for place in (diagnostic.place, *(related.place for related in diagnostic.related))}
+        if diagnostic in findings_of_spec:
+            related: tuple[Related, ...] = ()
+        elif diagnostic.place.span.file == site.file:
+            related = tuple(_places_in_spec(diagnostic.place, site))
+        else:
+            related = () if site.file in files else tuple(_values_of_site(diagnostic, site))
+        yield replace(diagnostic, related=(*diagnostic.related, *related)) if related else diagnostic
+
+
+def _places_in_spec(place: Place, site: Site) -> Iterator[Related]:
+    """Yield the place in the spec of the value of a site at a place."""
+    value = site.replacement_around(place)
+    if value is not None and value.replaced is None:
+        yield Related("the spec leaves this value out", value.element)
+    elif value is not None and value.replaced is not None:
+        yield Related("it replaces this value of the spec", value.replaced)
+
+
+def _values_of_site(diagnostic: Diagnostic, site: Site) -> Iterator[Related]:
+    """Yield the values of a site that probably cause a finding about the spec.
+
+    These are the values of elements that the finding concerns or names, then the arguments of the use that made the
+    element. If there are none, all values are possible.
+    """
+    values = [value for value in site.replacements if _concerns(diagnostic, value)]
+    arguments = [
+        value for value in site.replacements if value.section == "use" and value.element.span == diagnostic.place.use
+    ]
+    for value in (values or arguments or site.replacements)[:MAX_NAMED]:
+        yield Related("only with this value of the site", value.place)
+
+
+def _concerns(diagnostic: Diagnostic, value: Replacement) -> bool:
+    """Return whether a finding is about the element of a value, or names it."""
+    is_at_element = f".{diagnostic.path}.".find(f".{value.section}.{value.name}.") >= 0
+    return is_at_element or shown(value.name) in f"{diagnostic.message} {diagnostic.help}"

@@ -1,0 +1,67 @@
+"""A site: the values of a spec that differ in one place where the robot works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.model.elements import Literal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replacement:
+    """A value that a site states instead of the spec.
+
+    Attributes:
+        section: the section of the element, or `use` for an argument of a use.
+        name: the name of the element or of the use.
+        key: the path from the element to the value, such as `valid_for` or `with.threshold`.
+        place: the place of the value in the site's file; `extent` is the place of the key and the value.
+        replaced: the place of the value in the spec; None if the spec does not state the value.
+        element: the place of the name of the element or use in the spec.
+    """
+
+    section: str
+    name: str
+    key: str
+    place: Place
+    extent: Place
+    replaced: Place | None
+    element: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handle:
+    """How a site makes the handle of a resource.
+
+    Attributes:
+        call: `module:name` of a class or function.
+        arguments: the arguments and their literals.
+    """
+
+    resource: str
+    call: str
+    arguments: tuple[tuple[str, Literal], ...]
+    place: Place
+
+    def __str__(self) -> str:
+        return f"{self.call}({', '.join(f'{name}={value!r}' for name, value in self.arguments)})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """What a site's file states about a spec.
+
+    Attributes:
+        file: the site's file, relative to the project root.
+        place: the place of the spec's name under `overlays`.
+    """
+
+    file: str
+    place: Place
+    replacements: tuple[Replacement, ...]
+    handles: tuple[Handle, ...] = ()
+
+    def replacement_around(self, place: Place) -> Replacement | None:
+        """Return the value of the site that contains a place; None if there is none."""
+        return next((value for value in self.replacements if value.extent.span.contains(place.span)), None)

@@ -1,0 +1,148 @@
+"""Sites on the command line: `--site`, sites below the given paths, and differences between sites."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_commands import codra
+from tests.test_compiler import DOOR
+
+HALL_1 = "codra: 1\noverlays: door\ncontext:\n  door_open: {valid_for: 20 s}\n"
+HALL_2 = "codra: 1\noverlays: door\nperception:\n  measure_door:\n    identifies: {door_open: gap > 60 cm}\n"
+GATE = DOOR.replace("door", "gate")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A project with two specs and two sites of one of them."""
+    files = {
+        "pyproject.toml": "[tool.codra]\n",
+        "specs/door.yaml": DOOR,
+        "specs/gate.yaml": GATE,
+        "sites/hall_1.yaml": HALL_1,
+        "sites/hall_2.yaml": HALL_2,
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_a_spec_is_compiled_for_each_site_into_a_package_of_the_same_name(project: Path) -> None:
+    alone = codra("compile", "specs", cwd=project)
+    hall_1 = codra("compile", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    hall_2 = codra("compile", "specs", "--site", "sites/hall_2.yaml", "--out", "halls/second", cwd=project)
+    folders = ("generated", "generated_hall_1", "halls/second")
+    modules = [(project / folder / "door/door.py").read_text() for folder in folders]
+
+    assert [process.returncode for process in (alone, hall_1, hall_2)] == [0, 0, 0]
+    assert ["valid_for_s=10.0" in module for module in modules] == [True, False, True]
+    assert ["> 0.6" in module for module in modules] == [False, False, True]
+    assert "codra compile specs/door.yaml --site sites/hall_1.yaml" in modules[1]
+    assert (project / "generated/gate/gate.py").read_text() == (project / "generated_hall_1/gate/gate.py").read_text()
+    manifest = json.loads((project / "generated_hall_1/door/manifest.json").read_text())
+    assert (manifest["spec"], manifest["site"]) == ("specs/door.yaml", "sites/hall_1.yaml")
+
+
+def test_check_compares_the_package_of_a_site_and_notices_an_edited_site(project: Path) -> None:
+    compile_site = ("compile", "specs", "--site", "sites/hall_1.yaml")
+    codra(*compile_site, cwd=project)
+    up_to_date = codra(*compile_site, "--check", cwd=project)
+    (project / "sites/hall_1.yaml").write_text(HALL_1.replace("20 s", "25 s"))
+    outdated = codra(*compile_site, "--check", cwd=project)
+
+    assert (up_to_date.returncode, outdated.returncode) == (0, 1)
+    assert "generated_hall_1/door/door.py" in outdated.stdout
+
+
+@pytest.mark.parametrize("command", [("lint",), ("compile",), ("compile", "--check")])
+def test_all_sites_below_the_paths_are_checked_with_their_specs(command: tuple[str, ...], project: Path) -> None:
+    codra("compile", "specs", cwd=project)
+    sound = codra(*command, "specs", "sites", cwd=project)
+    (project / "sites/hall_2.yaml").write_text(HALL_2.replace("gap", "gpa"))
+    wrong = codra(*command, "specs", "sites", "--format", "concise", cwd=project)
+
+    assert (sound.returncode, sound.stdout) == (0, "")
+    assert wrong.returncode == 1
+    assert wrong.stdout.startswith("sites/hall_2.yaml:5:29: error[CDR3104]")
+    assert not (project / "generated_hall_2").exists()
+
+
+def test_a_kept_result_of_a_site_is_used_until_the_site_or_the_spec_changes(project: Path) -> None:
+    lint = ("lint", "specs", "sites", "--format", "concise")
+    assert [codra(*lint, cwd=project).stdout for _ in range(2)] == ["", ""]
+    (project / "sites/hall_1.yaml").write_text(HALL_1.replace("door_open", "door_opn"))
+    with_wrong_site = [codra(*lint, cwd=project).stdout for _ in range(2)]
+    (project / "specs/door.yaml").write_text(DOOR.replace("door_open", "door_opn"))
+    with_other_spec = codra(*lint, cwd=project).stdout
+
+    assert with_wrong_site[0] == with_wrong_site[1]
+    assert with_wrong_site[0].startswith("sites/hall_1.yaml:4:3: error[CDR3033]")
+    assert with_other_spec.startswith("sites/hall_2.yaml:5:18: error[CDR3033]")
+
+
+def test_a_site_given_without_its_spec_is_an_error(project: Path) -> None:
+    process = codra("lint", "sites/hall_1.yaml", "--format", "concise", cwd=project)
+
+    assert process.returncode == 1
+    assert process.stdout == (
+        "sites/hall_1.yaml:2:11: error[CDR3032]: there is no spec 'door' at or below the given paths"
+        " (give the path of the spec as well)\n"
+    )
+
+
+def test_a_comment_in_a_site_silences_a_finding_and_a_fix_changes_the_site(project: Path) -> None:
+    short = HALL_1.replace("20 s}", "100 ms}  # codra: ignore[CDR7108] the door is slow here")
+    (project / "sites/hall_1.yaml").write_text(short)
+    silenced = codra("lint", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    (project / "sites/hall_2.yaml").write_text("codra: 1\noverlays: door\ncontext:\n  door_open: {valid_for: 10s}\n")
+    codra("lint", "specs", "sites", "--fix", cwd=project)
+
+    assert (silenced.returncode, silenced.stdout) == (0, "")
+    assert (project / "sites/hall_2.yaml").exists()
+
+
+def test_diff_shows_what_a_site_changes_and_how_two_sites_differ(project: Path) -> None:
+    site = ("--site", "sites/hall_1.yaml")
+    from_spec = codra("diff", "specs", *site, "--format", "concise", cwd=project)
+    between = codra("diff", "specs", *site, "--site", "sites/hall_2.yaml", "--format", "concise", cwd=project)
+
+    assert from_spec.stdout == (
+        "sites/hall_1.yaml:4:26: breaking[weaker]: door/context/door_open: 'valid_for' is longer: was 10 s, is 20 s\n"
+        "verdict: breaking (1 breaking)\n"
+    )
+    assert between.stdout == (
+        "specs/door.yaml:4:38: caution[stronger]: door/context/door_open: 'valid_for' is shorter: was 20 s, is 10 s\n"
+        "sites/hall_2.yaml:5:29: caution[redefined]: door/perception/measure_door:"
+        " identifies.door_open: the value is computed in another way: was 'gap > 40 cm', is 'gap > 60 cm'\n"
+        "verdict: caution (2 caution)\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("diff", "specs"), "give the version after, or --site to compare sites"),
+        (("diff", "specs", "specs", "--site", "sites/hall_1.yaml"), "with --site, give one path"),
+        (("diff", "specs", *3 * ("--site", "sites/hall_1.yaml")), "give at most two sites"),
+        (("lint", "-", "--site", "sites/hall_1.yaml"), "a site cannot be combined with a spec from standard input"),
+        (("compile", "specs", "--site", "sites/hall_3.yaml"), "'sites/hall_3.yaml' does not exist"),
+    ],
+)
+def test_a_wrong_use_of_sites_is_a_usage_error(arguments: tuple[str, ...], message: str, project: Path) -> None:
+    process = codra(*arguments, cwd=project)
+
+    assert process.returncode == 2
+    assert message in " ".join(process.stderr.split())
+
+
+def test_the_graph_of_a_site_has_its_values(project: Path) -> None:
+    (project / "sites/hall_1.yaml").write_text("codra: 1\noverlays: door\nskills: {pass_door: {preview: []}}\n")
+    alone = codra("graph", "specs", "--format", "json", cwd=project)
+    at_site = codra("graph", "specs", "--format", "json", "--site", "sites/hall_1.yaml", cwd=project)
+
+    assert "door/skill/pass_door" in alone.stdout
+    assert alone.stdout != at_site.stdout
