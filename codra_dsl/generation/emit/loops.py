@@ -59,7 +59,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "trees": "()",
     },
     "OutputModel": {"worse": "End.LOW"},
-    "ParameterModel": {"dwell_s": "0.0"},
+    "ParameterModel": {"otherwise": "None", "dwell_s": "0.0"},
     "RateModel": {"factor": "1.0"},
     "StageModel": {},
     "StageRuleModel": {},
@@ -252,14 +252,19 @@ class _Writer:
         """Return the declaration of a parameter, a variable that is set."""
         adaptation, parameter = checked.adaptation, checked.adaptation.does
         assert isinstance(parameter, Parameter)
-        value, words = condition_with_words(checked.python[0])
-        self._imports.use(*words)
+        expressions = []
+        for python in checked.python:
+            expression, words = condition_with_words(python)
+            self._imports.use(*words)
+            expressions.append(expression)
+        value, otherwise, *_ = (*expressions, "None")
         fields = self.fields(
             "ParameterModel",
             name=literal(adaptation.name),
             variable=literal(parameter.variable.name),
             value=value,
             text=literal(parameter.value.text),
+            otherwise=otherwise,
             dwell_s=literal(adaptation.dwell_s),
         )
         return call("ParameterModel", **fields)

@@ -119,10 +119,15 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A context-variable that is set to the value of a condition."""
+    """A context-variable that is set to the value of a condition.
+
+    Attributes:
+        otherwise: the constant to which the variable is set while the value is unknown; None if the spec states none.
+    """
 
     variable: Reference
     value: Condition
+    otherwise: Condition | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -186,15 +186,19 @@ class ParameterModel:
     Attributes:
         name: the name of the parameter in the spec section `adaptation`.
         variable: the variable that is set; its source is the adapter.
-        value: computes the new value, in the variable's unit; while the new value is unknown, the last value stays.
+        value: computes the new value, in the variable's unit.
         text: `value` as it is written in the spec.
-        dwell_s: the shortest time for which a value is kept. A metric that became worse ends this time early.
+        otherwise: computes the constant that is set while `value` is unknown. If it is None, the last value then stays
+            until it is no longer valid.
+        dwell_s: the shortest time for which a value is kept. A metric that became worse ends this time early, and so
+            does a value that becomes unknown.
     """
 
     name: str
     variable: str
     value: Term
     text: str
+    otherwise: Term | None = None
     dwell_s: float = 0.0
     place: str = ""
 

@@ -69,7 +69,8 @@ class CheckedAdaptation:
     """An adaptation.
 
     Attributes:
-        python: the conditions of the hard rules, or the value that the adaptation sets, as Python text.
+        python: as Python text, the conditions of the hard rules, or the value that the adaptation sets and, if the spec
+            states it, the value under `otherwise`.
         reads: the context-variables that these conditions or this value read, sorted.
     """
 

@@ -136,7 +136,9 @@ def _rate(spec_index: SpecIndex, variable: Variable) -> CheckedRate:
 def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
     does = adaptation.does
     if isinstance(does, Parameter):
-        python: tuple[str, ...] = (spec_index.python(does.value, spec_index.context_types[does.variable.name]),)
+        wanted_type = spec_index.context_types[does.variable.name]
+        values = (does.value,) if does.otherwise is None else (does.value, does.otherwise)
+        python = tuple(spec_index.python(value, wanted_type) for value in values)
     else:
         python = tuple(spec_index.python(rule.condition, None) for rule in does.always)
     adaptation_sites = (site for site in spec_index.sites if site.owner == ("adaptation", adaptation.name))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.expression import parse_over_context
+from codra_dsl.language.expression import Name, Text, names_in, parse_over_context
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.fuzzy.model import Term
 from codra_dsl.language.fuzzy.words import Defuzzification, Shape, SNorm, TNorm
@@ -289,7 +290,23 @@ def _read_parameter(reader: Reader) -> Parameter:
     node = reader.node.value("value")
     empty_condition = Condition(text="", tree=None, place=reader.place)
     value = empty_condition if node is None else read_condition(reader, node, "value", grammar=parse_over_context)
-    return Parameter(variable=_read_reference(reader, "set"), value=value)
+    return Parameter(variable=_read_reference(reader, "set"), value=value, otherwise=_read_otherwise(reader))
+
+
+def _read_otherwise(reader: Reader) -> Condition | None:
+    """Return the constant under `otherwise`; None if there is none. A single word is a text, such as a member."""
+    node = reader.node.value("otherwise")
+    if node is None:
+        return None
+    condition = read_condition(reader, node, "otherwise", grammar=parse_over_context)
+    tree = condition.tree
+    if isinstance(tree, Name) and not tree.pose_comparison:
+        return replace(condition, tree=Text(start=tree.start, end=tree.end, value=tree.name))
+    if tree is not None and names_in(tree):
+        help_text = "write a value that does not depend on context, such as '0.3 m/s': context can be unknown"
+        reader.fail("condition-syntax", f"{shown(condition.text)} is not a constant", node, help_text, "otherwise")
+        return replace(condition, tree=None)
+    return condition
 
 
 def _read_branches(reader: Reader) -> Iterator[tuple[Reference, Reference]]:
