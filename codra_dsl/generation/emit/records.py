@@ -19,7 +19,7 @@ from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_pla
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Agent, Algorithm, Variable
+from codra_dsl.language.model import Agent, Algorithm, Parameter, Spec, Variable
 from codra_dsl.language.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -28,9 +28,15 @@ FORMAT_VERSION = 1
 
 # The place of an element and its parsed form are not part of a spec's meaning.
 _FIELDS_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
-# Conduct is digested with the knowledge, and these fields of variables are digested with the loops.
+# Conduct is digested with the knowledge, these fields of variables are digested with the loops, and the others only if
+# they are stated, so that the digests of other specs stay the same.
 _SEPARATELY_DIGESTED_FIELDS = frozenset(
-    {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition"))}
+    {
+        (Agent, "conduct"),
+        (Agent, "period_s"),
+        (Parameter, "otherwise"),
+        *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition")),
+    }
 )
 # A checked algorithm holds an algorithm's conditions a second time, translated to Python.
 _REPEATED_FIELDS = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
@@ -196,7 +202,18 @@ def model_digest(plan: BuildPlan) -> str:
     meaningful_values = (*basic_values, *knowledge_values) if spec.knows else basic_values
     if checked.mape is not None:
         meaningful_values = (*meaningful_values, *_loop_values(checked))
+    meaningful_values = (*meaningful_values, *_optional_values(spec))
     return _digest(_meaning(meaningful_values))
+
+
+def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
+    """Yield the values of keys that most specs do not state, each with the name of its element."""
+    for agent in spec.agents:
+        if agent.period_s is not None:
+            yield agent.name, agent.period_s
+    for adaptation in spec.adaptation:
+        if isinstance(adaptation.does, Parameter) and adaptation.does.otherwise is not None:
+            yield adaptation.name, adaptation.does.otherwise
 
 
 def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:

@@ -392,7 +392,8 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         ),
         before=field_schema("string", "The action that was left; left out if none."),
         because=field_schema(
-            "string", "The reason: first, leads, worse, hard_rule, nothing_known, planner; for a parameter, changed, unknown."
+            "string",
+            "The reason: first, leads, worse, hard_rule, nothing_known, planner; for a parameter, changed, unknown.",
         ),
         rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
         place=field_schema("string", "The place of the hard rule, the course, or the target in the spec."),

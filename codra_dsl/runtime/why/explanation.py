@@ -48,7 +48,9 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
         return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), reading_of, name)))
     latest_events = latest_events_at(at_s)
     reading_of = _PastContext(latest_events, summary, at_s).reading
-    return explain_course(latest_events, reading_of, name, at_s) or explain_knowledge(summary, latest_events, name, at_s)
+    return explain_course(latest_events, reading_of, name, at_s) or explain_knowledge(
+        summary, latest_events, name, at_s
+    )
 
 
 def _resolve_action_name(summary: SpecSummary, latest_events: LatestEventsView, name: str) -> str:

@@ -36,6 +36,8 @@ def _never_set_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
         name: (adaptation, tree)
         for adaptation, name, tree in adapted_variables(spec_index, faults)
         if [source.name for source in spec_index.variables[name].sources] == [ADAPTER]
+        and isinstance(adaptation.does, Parameter)
+        and adaptation.does.otherwise is None
     }
     needs = {
         name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in adaptations_and_trees.items()

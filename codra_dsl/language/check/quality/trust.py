@@ -21,19 +21,21 @@ def unnoticed_preconditions(spec_index: SpecIndex, faults: FaultyElements) -> It
     and are ignored: conditions that bound the age of the variable, and conditions that read the variable only by
     `known` or `age`.
     """
-    for name, (algorithm, place) in _first_trusting_algorithms(spec_index).items():
+    for name, (algorithm, place) in first_trusting_algorithms(spec_index).items():
         variable = spec_index.variables.get(name)
-        if variable is None or not faults.is_sound("context", name) or _goes_stale(spec_index, variable):
+        if variable is None or not faults.is_sound("context", name):
             continue
         if not spec_index.is_readable("context", name, "source", "valid_for", "when_unobservable"):
             continue
+        reason = endless_validity(spec_index, variable)
+        if not reason:
+            continue
         yield finding(
             "unnoticed-precondition",
-            f"context-variable '{name}' is a precondition, but its value never expires: "
-            f"{_reason(spec_index, variable)}",
+            f"context-variable '{name}' is a precondition, but its value never expires: {reason}",
             variable.place,
             path=f"context.{name}",
-            help=_help_text(spec_index, variable),
+            help=validity_help(spec_index, variable),
             related=(Related(f"algorithm '{algorithm.name}' uses it", place()),),
         )
 
@@ -42,7 +44,7 @@ TRUST_CHECKS = (unnoticed_preconditions,)
 """The checks of this module."""
 
 
-def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
+def first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
     """Return a mapping from variables to the first algorithm that uses the last value of the variable, and the place.
 
     The mapping contains each variable whose last value is used in a precondition or under `given`. The place is given
@@ -66,6 +68,11 @@ def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algo
             if reference.name not in bounded_names:
                 trusting_algorithms.setdefault(reference.name, (algorithm, partial(getattr, reference, "place")))
     return trusting_algorithms
+
+
+def endless_validity(spec_index: SpecIndex, variable: Variable) -> str:
+    """Return why the value of a variable never expires; empty if it expires, or if the spec states for how long."""
+    return "" if _goes_stale(spec_index, variable) else _reason(spec_index, variable)
 
 
 def _goes_stale(spec_index: SpecIndex, variable: Variable) -> bool:
@@ -102,7 +109,8 @@ def _reason(spec_index: SpecIndex, variable: Variable) -> str:
     return f"it is never forgotten, because algorithm '{next(unconditional_algorithms)}' has no preconditions"
 
 
-def _help_text(spec_index: SpecIndex, variable: Variable) -> str:
+def validity_help(spec_index: SpecIndex, variable: Variable) -> str:
+    """Return how to state for how long the value of a variable is valid."""
     valid_for_help = "add 'valid_for', for example 'valid_for: forever'"
     return (
         f"{valid_for_help}, or 'when_unobservable: forget'"
