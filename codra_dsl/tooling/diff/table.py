@@ -169,7 +169,7 @@ FIELD_COMPARERS: ComparerTable = {
         "acknowledge_s": _DEADLINE_COMPARER,
         "finish_s": _DEADLINE_COMPARER,
     },
-    model.Agent: {"conduct": compare_inline},
+    model.Agent: {"conduct": compare_inline, "period_s": _INTERVAL_COMPARER},
     model.Conduct: {
         "wakes": knowledge.compare_wakes,
         "owns": compare_nothing,
@@ -186,6 +186,7 @@ FIELD_COMPARERS: ComparerTable = {
         "method": _HIDDEN_VALUE_COMPARER,
     },
     model.Course: {"always": equality_comparer()},
+    model.Parameter: {"otherwise": equality_comparer()},
     model.Adaptation: {"does": knowledge.compare_effect},
     model.TreeElement: {
         "file": knowledge.compare_tree_file,

@@ -12,12 +12,11 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.loops.firing import silent_combinations
-from codra_dsl.language.check.quality.trust import endless_validity, first_trusting_algorithms, validity_help
 from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.satisfiable import is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Call, Name, Node, names_in, reads_of, walk
-from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, weight_name
+from codra_dsl.language.expression import Node, names_in, reads_of
+from codra_dsl.language.model import FOREVER_S, Course, Parameter, weight_name
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
 
@@ -51,60 +50,6 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
                 if culprit in spec_index.variables
             ),
         )
-
-
-def unnoticed_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """Every variable in the value of a parameter states how long it is valid, or its age is part of the value.
-
-    Otherwise the parameter follows a value that stays although its writer has stopped. A variable that a precondition
-    reads has a finding of its own.
-    """
-    reported_names = set(first_trusting_algorithms(spec_index))
-    for adaptation, _, tree in adapted_variables(spec_index, faults):
-        for read_name in _names_with_any_age(tree):
-            variable = spec_index.variables.get(read_name.name)
-            if variable is None or variable.name in reported_names:
-                continue
-            reported_names.add(variable.name)
-            reason = _endless_validity(spec_index, faults, variable)
-            if reason:
-                assert isinstance(adaptation.does, Parameter)
-                place = adaptation.does.value.place_of(read_name)
-                yield finding(
-                    "unnoticed-input",
-                    f"adaptation '{adaptation.name}' reads '{variable.name}', but its value never expires: {reason}",
-                    variable.place,
-                    path=f"context.{variable.name}",
-                    help=validity_help(spec_index, variable),
-                    related=(Related(f"adaptation '{adaptation.name}' reads it", place),),
-                )
-
-
-def _names_with_any_age(tree: Node) -> Iterator[Name]:
-    """Yield the mentions of names whose values are used, whatever their age."""
-    arguments = {
-        function: [
-            argument
-            for part in walk(tree)
-            if isinstance(part, Call) and part.function == function
-            for argument in part.arguments
-            if isinstance(argument, Name)
-        ]
-        for function in ("known", "age")
-    }
-    argument_ids = {id(argument) for argument in arguments["known"]}
-    judged_names = {argument.name for argument in arguments["age"]}
-    return (name for name in names_in(tree) if name.name not in judged_names and id(name) not in argument_ids)
-
-
-def _endless_validity(spec_index: SpecIndex, faults: FaultyElements, variable: Variable) -> str:
-    """Return why a variable that outside writers or observers write never expires; empty if it does, or may expire."""
-    is_checkable = faults.is_sound("context", variable.name) and spec_index.is_readable(
-        "context", variable.name, *_VARIABLE_KEYS
-    )
-    is_adapted = ADAPTER in (source.name for source in variable.sources)
-    is_computed = variable.is_derived or variable.rate is not None or is_adapted
-    return endless_validity(spec_index, variable) if is_checkable and not is_computed else ""
 
 
 def _decisive_names(spec_index: SpecIndex, tree: Node, names: Sequence[str]) -> tuple[str, ...]:
@@ -171,5 +116,5 @@ def _can_be_silent(spec_index: SpecIndex, faults: FaultyElements, name: str) -> 
     )
 
 
-UNKNOWN_VALUE_CHECKS = (unknown_adapted_values, unnoticed_inputs)
+UNKNOWN_VALUE_CHECKS = (unknown_adapted_values,)
 """The checks of this module."""
