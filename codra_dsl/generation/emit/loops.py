@@ -42,12 +42,13 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "smooth_s": "0.0",
         "lead": "0.0",
         "hold_s": "0.0",
+        "holds_s": "{}",
         "dwell_s": "0.0",
         "cooldown_s": "0.0",
         "abort_s": "2.0",
         "always": "()",
     },
-    "HardRuleModel": {},
+    "HardRuleModel": {"for_s": "0.0"},
     "InputModel": {"members": "()", "terms": "{}"},
     "LoopModel": {"rates": "()", "analyse": "()", "adapt": "()", "execute": "()", "period_s": "1.0"},
     "MapeModel": {
@@ -230,6 +231,7 @@ class _Writer:
             smooth_s=literal(course.smooth_s),
             lead=literal(course.lead),
             hold_s=literal(course.hold_s),
+            holds_s=dictionary({literal(action): literal(hold_s) for action, hold_s in checked.holds_s.items()}),
             dwell_s=literal(adaptation.dwell_s),
             cooldown_s=literal(course.cooldown_s),
             abort_s=literal(course.abort_s),
@@ -245,6 +247,7 @@ class _Writer:
             condition=condition_expression,
             action=literal(rule.action.name),
             text=literal(rule.condition.text),
+            for_s=literal(rule.for_s),
         )
         return call("HardRuleModel", **fields)
 

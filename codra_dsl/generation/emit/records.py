@@ -19,7 +19,7 @@ from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_pla
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Agent, Algorithm, Parameter, Spec, Variable
+from codra_dsl.language.model import Agent, Algorithm, Course, HardRule, Output, Parameter, Spec, Variable
 from codra_dsl.language.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -34,6 +34,8 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
     {
         (Agent, "conduct"),
         (Agent, "period_s"),
+        (HardRule, "for_s"),
+        (Output, "hold_s"),
         (Parameter, "otherwise"),
         *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition")),
     }
@@ -212,8 +214,12 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
         if agent.period_s is not None:
             yield agent.name, agent.period_s
     for adaptation in spec.adaptation:
-        if isinstance(adaptation.does, Parameter) and adaptation.does.otherwise is not None:
-            yield adaptation.name, adaptation.does.otherwise
+        does = adaptation.does
+        if isinstance(does, Parameter) and does.otherwise is not None:
+            yield adaptation.name, does.otherwise
+        if isinstance(does, Course):
+            yield from ((adaptation.name, number, rule.for_s) for number, rule in enumerate(does.always) if rule.for_s)
+    yield from ((action.name, action.hold_s) for action in spec.actions if action.hold_s is not None)
 
 
 def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:

@@ -136,12 +136,19 @@ class HardRuleModel:
         condition: a condition over context-variables.
         action: one of the actions that the course chooses from.
         text: the condition as it is written in the spec.
+        for_s: how long the condition must have held without interruption before the rule decides.
     """
 
     condition: Term
     action: str
     text: str
+    for_s: float = 0.0
     place: str = ""
+
+    def __str__(self) -> str:
+        """Return the rule as it is written in the spec."""
+        for_text = f" for {self.for_s:g} s" if self.for_s else ""
+        return f"{self.text}{for_text} then {self.action}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,6 +164,7 @@ class CourseModel:
         smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
         lead: by how much the weight of an action must exceed the weight of the running action.
         hold_s: how long an action must have this lead without a break.
+        holds_s: the same for single actions, instead of `hold_s`.
         dwell_s: the shortest time for which an action runs. There are three exceptions: a hard rule, a metric that
             became worse, and weights that are all unknown (for `hold_s`).
         cooldown_s: how long an action is not chosen again after it was left. The exceptions are the same as for the
@@ -172,11 +180,16 @@ class CourseModel:
     smooth_s: float = 0.0
     lead: float = 0.0
     hold_s: float = 0.0
+    holds_s: Mapping[str, float] = field(default_factory=dict)
     dwell_s: float = 0.0
     cooldown_s: float = 0.0
     abort_s: float = 2.0
     always: tuple[HardRuleModel, ...] = ()
     place: str = ""
+
+    def hold_of_s(self, action: str) -> float:
+        """Return how long an action must lead before it is chosen."""
+        return self.holds_s.get(action, self.hold_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -197,7 +197,7 @@ class Planning:
     def resume(self) -> None:
         """Continue after a time without analyses: keep the courses, and discard the smoothed weights and leads."""
         for name, course_state in self._course_states.items():
-            self._course_states[name] = replace(course_state, state=course_state.state.after_pause())
+            self._course_states[name] = course_state.after_pause()
 
     def course_state(self, course: str) -> CourseState:
         """Return the state of a course."""

@@ -184,6 +184,7 @@ FIELD_COMPARERS: ComparerTable = {
         "rules": set_comparer("the rules have changed"),
         "terms": knowledge.TERMS_COMPARER,
         "method": _HIDDEN_VALUE_COMPARER,
+        "hold_s": equality_comparer(),
     },
     model.Course: {"always": equality_comparer()},
     model.Parameter: {"otherwise": equality_comparer()},

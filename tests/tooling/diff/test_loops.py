@@ -49,6 +49,8 @@ EDITS = [
     ("dwell: 3 s", "dwell: 4 s", ["redefined adaptation/speed dwell"]),
     ("otherwise: wait", "otherwise: pick", ["redefined adaptation/course otherwise"]),
     ("battery < 5 percent", "battery < 6 percent", ["redefined adaptation/course always"]),
+    ("for: 5 s, ", "", ["redefined adaptation/course always"]),
+    ("hold: 2 s", "hold: 3 s", ["redefined action/wait hold"]),
     ("otherwise: true", "otherwise: false", ["redefined adaptation/care otherwise"]),
     ("period: 100 ms", "period: 200 ms", ["slower agent/laser period"]),
     ("value: load !=", "value: load ==", ["redefined adaptation/care value"]),

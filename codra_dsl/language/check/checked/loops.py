@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from codra_dsl.language.behavior_trees import CheckedForest
 from codra_dsl.language.diagnostics import Place
@@ -72,11 +72,13 @@ class CheckedAdaptation:
         python: as Python text, the conditions of the hard rules, or the value that the adaptation sets and, if the spec
             states it, the value under `otherwise`.
         reads: the context-variables that these conditions or this value read, sorted.
+        holds_s: for a course, the hold of each action that states one.
     """
 
     adaptation: Adaptation
     python: tuple[str, ...]
     reads: tuple[str, ...]
+    holds_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -143,7 +143,13 @@ def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptat
         python = tuple(spec_index.python(rule.condition, None) for rule in does.always)
     adaptation_sites = (site for site in spec_index.sites if site.owner == ("adaptation", adaptation.name))
     reads = sorted({read_name.name for site in adaptation_sites for read_name in site.names})
-    return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads))
+    chosen_actions = {action.name for action in does.choose} if isinstance(does, Course) else set()
+    holds_s = {
+        action.name: action.hold_s
+        for action in spec_index.spec.actions
+        if action.name in chosen_actions and action.hold_s is not None
+    }
+    return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads), holds_s=holds_s)
 
 
 def _tree(spec_index: SpecIndex, tree: TreeElement) -> CheckedTree:

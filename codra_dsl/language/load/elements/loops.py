@@ -84,6 +84,7 @@ def _build_output(reader: Reader) -> Output:
         label=reader.text("label", ""),
         description=reader.text("description", ""),
         worse=reader.choice("worse", Worse.LOW),
+        hold_s=reader.duration_s("hold", 0.0, least="zero") if "hold" in reader.node.entries else None,
         rules=tuple(_read_phrases(reader, "rules")),
         terms=read_terms(reader),
         method=Method(
@@ -283,7 +284,8 @@ def _read_hard_rules(reader: Reader) -> Iterator[HardRule]:
             reader.damage("always")
             continue
         condition = read_condition(rule_reader, condition_node, "if", grammar=parse_over_context)
-        yield HardRule(condition=condition, action=_read_reference(rule_reader, "then"))
+        for_s = rule_reader.duration_s("for", 0.0)
+        yield HardRule(condition=condition, action=_read_reference(rule_reader, "then"), for_s=for_s)
 
 
 def _read_parameter(reader: Reader) -> Parameter:
