@@ -229,6 +229,7 @@ class Loop:
                 return
             self._is_on, self._has_changed = True, True
         self.planning.resume()
+        self._never_known.resume()
         self._record_event(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
         self._declaration.begin()
         self._listener.begin()

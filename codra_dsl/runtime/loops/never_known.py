@@ -46,6 +46,10 @@ class NeverKnownInputs:
         metrics = () if model.metrics is None else model.metrics.outputs
         return cls(tuple(sorted(reads - {metric.variable for metric in metrics})), rates, loop.period_s)
 
+    def resume(self) -> None:
+        """Begin the waiting times again after a time without analyses."""
+        self._waiting_since_s = dict.fromkeys(self._waiting_since_s)
+
     def overdue(self, scene: Scene, now_s: float) -> Iterator[tuple[Observation, float]]:
         """Yield each input that has waited too long, with the time for which it has waited; then no longer watch it."""
         for name, since_s in list(self._waiting_since_s.items()):

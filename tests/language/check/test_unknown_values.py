@@ -99,6 +99,21 @@ def test_a_value_that_only_two_unknown_inputs_together_make_unknown_is_reported(
     assert messages(value, only_gap_expires) == []
 
 
+def test_a_parameter_of_the_same_loop_stays_valid_while_the_loop_runs_and_that_of_another_loop_may_not() -> None:
+    text = SPEC.replace("VALUE", "0.3 m/s if safety < 0.6 else 1.2 m/s").replace(
+        "adaptation:\n", "adaptation:\n  bright: {set: lights, value: max_speed > 1 m/s}\n"
+    )
+    text = text.replace("  max_speed:", "  lights: {type: bool, source: adaptation}\n  max_speed:")
+    same, other = (
+        text.replace("adapt: [speed]}", adapt)
+        for adapt in ("adapt: [speed, bright]}", "adapt: [speed]}\n  b: {adapt: [bright]}")
+    )
+    assert [finding.code for finding in findings(same) if finding.code == "CDR7129"] == []
+    assert [finding.message for finding in findings(other) if finding.code == "CDR7129"] == [
+        "adaptation 'bright' keeps the last value of 'lights' while 'max_speed' is unknown"
+    ]
+
+
 def test_the_finding_points_to_the_value_and_tells_why_its_inputs_become_unknown() -> None:
     (finding,) = (
         finding

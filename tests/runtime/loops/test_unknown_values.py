@@ -239,6 +239,31 @@ def test_a_rate_that_its_history_does_not_cover_is_reported_with_the_time_that_i
     assert len([message for message in messages if "battery_drain" in message]) == 1
 
 
+def test_the_time_in_which_a_loop_does_not_run_does_not_count() -> None:
+    shop = Shop(mape())
+    shop.mape.start()
+    shop.clock.sleep(20.0)
+    shop.mape.stop()
+    shop.clock.sleep(100.0)
+    shop.mape.start()
+    shop.clock.sleep(20.0)
+    assert list(never_known(shop)) == []
+
+
+def test_the_report_about_an_input_is_explained_from_the_journal_and_replayed(tmp_path: Path) -> None:
+    shop = Shop(mape(), record=Journal(tmp_path / "run.mcap"))
+    shop.mape.start()
+    shop.clock.sleep(40.0)
+    shop.mape.close()
+    shop.codra.close()
+    head, events = read(tmp_path / "run.mcap")
+    explanation = explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), "bumped", 35.0)
+    assert "at 30 s: 'bumped' was not known during 30 s: never_observed" in explanation.story
+    result = replay(head, events, VALID_MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
+    assert result.difference is None
+    assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
+
+
 def test_inputs_that_are_known_in_time_are_not_reported() -> None:
     shop = Shop()
     shop.begin()

@@ -16,7 +16,7 @@ from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.satisfiable import is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Node, names_in, reads_of
-from codra_dsl.language.model import FOREVER_S, Course, Parameter, weight_name
+from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, weight_name
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
 
@@ -32,7 +32,8 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
         reasons = {
             read_name: reason
             for read_name in dict.fromkeys(read_name.name for read_name in names_in(tree))
-            if (reason := _reason_for_unknown(spec_index, faults, read_name))
+            if read_name not in _set_by_same_loop(spec_index, adaptation.name)
+            and (reason := _reason_for_unknown(spec_index, faults, read_name))
         }
         culprits = _decisive_names(spec_index, tree, tuple(reasons))
         if not culprits:
@@ -50,6 +51,23 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
                 if culprit in spec_index.variables
             ),
         )
+
+
+def _set_by_same_loop(spec_index: SpecIndex, adaptation: str) -> frozenset[str]:
+    """Return the variables that only the loop of an adaptation sets; they stay valid while the loop runs."""
+    loops = (loop for loop in spec_index.spec.loops if adaptation in {reference.name for reference in loop.adapt})
+    names = {reference.name for loop in loops for reference in loop.adapt}
+    targets = (
+        other.does.variable.name
+        for other in spec_index.spec.adaptation
+        if other.name in names and isinstance(other.does, Parameter)
+    )
+    return frozenset(
+        target
+        for target in targets
+        if target in spec_index.variables
+        and [source.name for source in spec_index.variables[target].sources] == [ADAPTER]
+    )
 
 
 def _decisive_names(spec_index: SpecIndex, tree: Node, names: Sequence[str]) -> tuple[str, ...]:
