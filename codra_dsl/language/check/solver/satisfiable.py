@@ -75,18 +75,21 @@ def is_always_known(value: Node, unknown_names: Iterable[str], types: Types) -> 
 
 def _knownness(value: Node) -> Node:
     """Return a condition that is true exactly if a value is known."""
-    if isinstance(value, Choice) and value.then != value.otherwise:
+    if isinstance(value, Choice):  # if both branches have the same value, the condition may be unknown
         branches = replace(value, then=_knownness(value.then), otherwise=_knownness(value.otherwise))
-        return And(start=0, end=0, operands=(_knownness(value.condition), branches))
-    if isinstance(value, Choice):
-        return _knownness(value.then)
+        decided = And(start=0, end=0, operands=(_knownness(value.condition), branches))
+        return Or(start=0, end=0, operands=(decided, _equality(value.then, value.otherwise)))
     if isinstance(value, Name):
         return known_call(value.name)
     if isinstance(value, (Number, Text, Truth)):
         return Truth(start=0, end=0, value=True)
     if isinstance(value, (Arithmetic, Negative)) or (isinstance(value, Call) and value.function != "known"):
-        return Compare(start=0, end=0, first=value, rest=((Comparison.EQUAL, value),))
+        return _equality(value, value)
     return Or(start=0, end=0, operands=(value, Not(start=0, end=0, operand=value)))
+
+
+def _equality(one: Node, other: Node) -> Node:
+    return Compare(start=0, end=0, first=one, rest=((Comparison.EQUAL, other),))
 
 
 def known_call(name: str) -> Node:
