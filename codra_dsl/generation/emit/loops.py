@@ -61,7 +61,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     },
     "OutputModel": {"worse": "End.LOW"},
     "ParameterModel": {"otherwise": "None", "dwell_s": "0.0"},
-    "RateModel": {"factor": "1.0"},
+    "RateModel": {"factor": "1.0", "is_share": "False"},
     "StageModel": {},
     "StageRuleModel": {},
     "TreeModel": {
@@ -214,6 +214,7 @@ class _Writer:
             of=literal(rate.of),
             over_s=literal(rate.over_s),
             factor=literal(rate.factor),
+            is_share=literal(rate.is_share),
         )
         return call("RateModel", **fields)
 

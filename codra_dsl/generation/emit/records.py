@@ -19,7 +19,7 @@ from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_pla
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Agent, Algorithm, Course, HardRule, Output, Parameter, Spec, Variable
+from codra_dsl.language.model import Agent, Algorithm, Course, HardRule, Output, Parameter, Rate, Spec, Variable
 from codra_dsl.language.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -37,6 +37,7 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
         (HardRule, "for_s"),
         (Output, "hold_s"),
         (Parameter, "otherwise"),
+        (Rate, "is_share"),
         *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition")),
     }
 )
@@ -219,6 +220,7 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
             yield adaptation.name, does.otherwise
         if isinstance(does, Course):
             yield from ((adaptation.name, number, rule.for_s) for number, rule in enumerate(does.always) if rule.for_s)
+    yield from ((variable.name, "share") for variable in spec.context if variable.rate and variable.rate.is_share)
     yield from ((action.name, action.hold_s) for action in spec.actions if action.hold_s is not None)
 
 

@@ -38,18 +38,24 @@ class RateModel:
     half of `over_s`, and while `of` is unknown. If the slope lies outside the range of `variable`, the value is the
     nearest end of this range.
 
+    With `is_share`, the value is instead the share of time in which the bool `of` was true, among the times of the
+    window at which it was known. It is unknown while these times are shorter than half of `over_s`, and while `of` is
+    unknown.
+
     Attributes:
         variable: the rate; a context-variable whose source is the analyst.
         of: the variable whose readings are used; its `history` must cover at least half of the window.
         over_s: the length of the window.
         factor: converts from units of `of` per second to the unit of the rate: 60 for units per minute, -60 if
             the rate is positive while `of` falls.
+        is_share: whether the value is a share of time.
     """
 
     variable: str
     of: str
     over_s: float
     factor: float = 1.0
+    is_share: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

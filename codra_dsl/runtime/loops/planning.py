@@ -22,7 +22,7 @@ from codra_dsl.runtime.loops.declarations import (
     RateModel,
 )
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
-from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate
+from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate, share
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
@@ -266,7 +266,8 @@ class Planning:
     def _observe_rate(
         self, model: RateModel, context: Context, present_observation: Observation, now_s: float
     ) -> Observation:
-        observed_rate = rate(model, context.history(model.of), present_observation, now_s)
+        observe = share if model.is_share else rate
+        observed_rate = observe(model, context.history(model.of), present_observation, now_s)
         range_limits = self._types[model.variable].range
         if range_limits is None or not isinstance(observed_rate.value, float):
             return observed_rate

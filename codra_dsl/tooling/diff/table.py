@@ -14,6 +14,7 @@ from codra_dsl.tooling.diff.changes import Category
 from codra_dsl.tooling.diff.comparers import (
     compare_inline,
     compare_nothing,
+    compare_rate,
     compare_requesters,
     compare_variable_writers,
     compare_writers,
@@ -96,7 +97,7 @@ FIELD_COMPARERS: ComparerTable = {
             lambda scope: Category.API if knowledge.has_knowledge(scope) else Category.LAYOUT, "belongs to another node"
         ),
         "terms": knowledge.compare_terms,
-        "rate": equality_comparer(),
+        "rate": compare_rate,
         "is_derived": compare_nothing,
         "pose_condition": compare_nothing,
     },

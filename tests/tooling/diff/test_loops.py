@@ -49,6 +49,7 @@ EDITS = [
     ("dwell: 3 s", "dwell: 4 s", ["redefined adaptation/speed dwell"]),
     ("otherwise: wait", "otherwise: pick", ["redefined adaptation/course otherwise"]),
     ("battery < 5 percent", "battery < 6 percent", ["redefined adaptation/course always"]),
+    ("share_of: lifted, over: 30 s", "share_of: lifted, over: 40 s", ["redefined context/burden share_of"]),
     ("for: 5 s, ", "", ["redefined adaptation/course always"]),
     ("hold: 2 s", "hold: 3 s", ["redefined action/wait hold"]),
     ("otherwise: true", "otherwise: false", ["redefined adaptation/care otherwise"]),

@@ -56,12 +56,13 @@ class CheckedStage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedRate:
-    """A rate. `factor` converts a change of 1 per second to the unit of the rate."""
+    """A rate or a share. `factor` converts a change of 1 per second to the unit of the rate."""
 
     variable: Variable
     of: str
     over_s: float
     factor: float
+    is_share: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

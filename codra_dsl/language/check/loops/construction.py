@@ -130,7 +130,10 @@ def _rate(spec_index: SpecIndex, variable: Variable) -> CheckedRate:
     base_variable = spec_index.variables[variable.rate.of.name]
     factor = rate_factor(variable, base_variable)
     assert factor is not None
-    return CheckedRate(variable=variable, of=base_variable.name, over_s=variable.rate.over_s, factor=factor)
+    rate = variable.rate
+    return CheckedRate(
+        variable=variable, of=base_variable.name, over_s=rate.over_s, factor=factor, is_share=rate.is_share
+    )
 
 
 def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:

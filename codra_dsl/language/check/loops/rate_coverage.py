@@ -7,7 +7,7 @@ keeps 100 readings, span 49.5 s; a rate over 2 min is never known. Periods that 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 
 
 def uncovered_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """The readings that are kept for a rate can span half of `over`."""
+    """The readings that are kept for a rate or a share can span half of `over`."""
     for variable in spec_index.spec.context:
         base = None if variable.rate is None else spec_index.variables.get(variable.rate.of.name)
         if variable.rate is None or base is None or not _is_checkable(spec_index, faults, variable, base):
@@ -32,18 +32,19 @@ def uncovered_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
         period_s, writer_text, place = min(periods, key=lambda period: period[0])
         over_s = variable.rate.over_s
         span_s = (base.history - 1) * period_s
+        noun = "share" if variable.rate.is_share else "rate"
         problem = ""
         if span_s < MIN_SPAN_SHARE * over_s - _ROUNDING:
             problem = f"'{base.name}' keeps {base.history} readings, which span {span_s:g} s"
             help = f"write 'history: {math.ceil(over_s / period_s) + 1}' in '{base.name}', or a shorter 'over'"
-        elif period_s > over_s + _ROUNDING and len(periods) == len(base.sources or (OBSERVER,)):
+        elif not variable.rate.is_share and period_s > over_s + _ROUNDING and _are_all_stated(periods, base):
             problem = f"there is at most one reading in {over_s:g} s"
             help = f"write an 'over' of at least {2 * period_s:g} s"
         if problem:
             yield finding(
                 "uncovered-rate",
-                f"context-variable '{variable.name}' is never known: a rate over {over_s:g} s needs readings that span "
-                f"{MIN_SPAN_SHARE * over_s:g} s, but {problem}",
+                f"context-variable '{variable.name}' is never known: a {noun} over {over_s:g} s needs readings "
+                f"that span {MIN_SPAN_SHARE * over_s:g} s, but {problem}",
                 variable.places.get("over", variable.place),
                 path=f"context.{variable.name}.over",
                 help=help,
@@ -52,6 +53,10 @@ def uncovered_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
                     Related(f"{writer_text} every {period_s:g} s", place),
                 ),
             )
+
+
+def _are_all_stated(periods: Sequence[object], base: Variable) -> bool:
+    return len(periods) == len(base.sources or (OBSERVER,))
 
 
 def _is_checkable(spec_index: SpecIndex, faults: FaultyElements, variable: Variable, base: Variable) -> bool:

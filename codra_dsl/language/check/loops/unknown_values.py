@@ -104,7 +104,7 @@ def _reason_for_unknown(spec_index: SpecIndex, faults: FaultyElements, name: str
     if variable.is_derived:
         return "in some cases no rule fires" if _can_be_silent(spec_index, faults, name) else ""
     if variable.rate is not None:
-        return "a rate is known only while readings span half of 'over'"
+        return f"a {'share' if variable.rate.is_share else 'rate'} is known only while readings span half of 'over'"
     if not spec_index.is_readable("context", name, *_VARIABLE_KEYS):
         return ""
     if variable.valid_for_s < FOREVER_S:

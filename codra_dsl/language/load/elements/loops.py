@@ -56,14 +56,16 @@ SHAPES = {
 
 
 def read_rate(reader: Reader) -> Rate | None:
-    """Return the rate that a context-variable declares, or None."""
-    if "rate_of" not in reader.node.entries:
+    """Return the rate or the share that a context-variable declares, or None."""
+    key = next((key for key in ("rate_of", "share_of") if key in reader.node.entries), None)
+    if key is None:
         return None
     counts = reader.scalar("counts")
     return Rate(
-        of=_read_reference(reader, "rate_of"),
+        of=_read_reference(reader, key),
         over_s=reader.duration_s("over", 0.0),
         is_falling=counts is not None and counts.text == "falling",
+        is_share=key == "share_of",
     )
 
 
