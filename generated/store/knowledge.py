@@ -506,6 +506,7 @@ KNOWLEDGE = KnowledgeModel(
                     type=real(0, 100, unit="percent"),
                     sources=by("navigation"),
                     valid_for_s=60.0,
+                    history=241,
                     label="Battery",
                 ),
                 AttributeModel(

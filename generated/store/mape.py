@@ -17,6 +17,7 @@ from codra_dsl.runtime.generated_api import (
     StageRuleModel,
     TreeModel,
     choose,
+    literal,
     terms,
     value,
 )
@@ -310,6 +311,7 @@ MAPE = MapeModel(
                 1.2,
             ),
             text="0.3 m/s if person_distance < 1.5 m or strange_gap < 1.5 m or safety < 0.6 else 1.2 m/s",
+            otherwise=literal(0.3),
         ),
     ),
     trees=(

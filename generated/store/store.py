@@ -12,6 +12,7 @@ VARIABLES: tuple[VariableModel, ...] = (
         label="Battery",
         sources=("navigation",),
         valid_for_s=60.0,
+        history=241,
     ),
     VariableModel(name="charging", type=boolean(), label="Charging", sources=("navigation",), valid_for_s=60.0),
     VariableModel(

@@ -45,7 +45,7 @@ use:
 skills:
   work: {preview: [left_open, right_open], monitor: [speed]}
 adaptation:
-  limit: {set: speed, value: "0.3 m/s if distance(robot, left) < 1 m else 1 m/s"}
+  limit: {set: speed, value: "0.3 m/s if distance(robot, left) < 1 m else 1 m/s", otherwise: 0.3 m/s}
 loops:
   slow: {period: 1 s, adapt: [limit]}
 """

@@ -42,12 +42,13 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "smooth_s": "0.0",
         "lead": "0.0",
         "hold_s": "0.0",
+        "holds_s": "{}",
         "dwell_s": "0.0",
         "cooldown_s": "0.0",
         "abort_s": "2.0",
         "always": "()",
     },
-    "HardRuleModel": {},
+    "HardRuleModel": {"for_s": "0.0"},
     "InputModel": {"members": "()", "terms": "{}"},
     "LoopModel": {"rates": "()", "analyse": "()", "adapt": "()", "execute": "()", "period_s": "1.0"},
     "MapeModel": {
@@ -59,8 +60,8 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "trees": "()",
     },
     "OutputModel": {"worse": "End.LOW"},
-    "ParameterModel": {"dwell_s": "0.0"},
-    "RateModel": {"factor": "1.0"},
+    "ParameterModel": {"otherwise": "None", "dwell_s": "0.0"},
+    "RateModel": {"factor": "1.0", "is_share": "False"},
     "StageModel": {},
     "StageRuleModel": {},
     "TreeModel": {
@@ -213,6 +214,7 @@ class _Writer:
             of=literal(rate.of),
             over_s=literal(rate.over_s),
             factor=literal(rate.factor),
+            is_share=literal(rate.is_share),
         )
         return call("RateModel", **fields)
 
@@ -230,6 +232,7 @@ class _Writer:
             smooth_s=literal(course.smooth_s),
             lead=literal(course.lead),
             hold_s=literal(course.hold_s),
+            holds_s=dictionary({literal(action): literal(hold_s) for action, hold_s in checked.holds_s.items()}),
             dwell_s=literal(adaptation.dwell_s),
             cooldown_s=literal(course.cooldown_s),
             abort_s=literal(course.abort_s),
@@ -245,6 +248,7 @@ class _Writer:
             condition=condition_expression,
             action=literal(rule.action.name),
             text=literal(rule.condition.text),
+            for_s=literal(rule.for_s),
         )
         return call("HardRuleModel", **fields)
 
@@ -252,14 +256,19 @@ class _Writer:
         """Return the declaration of a parameter, a variable that is set."""
         adaptation, parameter = checked.adaptation, checked.adaptation.does
         assert isinstance(parameter, Parameter)
-        value, words = condition_with_words(checked.python[0])
-        self._imports.use(*words)
+        expressions = []
+        for python in checked.python:
+            expression, words = condition_with_words(python)
+            self._imports.use(*words)
+            expressions.append(expression)
+        value, otherwise, *_ = (*expressions, "None")
         fields = self.fields(
             "ParameterModel",
             name=literal(adaptation.name),
             variable=literal(parameter.variable.name),
             value=value,
             text=literal(parameter.value.text),
+            otherwise=otherwise,
             dwell_s=literal(adaptation.dwell_s),
         )
         return call("ParameterModel", **fields)

@@ -19,7 +19,7 @@ from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_pla
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Agent, Algorithm, Site, Variable
+from codra_dsl.language.model import Agent, Algorithm, Course, HardRule, Output, Parameter, Rate, Site, Spec, Variable
 from codra_dsl.language.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -28,9 +28,18 @@ FORMAT_VERSION = 1
 
 # The place of an element and its parsed form are not part of a spec's meaning.
 _FIELDS_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
-# Conduct is digested with the knowledge, and these fields of variables are digested with the loops.
+# Conduct is digested with the knowledge, these fields of variables are digested with the loops, and the others only if
+# they are stated, so that the digests of other specs stay the same.
 _SEPARATELY_DIGESTED_FIELDS = frozenset(
-    {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition"))}
+    {
+        (Agent, "conduct"),
+        (Agent, "period_s"),
+        (HardRule, "for_s"),
+        (Output, "hold_s"),
+        (Parameter, "otherwise"),
+        (Rate, "is_share"),
+        *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition")),
+    }
 )
 # A checked algorithm holds an algorithm's conditions a second time, translated to Python.
 _REPEATED_FIELDS = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
@@ -216,7 +225,23 @@ def model_digest(plan: BuildPlan) -> str:
         meaningful_values = (*meaningful_values, *_loop_values(checked))
     if spec.site is not None:
         meaningful_values = (*meaningful_values, *spec.site.handles)
+    meaningful_values = (*meaningful_values, *_optional_values(spec))
     return _digest(_meaning(meaningful_values))
+
+
+def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
+    """Yield the values of keys that most specs do not state, each with the name of its element."""
+    for agent in spec.agents:
+        if agent.period_s is not None:
+            yield agent.name, agent.period_s
+    for adaptation in spec.adaptation:
+        does = adaptation.does
+        if isinstance(does, Parameter) and does.otherwise is not None:
+            yield adaptation.name, does.otherwise
+        if isinstance(does, Course):
+            yield from ((adaptation.name, number, rule.for_s) for number, rule in enumerate(does.always) if rule.for_s)
+    yield from ((variable.name, "share") for variable in spec.context if variable.rate and variable.rate.is_share)
+    yield from ((action.name, action.hold_s) for action in spec.actions if action.hold_s is not None)
 
 
 def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:

@@ -36,6 +36,8 @@ from codra_dsl.language.check.loops.inputs import LOOP_TYPE_CHECKS
 from codra_dsl.language.check.loops.names import LOOP_NAME_CHECKS
 from codra_dsl.language.check.loops.parts import LOOP_PART_CHECKS, UNREAD_OUTPUT_CHECKS
 from codra_dsl.language.check.loops.range_exit import RANGE_EXIT_CHECKS
+from codra_dsl.language.check.loops.rate_coverage import RATE_CHECKS
+from codra_dsl.language.check.loops.unknown_values import UNKNOWN_VALUE_CHECKS
 from codra_dsl.language.check.names.names import NAME_CHECKS
 from codra_dsl.language.check.quality import QUALITY_CHECKS
 from codra_dsl.language.check.quality.undecided import budget_of, undecided_conditions
@@ -73,6 +75,8 @@ PHASES: tuple[tuple[Rule, ...], ...] = (
         *UNREAD_OUTPUT_CHECKS,
         *FEEDBACK_CHECKS,
         *RANGE_EXIT_CHECKS,
+        *UNKNOWN_VALUE_CHECKS,
+        *RATE_CHECKS,
     ),
 )
 """The rules of each phase."""

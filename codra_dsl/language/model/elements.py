@@ -202,17 +202,24 @@ class FuzzyTerm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rate:
-    """The declaration that a variable is the rate of change of another variable.
+    """The declaration that a variable is the rate of change of another variable, or the share of time that it is true.
 
     Attributes:
         of: the other variable.
-        over_s: the time over which the rate is computed.
+        over_s: the time over which the rate or the share is computed.
         is_falling: whether a decreasing value has a positive rate.
+        is_share: whether the variable is a share of time.
     """
 
     of: Reference
     over_s: float
     is_falling: bool = False
+    is_share: bool = False
+
+    @property
+    def key(self) -> str:
+        """Return the key of a spec that names the other variable."""
+        return "share_of" if self.is_share else "rate_of"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

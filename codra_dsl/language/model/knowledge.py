@@ -265,8 +265,14 @@ BARE = Conduct()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agent:
-    """An outside writer, by name, and how it participates in knowledge."""
+    """An outside writer, by name, and how it participates in knowledge.
+
+    Attributes:
+        period_s: the time between two writes of each context-variable of which the agent is a source; None if the spec
+            does not state it.
+    """
 
     name: str
     place: Place
     conduct: Conduct = BARE
+    period_s: float | None = None

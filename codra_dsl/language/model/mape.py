@@ -78,6 +78,7 @@ class Output:
     """A metric, or an action with its weight: a number from 0 to 1 inferred from fuzzy rules.
 
     Attributes:
+        hold_s: for an action, how long it must lead before it is chosen; None for the `hold` of the course.
         worse: for a metric, its bad end. If an input is unknown, the metric has the worst of its possible values.
         terms: the declared words for the number; empty if the default words are used.
         places: the places of the entries, by key; `name` is the place of the metric's or action's name.
@@ -88,6 +89,7 @@ class Output:
     label: str = ""
     description: str = ""
     worse: Worse = Worse.LOW
+    hold_s: float | None = None
     rules: tuple[Phrase, ...] = ()
     terms: tuple[FuzzyTerm, ...] = ()
     method: Method = Method()
@@ -96,10 +98,15 @@ class Output:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HardRule:
-    """A rule that makes an action the course while a condition holds."""
+    """A rule that makes an action the course while a condition holds.
+
+    Attributes:
+        for_s: how long the condition must have held without interruption.
+    """
 
     condition: Condition
     action: Reference
+    for_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,10 +126,15 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A context-variable that is set to the value of a condition."""
+    """A context-variable that is set to the value of a condition.
+
+    Attributes:
+        otherwise: the constant to which the variable is set while the value is unknown; None if the spec states none.
+    """
 
     variable: Reference
     value: Condition
+    otherwise: Condition | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

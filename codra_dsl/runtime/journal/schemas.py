@@ -385,13 +385,14 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         adapts=list_schema("string", "The courses and parameters of the loop that runs."),
         course=field_schema("string", "For a branch, the course that it belongs to."),
         agent=field_schema("string", "The responsible agent."),
-        variable=field_schema("string", "The variable that holds the course or parameter; left out if none."),
+        variable=field_schema("string", "The variable of the course or parameter, or the input; left out if none."),
         action=field_schema(
             "string", "The action that is now the course; for a branch, the action that it belongs to."
         ),
         before=field_schema("string", "The action that was left; left out if none."),
         because=field_schema(
-            "string", "The reason: first, leads, worse, hard_rule, nothing_known or planner; for a parameter, changed."
+            "string",
+            "The reason: first, leads, worse, hard_rule, nothing_known, planner; for a parameter, changed, unknown.",
         ),
         rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
         place=field_schema("string", "The place of the hard rule, the course, or the target in the spec."),
@@ -401,7 +402,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         result=field_schema("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
         took_s=field_schema("number", "How long ending the branch has taken."),
         tasks=list_schema("string", "The unfinished tasks."),
-        message=field_schema("string", "The error."),
+        message=field_schema("string", "The error, or why the input is unknown."),
         since_s=field_schema("number", "Since when the previous action was the course, or the value was set."),
         dwell_until_s=field_schema(
             "number", "The instant until which the previous course is kept, except for a hard rule or a worse metric."
@@ -455,6 +456,7 @@ _ADAPTATION_EVENT_MEANINGS: Mapping[str, str] = {
     "overdue": "the branch of the previous course has not ended within its time limit",
     "set": "the parameter has a new value",
     "failed": "an error occurred; the loop continues",
+    "never_known": "an input of the loop was not known for a long time since the loop began",
 }
 
 TOPICS: Mapping[Kind, Topic] = {

@@ -62,6 +62,8 @@ def smallest_changes(
         decision: the decision to leave the old action.
         hard_rule_inputs: inputs that hard rules read and no stage reads.
     """
+    ready_rules = (rule for index, rule in enumerate(course.always) if index not in decision.pending_rules)
+    course = replace(course, always=tuple(ready_rules))
     if not decision.before or would_keep_course(course, decision.assessment, decision.before, decision.instant_s):
         return ()  # smoothing or the hold time caused the switch: the present weights would have kept the course
     model_inputs = {model_input.variable: model_input for model_input in (*hard_rule_inputs, *_stage_inputs(model))}

@@ -288,7 +288,7 @@ def _ready_s(model: CourseModel, state: FilterState, action: str, urgent_actions
     leads_s = candidate.leads_since_s
     if leads_s is None:
         leads_s = state.instant_s + _crossing_s(model, *_gaps(model, candidate, course))
-    hold_end_s = leads_s + model.hold_s
+    hold_end_s = leads_s + model.hold_of_s(action)
     # An urgent action breaks the dwell and the cooldown: neither may keep a robot from the safe course.
     return hold_end_s if action in urgent_actions else max(hold_end_s, _free_s(model, state, action))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from codra_dsl.runtime.loops.analysis import Assessment, assess
 from codra_dsl.runtime.loops.course_filters import FilterState, FilterStep, SwitchReason, leads, step
@@ -12,6 +12,7 @@ from codra_dsl.runtime.loops.fuzzy.bounds import End
 from codra_dsl.runtime.loops.observations import SceneScope
 
 _METRIC_TOLERANCE = 1e-9
+_ROUNDING_S = 1e-9
 
 Metrics = Mapping[str, float | None]
 """The value of each metric, by variable; None if it is unknown."""
@@ -23,10 +24,16 @@ class CourseState:
 
     Attributes:
         metrics: the values of the metrics when the course was chosen.
+        rules_hold_since_s: for the index of each hard rule that holds, the instant since which it has held.
     """
 
     state: FilterState = field(default_factory=FilterState)
     metrics: Metrics = field(default_factory=dict)
+    rules_hold_since_s: Mapping[int, float] = field(default_factory=dict)
+
+    def after_pause(self) -> CourseState:
+        """Return the state after a time without analyses: whether rules held and actions led is not known."""
+        return replace(self, state=self.state.after_pause(), rules_hold_since_s={})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +44,7 @@ class Decision:
         before: the action that was left; empty for the first choice.
         filter_step: the step of the filter.
         rule: the hard rule that decided; None if no hard rule did.
+        pending_rules: the indices of the hard rules whose conditions held, but not for the required time.
     """
 
     instant_s: float
@@ -47,6 +55,7 @@ class Decision:
     assessment: Assessment
     filter_step: FilterStep
     rule: HardRuleModel | None = None
+    pending_rules: frozenset[int] = frozenset()
 
 
 def metrics_of(model: MapeModel, assessment: Assessment) -> Metrics:
@@ -67,7 +76,7 @@ def values_before_worsening(model: MapeModel, metrics_now: Metrics, metrics_then
 
 
 def hard_rule(model: CourseModel, assessment: Assessment, now_s: float) -> HardRuleModel | None:
-    """Return the first hard rule that certainly holds."""
+    """Return the first hard rule that certainly holds, for however short a time."""
     scope = SceneScope(assessment.scene, now_s)
     return next((rule for rule in model.always if rule.condition.holds(scope)), None)
 
@@ -104,7 +113,10 @@ def choose(
     Returns:
         The new state; the decision, or None if the course does not change; the instant at which to choose again.
     """
-    rule = hard_rule(course, assessment, now_s)
+    hold_since_s = _rules_hold_since_s(course, course_state, assessment, now_s)
+    ready_s = {index: since_s + course.always[index].for_s - _ROUNDING_S for index, since_s in hold_since_s.items()}
+    pending_rules = frozenset(index for index in ready_s if ready_s[index] > now_s)
+    rule = next((course.always[index] for index in ready_s if index not in pending_rules), None)
     weights = assessment.weights()
     filter_step = step(
         course,
@@ -114,8 +126,10 @@ def choose(
         urgent_actions=urgent_actions(model, course, course_state, assessment),
         forced_action="" if rule is None else rule.action,
     )
+    due_s = min([filter_step.due_s, *(ready_s[index] + _ROUNDING_S for index in pending_rules)])
+    state = replace(course_state, state=filter_step.state, rules_hold_since_s=hold_since_s)
     if filter_step.because is None:
-        return CourseState(state=filter_step.state, metrics=course_state.metrics), None, filter_step.due_s
+        return state, None, due_s
     decision = Decision(
         instant_s=now_s,
         course=course.name,
@@ -125,8 +139,19 @@ def choose(
         assessment=assessment,
         filter_step=filter_step,
         rule=rule,
+        pending_rules=pending_rules,
     )
-    return CourseState(state=filter_step.state, metrics=metrics_of(model, assessment)), decision, filter_step.due_s
+    return replace(state, metrics=metrics_of(model, assessment)), decision, due_s
+
+
+def _rules_hold_since_s(
+    course: CourseModel, course_state: CourseState, assessment: Assessment, now_s: float
+) -> Mapping[int, float]:
+    """Return, for the index of each hard rule that certainly holds now, since when it has held, in their order."""
+    scope = SceneScope(assessment.scene, now_s)
+    before_s = course_state.rules_hold_since_s
+    held_rules = (index for index, rule in enumerate(course.always) if rule.condition.holds(scope))
+    return {index: before_s.get(index, now_s) for index in held_rules}
 
 
 def _is_worse(output: OutputModel, value_now: float | None, value_then: float | None) -> bool:

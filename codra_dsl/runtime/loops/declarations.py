@@ -38,18 +38,24 @@ class RateModel:
     half of `over_s`, and while `of` is unknown. If the slope lies outside the range of `variable`, the value is the
     nearest end of this range.
 
+    With `is_share`, the value is instead the share of time in which the bool `of` was true, among the times of the
+    window at which it was known. It is unknown while these times are shorter than half of `over_s`, and while `of` is
+    unknown.
+
     Attributes:
         variable: the rate; a context-variable whose source is the analyst.
         of: the variable whose readings are used; its `history` must cover at least half of the window.
         over_s: the length of the window.
         factor: converts from units of `of` per second to the unit of the rate: 60 for units per minute, -60 if
             the rate is positive while `of` falls.
+        is_share: whether the value is a share of time.
     """
 
     variable: str
     of: str
     over_s: float
     factor: float = 1.0
+    is_share: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,12 +142,19 @@ class HardRuleModel:
         condition: a condition over context-variables.
         action: one of the actions that the course chooses from.
         text: the condition as it is written in the spec.
+        for_s: how long the condition must have held without interruption before the rule decides.
     """
 
     condition: Term
     action: str
     text: str
+    for_s: float = 0.0
     place: str = ""
+
+    def __str__(self) -> str:
+        """Return the rule as it is written in the spec."""
+        for_text = f" for {self.for_s:g} s" if self.for_s else ""
+        return f"{self.text}{for_text} then {self.action}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,6 +170,7 @@ class CourseModel:
         smooth_s: the time constant of the exponential smoothing of weights; 0 for no smoothing.
         lead: by how much the weight of an action must exceed the weight of the running action.
         hold_s: how long an action must have this lead without a break.
+        holds_s: the same for single actions, instead of `hold_s`.
         dwell_s: the shortest time for which an action runs. There are three exceptions: a hard rule, a metric that
             became worse, and weights that are all unknown (for `hold_s`).
         cooldown_s: how long an action is not chosen again after it was left. The exceptions are the same as for the
@@ -172,11 +186,16 @@ class CourseModel:
     smooth_s: float = 0.0
     lead: float = 0.0
     hold_s: float = 0.0
+    holds_s: Mapping[str, float] = field(default_factory=dict)
     dwell_s: float = 0.0
     cooldown_s: float = 0.0
     abort_s: float = 2.0
     always: tuple[HardRuleModel, ...] = ()
     place: str = ""
+
+    def hold_of_s(self, action: str) -> float:
+        """Return how long an action must lead before it is chosen."""
+        return self.holds_s.get(action, self.hold_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,15 +205,19 @@ class ParameterModel:
     Attributes:
         name: the name of the parameter in the spec section `adaptation`.
         variable: the variable that is set; its source is the adapter.
-        value: computes the new value, in the variable's unit; while the new value is unknown, the last value stays.
+        value: computes the new value, in the variable's unit.
         text: `value` as it is written in the spec.
-        dwell_s: the shortest time for which a value is kept. A metric that became worse ends this time early.
+        otherwise: computes the constant that is set while `value` is unknown. If it is None, the last value then stays
+            until it is no longer valid.
+        dwell_s: the shortest time for which a value is kept. A metric that became worse ends this time early, and so
+            does a value that becomes unknown.
     """
 
     name: str
     variable: str
     value: Term
     text: str
+    otherwise: Term | None = None
     dwell_s: float = 0.0
     place: str = ""
 

@@ -27,7 +27,7 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
         action=decision.action,
         before=decision.before or None,
         because=str(decision.because),
-        rule=None if rule is None else f"{rule.text} then {rule.action}",
+        rule=None if rule is None else str(rule),
         place=(course.place if rule is None else rule.place) or None,
         since_s=_finite_or_none(filter_state.since_s),
         dwell_until_s=_finite_or_none(filter_state.dwell_until_s(course)),

@@ -17,19 +17,18 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Self
+from typing import Self
 
 from codra_dsl.isolation.error_text import described, loggable
 from codra_dsl.runtime.behavior_trees import Robot
 from codra_dsl.runtime.behavior_trees.node import Leaves
 from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock, Timer, Work, is_interrupt
-from codra_dsl.runtime.context.agents import Agent
-from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.package_files import package_folder, places_in
 from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition, shared_declaration
 from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.loops.agent_writers import AgentWriters, Manager
 from codra_dsl.runtime.loops.courses import CourseState, Decision
 from codra_dsl.runtime.loops.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.loops.event_details import (
@@ -40,13 +39,12 @@ from codra_dsl.runtime.loops.event_details import (
     without_none_values,
 )
 from codra_dsl.runtime.loops.execution import Execution
+from codra_dsl.runtime.loops.never_known import NeverKnownInputs
 from codra_dsl.runtime.loops.places import with_places
 from codra_dsl.runtime.loops.planning import Plan, Planner, Planners, Planning, Setting, VariableWrite
-from codra_dsl.runtime.values.cell import BEFORE_ALL_S
+from codra_dsl.runtime.loops.renewal import Renewals
 
 _LOGGER = logging.getLogger(__name__)
-
-Manager = ContextManager[Any, Any]
 
 MAX_CHANGES_PER_INSTANT = 10
 """If a course or parameter changes this often at one instant, the loop treats it as depending on itself."""
@@ -85,7 +83,7 @@ class Mape:
             AgentTakenError: if the handle of the analyst or of the adapter is already taken.
         """
         self.model = model = with_places(model, places_in(package_folder(codra), codra.model.name))
-        self._writers = _AgentWriters(codra, model)
+        self._writers = AgentWriters(codra, model)
         leaves = _robots_of_trees(model, Robot() if robot is None else robot)
         types = {variable.name: variable.type for variable in codra.model.variables}
         self._loops = {
@@ -140,35 +138,6 @@ class Mape:
         raise unknown_name_error("course", course, [course_model.name for course_model in self.model.courses])
 
 
-class _AgentWriters:
-    """The agents that write for the loops; only the handles that the loops need are opened."""
-
-    def __init__(self, codra: Manager, model: MapeModel) -> None:
-        self._agents: dict[str, Agent[Any, Any]] = {}
-        self._stamps_s: dict[str, float] = {}
-        stages = [stage for stage in (model.metrics, model.actions) if stage is not None]
-        if model.rates or any(stage.outputs for stage in stages):
-            self._agents[model.analyst] = codra.agent(model.analyst)
-        if model.parameters or any(course.variable for course in model.courses):
-            self._agents[model.adapter] = codra.agent(model.adapter)
-
-    def write(self, agent: str, variable_write: VariableWrite, now_s: float) -> None:
-        """Write a variable.
-
-        The stamp of a variable never goes back, even if an input with older evidence arrives. Otherwise the variable
-        would keep its present value, because the evidence of this value is newer.
-        """
-        evidence_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
-        stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(variable_write.variable, -math.inf)))
-        self._stamps_s[variable_write.variable] = stamp_s
-        value = math.nan if variable_write.value is None else variable_write.value  # NaN means unknown
-        self._agents[agent].set(variable_write.variable, value, evidence_s=stamp_s)
-
-    def close(self) -> None:
-        for agent in self._agents.values():
-            agent.close()
-
-
 class Loop:
     """One loop.
 
@@ -184,7 +153,7 @@ class Loop:
         loop: LoopModel,
         clock: Clock,
         leaves: Mapping[str, Leaves],
-        writers: _AgentWriters,
+        writers: AgentWriters,
         planning: Planner,
     ) -> None:
         """Make a loop that does not run yet; this raises the errors of `Mape`."""
@@ -207,6 +176,10 @@ class Loop:
         self._analysis_due_s = -math.inf
         self._last_change_s = -math.inf
         self._change_counts: Counter[str] = Counter()
+        valid_for_s = {variable.name: variable.valid_for_s for variable in codra.model.variables}
+        parameters = [parameter for parameter in model.parameters if parameter.name in loop.adapt]
+        self._renewals = Renewals(model.adapter, {name.variable: valid_for_s[name.variable] for name in parameters})
+        self._never_known = NeverKnownInputs.of(model, loop)
         self._unexplained_decisions: list[Decision] = []
         self._is_explaining = False
         self._timer: Timer | None = None
@@ -256,6 +229,7 @@ class Loop:
                 return
             self._is_on, self._has_changed = True, True
         self.planning.resume()
+        self._never_known.resume()
         self._record_event(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
         self._declaration.begin()
         self._listener.begin()
@@ -388,7 +362,23 @@ class Loop:
         for refusal in plan.refusals:
             event_details = {"variable": refusal.parameter.variable, "message": refusal.message}
             self._attempt(partial(self._record_event, refusal.parameter.name, "failed", event_details))
+        self._renew_parameters(plan, now_s)
+        self._report_never_known_inputs(plan, now_s)
         self._count_changes(plan, now_s)
+
+    def _renew_parameters(self, plan: Plan, now_s: float) -> None:
+        """Write the parameters again whose values this analysis confirms, if half of their validity is over."""
+        readings = self._codra.readings(self._renewals.variables)
+        for variable_write in self._renewals.renew(readings, plan.unconfirmed, now_s):
+            self._attempt(partial(self._writers.write, self._model.adapter, variable_write, now_s))
+        self._analysis_due_s = min(self._analysis_due_s, self._renewals.due_s)
+
+    def _report_never_known_inputs(self, plan: Plan, now_s: float) -> None:
+        for observation, waited_s in self._never_known.overdue(plan.assessment.scene, now_s):
+            message = f"{observation.variable!r} was not known during {waited_s:g} s: {observation.because}"
+            _LOGGER.warning("an input of the loop %r was never known: %s", self._loop.name, message)
+            event_details = {"variable": observation.variable, "message": message}
+            self._attempt(partial(self._record_event, self._loop.name, "never_known", event_details))
 
     def _count_changes(self, plan: Plan, now_s: float) -> None:
         """Count the changes of one instant, and report a course or parameter that depends on itself."""
@@ -440,6 +430,7 @@ class Loop:
         model = setting.parameter
         variable_write = VariableWrite(variable=model.variable, value=setting.value, evidence_s=setting.instant_s)
         self._writers.write(self._model.adapter, variable_write, setting.instant_s)
+        self._renewals.confirm(model, setting.value, setting.instant_s)
         was_set = math.isfinite(setting.since_s)
         self._record_event(
             model.name,
@@ -449,7 +440,7 @@ class Loop:
                 "value": setting.value,
                 "rule": model.text,
                 "place": model.place or None,
-                "because": "worse" if setting.is_urgent else "changed" if was_set else "first",
+                "because": _reason_text(setting),
                 "since_s": setting.since_s if was_set else None,
                 "dwell_until_s": setting.since_s + model.dwell_s if was_set else None,
                 **evidence_of(setting.assessment, model.value.variables()),
@@ -462,6 +453,12 @@ class Loop:
         if course is not None:  # so that a search for the variable also finds events about branches of the course
             event_details["variable"] = course.variable or None
         self._codra.commands.adapt(self._model.adapter, name, what, without_none_values(event_details))
+
+
+def _reason_text(setting: Setting) -> str:
+    if setting.is_otherwise:
+        return "unknown"
+    return "worse" if setting.is_urgent else "changed" if math.isfinite(setting.since_s) else "first"
 
 
 def _robots_of_trees(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:

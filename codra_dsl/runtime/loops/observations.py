@@ -14,6 +14,8 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 MIN_SPAN_SHARE = 0.5
 """The smallest share of a rate's window that the readings must span."""
 
+_ROUNDING_S = 1e-9
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
@@ -85,6 +87,30 @@ def possible_values(model: InputModel, number: float) -> tuple[Bounds, ...]:
     if number == number:
         return (point(number) if math.isfinite(number) else Bounds(number, number),)
     return tuple(point(float(index)) for index in range(len(model.members))) or (model.range,)
+
+
+def share(
+    model: RateModel, history: Sequence[Reading[Value]], present_observation: Observation, now_s: float
+) -> Observation:
+    """Return the share of time in which a bool was true, among the times of the window at which it was known.
+
+    A reading holds until the next reading, or until it is no longer valid. The arguments are those of `rate`.
+    """
+    if present_observation.value is None:
+        return Observation(variable=model.variable, because=f"{model.of} is unknown")
+    ends_s = [*(reading.evidence_s for reading in history[1:]), now_s]
+    start_s = now_s - model.over_s
+    durations_s = [
+        (reading.content, max(0.0, min(end_s, reading.expires_s) - max(start_s, reading.evidence_s)))
+        for reading, end_s in zip(history, ends_s, strict=False)
+        if reading.content is not None
+    ]
+    known_s = math.fsum(duration_s for _, duration_s in durations_s)
+    if known_s < MIN_SPAN_SHARE * model.over_s - _ROUNDING_S:
+        return Observation(variable=model.variable, because=f"{model.of} is known for {known_s:g} s only")
+    true_s = math.fsum(duration_s for content, duration_s in durations_s if content is True)
+    value = min(true_s / known_s, 1.0)
+    return Observation(variable=model.variable, value=value, evidence_s=present_observation.evidence_s)
 
 
 def rate(

@@ -22,7 +22,7 @@ from codra_dsl.runtime.loops.declarations import (
     RateModel,
 )
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
-from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate
+from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate, share
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
@@ -64,6 +64,7 @@ class Setting:
     Attributes:
         since_s: since when the parameter had the value `before`.
         is_urgent: whether the new value breaks the dwell, because a metric has become worse.
+        is_otherwise: whether the new value is that of `otherwise`, because the value became unknown.
     """
 
     instant_s: float
@@ -73,6 +74,7 @@ class Setting:
     since_s: float
     is_urgent: bool
     assessment: Assessment
+    is_otherwise: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +96,8 @@ class Plan:
             changes.
         due_s: when to analyse again if no input changes.
         refusals: values that cannot be set; a refused value is reported again only after another value was computed.
+        unconfirmed: the variables of the parameters for which the analysis has no value: it is unknown and there is no
+            `otherwise`, or it is refused. Their evidence is not renewed.
     """
 
     assessment: Assessment
@@ -103,6 +107,7 @@ class Plan:
     settings: tuple[Setting, ...]
     due_s: float
     refusals: tuple[Refusal, ...] = ()
+    unconfirmed: frozenset[str] = frozenset()
 
 
 class Planner(Protocol):
@@ -148,6 +153,14 @@ Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
 """Makes the planner of a loop from the model of all loops, the model of this loop, and the types of the variables."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Target:
+    """The value that a parameter should have; None if it is unknown and there is no `otherwise`."""
+
+    value: Value | None
+    is_otherwise: bool = False
+
+
 @dataclass(slots=True)
 class _ParameterState:
     value: Value | None = None
@@ -184,7 +197,7 @@ class Planning:
     def resume(self) -> None:
         """Continue after a time without analyses: keep the courses, and discard the smoothed weights and leads."""
         for name, course_state in self._course_states.items():
-            self._course_states[name] = replace(course_state, state=course_state.state.after_pause())
+            self._course_states[name] = course_state.after_pause()
 
     def course_state(self, course: str) -> CourseState:
         """Return the state of a course."""
@@ -211,9 +224,9 @@ class Planning:
         scene = self._scene(context, now_s)
         assessment = assess(self.model, scene)
         decisions, decisions_due_s = self._decide(assessment, now_s)
-        target_values = self._target_values(assessment.scene, now_s)
-        refusals = tuple(self._find_refusals(target_values))
-        settings, settings_due_s = self._choose_settings(target_values, assessment, now_s)
+        targets = {model.name: _target(model, assessment.scene, now_s) for model in self._parameters}
+        refusals = tuple(self._find_refusals(targets))
+        settings, settings_due_s = self._choose_settings(targets, assessment, now_s)
         return Plan(
             assessment=assessment,
             values_to_write=tuple(self._values_to_write(assessment)),
@@ -222,6 +235,11 @@ class Planning:
             settings=settings,
             due_s=min(decisions_due_s, settings_due_s, self._next_flip_s(assessment.scene, now_s)),
             refusals=refusals,
+            unconfirmed=frozenset(
+                model.variable
+                for model in self._parameters
+                if targets[model.name].value in (None, self._parameter_states[model.name].refused_value)
+            ),
         )
 
     # Reading
@@ -248,7 +266,8 @@ class Planning:
     def _observe_rate(
         self, model: RateModel, context: Context, present_observation: Observation, now_s: float
     ) -> Observation:
-        observed_rate = rate(model, context.history(model.of), present_observation, now_s)
+        observe = share if model.is_share else rate
+        observed_rate = observe(model, context.history(model.of), present_observation, now_s)
         range_limits = self._types[model.variable].range
         if range_limits is None or not isinstance(observed_rate.value, float):
             return observed_rate
@@ -290,14 +309,10 @@ class Planning:
                 self.decisions[name].append(decision)
         return tuple(decisions), due_s
 
-    def _target_values(self, scene: Scene, now_s: float) -> Mapping[str, Value | None]:
-        """Return the value that each parameter should have; None if it is unknown."""
-        return {parameter.name: parameter.value.evaluate(SceneScope(scene, now_s)) for parameter in self._parameters}
-
-    def _find_refusals(self, target_values: Mapping[str, Value | None]) -> Iterator[Refusal]:
+    def _find_refusals(self, targets: Mapping[str, _Target]) -> Iterator[Refusal]:
         """Yield a refusal for each value that its variable cannot take, but not again if the value stays the same."""
         for model in self._parameters:
-            state, value = self._parameter_states[model.name], target_values[model.name]
+            state, value = self._parameter_states[model.name], targets[model.name].value
             refused_value_before, state.refused_value = state.refused_value, None
             try:
                 if value is not None:
@@ -309,17 +324,19 @@ class Planning:
                     yield Refusal(parameter=model, message=message)
 
     def _choose_settings(
-        self, target_values: Mapping[str, Value | None], assessment: Assessment, now_s: float
+        self, targets: Mapping[str, _Target], assessment: Assessment, now_s: float
     ) -> tuple[tuple[Setting, ...], float]:
         settings, due_s = [], math.inf
         metrics = metrics_of(self.model, assessment)
         for model in self._parameters:
-            state, value = self._parameter_states[model.name], target_values[model.name]
+            state, target = self._parameter_states[model.name], targets[model.name]
+            value = target.value
             if value is None or value in (state.value, state.refused_value):
                 continue
             free_s = state.since_s + model.dwell_s
             is_free = free_s <= now_s + _ROUNDING_S
-            if not is_free and not self._is_urgent(model, assessment, state, now_s):
+            ends_dwell = is_free or target.is_otherwise  # an unknown value must not keep the former value
+            if not ends_dwell and not self._is_urgent(model, assessment, state, now_s):
                 due_s = min(due_s, free_s + JUST_AFTER_S)
                 continue
             settings.append(
@@ -329,8 +346,9 @@ class Planning:
                     value=value,
                     before=state.value,
                     since_s=state.since_s,
-                    is_urgent=not is_free,
+                    is_urgent=not ends_dwell,
                     assessment=assessment,
+                    is_otherwise=target.is_otherwise,
                 )
             )
             self._parameter_states[model.name] = _ParameterState(value=value, since_s=now_s, metrics=metrics)
@@ -344,7 +362,7 @@ class Planning:
         former_observations = {
             name: replace(assessment.scene[name], value=former_value) for name, former_value in former_metrics.items()
         }
-        return model.value.evaluate(SceneScope({**assessment.scene, **former_observations}, now_s)) == state.value
+        return _target(model, {**assessment.scene, **former_observations}, now_s).value == state.value
 
     def _next_flip_s(self, scene: Scene, now_s: float) -> float:
         """Return the next instant at which the result of a comparison with an age changes; infinite if never."""
@@ -353,6 +371,15 @@ class Planning:
         terms += [parameter.value for parameter in self._parameters]
         waits_s = (term.flips_s(scope) for term in terms)
         return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+
+
+def _target(model: ParameterModel, scene: Scene, now_s: float) -> _Target:
+    """Return the value that a parameter should have: its value if it is known, or else that of `otherwise`."""
+    scope = SceneScope(scene, now_s)
+    value = model.value.evaluate(scope)
+    if value is not None or model.otherwise is None:
+        return _Target(value)
+    return _Target(model.otherwise.evaluate(scope), is_otherwise=True)
 
 
 def _are_same_bounds(before: Bounds | None, now: Bounds) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from codra_dsl.runtime.journal.encoding import parse_json
@@ -22,7 +22,11 @@ _REASON_TEXTS = {
 }
 
 
-def explain_course(latest_events: LatestEventsView, name: str, at_s: float) -> Why | None:
+ReadingOf = Callable[[str], Reading[Any]]
+"""Returns the reading of a variable at the instant of the explanation."""
+
+
+def explain_course(latest_events: LatestEventsView, reading_of: ReadingOf, name: str, at_s: float) -> Why | None:
     """Return the explanation of a decided or undecided course or parameter; None if no loop adapts this name."""
     events = latest_events.adaptation_events.get(f"adaptation/{name}", {})
     last_event = events.get("chosen", events.get("set"))
@@ -37,7 +41,7 @@ def explain_course(latest_events: LatestEventsView, name: str, at_s: float) -> W
         identified_s=last_event.instant_s,
         source=last_event.details["agent"],
     )
-    return Why(at_s=at_s, reading=reading, story=tuple(_chain_lines(events)))
+    return Why(at_s=at_s, reading=reading, story=(*_chain_lines(events), *_unknown_input_lines(events, reading_of)))
 
 
 def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> Why | None:
@@ -52,13 +56,15 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
     return Why(at_s=at_s, reading=reading, story=(start_text, *_failure_lines(events)))
 
 
-def adaptation_lines(latest_events: LatestEventsView, variable: str) -> Iterator[str]:
+def adaptation_lines(latest_events: LatestEventsView, reading_of: ReadingOf, variable: str) -> Iterator[str]:
     """Yield the causes of the last decision or analysis that wrote a variable; nothing if no loop writes the variable.
 
-    For a weight, also yield the causes of the metrics from which the weight is computed.
+    For a weight, also yield the causes of the metrics from which the weight is computed. For a parameter, also yield
+    which inputs are unknown at the instant of the explanation.
     """
     events = latest_events.adaptation_events.get(f"context/{variable}", {})
     yield from _chain_lines(events)
+    yield from _unknown_input_lines(events, reading_of)
     if "analysed" in events:
         yield from _analysis_lines(latest_events, variable)
 
@@ -99,7 +105,12 @@ def _chain_lines(events: Mapping[str, Event]) -> Iterator[str]:
 
 
 def _failure_lines(events: Mapping[str, Event]) -> Iterator[str]:
-    """Yield the error of the last attempt to set a parameter, if this attempt failed."""
+    """Yield the error of the last attempt to set a parameter, if this attempt failed.
+
+    For an input of a loop, yield the report that the input was never known.
+    """
+    if "never_known" in events and "variable" in (report_event := events["never_known"]).details:
+        yield f"at {instant_text(report_event.instant_s)}: {report_event.details['message']}"
     failure_event = events.get("failed")
     is_of_parameter = failure_event is not None and "variable" in failure_event.details and "chosen" not in events
     if (
@@ -131,9 +142,26 @@ def _setting_lines(event: Event) -> Iterator[str]:
     details = event.details
     place_text = f"  [{details['place']}]" if "place" in details else ""
     yield f"set at {instant_text(event.instant_s)} to {value_text(details['value'])}: {details['rule']}{place_text}"
+    if details["because"] == "unknown":
+        yield "the value of this expression became unknown, so 'otherwise' determines the value"
     if details["because"] == "worse":
         yield f"a metric became worse, which ended the dwell time before {_instant_text(details, 'dwell_until_s')}"
     yield from _metric_and_reading_lines(details)
+
+
+def _unknown_input_lines(events: Mapping[str, Event], reading_of: ReadingOf) -> Iterator[str]:
+    """Yield the inputs of a parameter that are unknown now, even if they were known when the parameter was set."""
+    if "set" not in events:
+        return
+    for input_details in events["set"].details["readings"]:
+        reading = reading_of(input_details["variable"])
+        if reading.known:
+            continue
+        since_text = f"has been unknown since {instant_text(reading.identified_s)}"
+        if reading.reason is Reason.NEVER_OBSERVED:
+            since_text = "has never been known"
+        detail_text = f": {reading.detail}" if reading.detail else ""
+        yield f"{reading.name} {since_text} ({reading.reason}{detail_text})"
 
 
 def _weight_lines(details: Details) -> Iterator[str]:

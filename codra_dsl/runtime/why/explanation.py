@@ -45,9 +45,13 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
         name = _resolve_action_name(summary, latest_events_at(at_s), name)
     if name in summary.variables:
         why = _Explanation(summary, latest_events_at).why(name, at_s, ())
-        return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), name)))
+        reading_of = _PastContext(latest_events_at(at_s), summary, at_s).reading
+        return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), reading_of, name)))
     latest_events = latest_events_at(at_s)
-    return explain_course(latest_events, name, at_s) or explain_knowledge(summary, latest_events, name, at_s)
+    reading_of = _PastContext(latest_events, summary, at_s).reading
+    return explain_course(latest_events, reading_of, name, at_s) or explain_knowledge(
+        summary, latest_events, name, at_s
+    )
 
 
 def _resolve_action_name(summary: SpecSummary, latest_events: LatestEventsView, name: str) -> str:

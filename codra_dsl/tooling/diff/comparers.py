@@ -10,12 +10,21 @@ from codra_dsl.language.check import Types
 from codra_dsl.language.check.index.graph_schema import KnowledgeElement
 from codra_dsl.language.check.solver.intervals import in_base
 from codra_dsl.language.expression import Node
-from codra_dsl.language.model import Condition, Kind, NodeType, Reference, ValueType, Writer
+from codra_dsl.language.model import Condition, Kind, NodeType, Rate, Reference, ValueType, Writer
 from codra_dsl.language.units import ONE, Unit, parse_unit
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.guards import Relation, find_relation, is_equal
 from codra_dsl.tooling.diff.version import duration_text
-from codra_dsl.tooling.diff.walk import Comparer, Scope, Wording, compare_by_default, is_nested, plain_value, text_of
+from codra_dsl.tooling.diff.walk import (
+    Comparer,
+    Scope,
+    Wording,
+    compare_by_default,
+    equality_comparer,
+    is_nested,
+    plain_value,
+    text_of,
+)
 
 GUARD_WORDINGS: Mapping[Relation, Wording] = {
     Relation.WEAKER: (Category.WEAKER, "holds more often"),
@@ -36,6 +45,14 @@ def compare_inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]
     """
     if is_nested(old, new):
         yield from scope.inner_scope("", old, new).changes()
+
+
+def compare_rate(scope: Scope, _: str, old: Rate | None, new: Rate | None) -> Iterator[Change]:
+    """Yield the change of a rate or a share, under the key with which the spec declares it."""
+    if old != new:
+        declared = new or old
+        assert declared is not None
+        yield from equality_comparer()(scope, declared.key, old, new)
 
 
 def show_nothing(_: object) -> str:

@@ -14,6 +14,7 @@ from codra_dsl.tooling.diff.changes import Category
 from codra_dsl.tooling.diff.comparers import (
     compare_inline,
     compare_nothing,
+    compare_rate,
     compare_requesters,
     compare_variable_writers,
     compare_writers,
@@ -96,7 +97,7 @@ FIELD_COMPARERS: ComparerTable = {
             lambda scope: Category.API if knowledge.has_knowledge(scope) else Category.LAYOUT, "belongs to another node"
         ),
         "terms": knowledge.compare_terms,
-        "rate": equality_comparer(),
+        "rate": compare_rate,
         "is_derived": compare_nothing,
         "pose_condition": compare_nothing,
     },
@@ -169,7 +170,7 @@ FIELD_COMPARERS: ComparerTable = {
         "acknowledge_s": _DEADLINE_COMPARER,
         "finish_s": _DEADLINE_COMPARER,
     },
-    model.Agent: {"conduct": compare_inline},
+    model.Agent: {"conduct": compare_inline, "period_s": _INTERVAL_COMPARER},
     model.Conduct: {
         "wakes": knowledge.compare_wakes,
         "owns": compare_nothing,
@@ -184,8 +185,10 @@ FIELD_COMPARERS: ComparerTable = {
         "rules": set_comparer("the rules have changed"),
         "terms": knowledge.TERMS_COMPARER,
         "method": _HIDDEN_VALUE_COMPARER,
+        "hold_s": equality_comparer(),
     },
     model.Course: {"always": equality_comparer()},
+    model.Parameter: {"otherwise": equality_comparer()},
     model.Adaptation: {"does": knowledge.compare_effect},
     model.TreeElement: {
         "file": knowledge.compare_tree_file,

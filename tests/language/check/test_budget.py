@@ -136,7 +136,7 @@ def test_a_value_of_an_adaptation_that_is_not_decided_is_not_reported_to_leave_i
 codra: 1
 name: oven
 context:
-  heat: {{type: float, range: [0, 40], source: probe}}
+  heat: {{type: float, range: [0, 40], source: probe, valid_for: forever}}
   count: {{type: float, range: [0, 9], source: adaptation}}
 agents: {{probe: {{}}}}
 adaptation:

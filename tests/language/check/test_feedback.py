@@ -10,7 +10,7 @@ SPEC = """\
 codra: 1
 name: truck
 context:
-  distance: {{type: float, unit: m, range: [0, 10], source: laser}}
+  distance: {{type: float, unit: m, range: [0, 10], source: laser, valid_for: forever}}
   max_speed: {{type: float, unit: m/s, range: [0, 1.5], source: {source}}}
 agents: {{laser: {{}}}}
 adaptation:

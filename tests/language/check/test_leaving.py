@@ -10,10 +10,10 @@ SPEC = """\
 codra: 1
 name: oven
 context:
-  heat: {{type: int, range: [0, 40], source: probe}}
-  glow: {{type: float, unit: mm, range: [0, 1000], source: probe}}
-  odd: {{type: int, source: probe}}
-  open: {{type: bool, source: probe}}
+  heat: {{type: int, range: [0, 40], source: probe, valid_for: forever}}
+  glow: {{type: float, unit: mm, range: [0, 1000], source: probe, valid_for: forever}}
+  odd: {{type: int, source: probe, valid_for: forever}}
+  open: {{type: bool, source: probe, valid_for: forever}}
   count: {{type: {kind}, source: adaptation}}
 agents: {{probe: {{}}}}
 adaptation:

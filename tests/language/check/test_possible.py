@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.language.check.conditions.types import Type
-from codra_dsl.language.check.solver.satisfiable import can_hold
+from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
 from codra_dsl.language.expression import (
     And,
     Call,
@@ -90,6 +90,29 @@ def test_for_bools_and_enums_can_hold_agrees_with_trying_everything(conditions: 
         all(meaning(condition, world) is True for condition in conditions) for world in all_worlds(unknown_names)
     )
     assert can_hold(conditions, unknown_names, SMALL) is expected
+
+
+@settings(max_examples=75)
+@given(LOGIC, st.sets(st.sampled_from(sorted(SMALL))))
+def test_for_bools_and_enums_always_known_agrees_with_trying_everything(value: Node, unknown: set[str]) -> None:
+    expected = all(
+        meaning(value, world) is not None
+        for world in all_worlds(frozenset())
+        if {variable for variable, content in world.values.items() if content is None} <= unknown
+    )
+    assert is_always_known(value, unknown, SMALL) is expected
+
+
+@settings(max_examples=50)
+@given(CONDITIONS, worlds())
+def test_a_value_that_is_unknown_in_some_world_is_not_always_known(tree: Node, world: World) -> None:
+    unknown = [variable for variable, content in world.values.items() if content is None]
+    try:
+        result = meaning(tree, world)
+    except TooCloseError:
+        result = True
+    if result is None:
+        assert not is_always_known(tree, unknown, TYPES)
 
 
 @settings(max_examples=50)

@@ -104,6 +104,16 @@ def test_an_ordinary_order_is_delivered_and_the_result_says_so(runs: RecordedRun
     assert run.run.score.bumps == 0
 
 
+def test_the_drain_of_the_battery_is_known_as_soon_as_readings_span_half_of_its_time(runs: RecordedRuns) -> None:
+    run = runs.of(Situation.ORDINARY)
+    autonomy = curves(run.events, ["power_autonomy"])["power_autonomy"]
+
+    first_known_s = run.instant_s("battery_drain", "identified")
+    assert 60.0 <= first_known_s <= 62.0
+    assert max(value for at_s, value in autonomy if at_s < first_known_s) < 0.51 < autonomy[-1][1]
+    assert [event.name for event in run.events if event.what == "never_known"] == []
+
+
 def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead(runs: RecordedRuns) -> None:
     """P2's first situation: a container is provided, ordered elsewhere while people fill it, and full on the way."""
     run = runs.of(Situation.SECOND_ORDER)

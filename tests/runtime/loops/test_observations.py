@@ -12,7 +12,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime import Reading, Reason
 from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
-from codra_dsl.runtime.loops.observations import Observation, number_of, possible_values, rate, value_of
+from codra_dsl.runtime.loops.observations import Observation, number_of, possible_values, rate, share, value_of
 
 DRAIN = RateModel(variable="drain", of="level", over_s=20.0, factor=-60.0)
 KNOWN = Observation(variable="level", value=50.0)
@@ -70,3 +70,55 @@ def test_members_count_from_zero_and_an_unknown_one_is_one_of_them() -> None:
     assert possible_values(load, math.nan) == (Bounds(0.0, 0.0), Bounds(1.0, 1.0), Bounds(2.0, 2.0))
     bumped = InputModel(variable="bumped", range=Bounds(0.0, 1.0), members=("false", "true"))
     assert [value_of(bumped, number_of(bumped, value)) for value in (False, True)] == [False, True]
+
+
+BUMPY = RateModel(variable="rough", of="bumped", over_s=20.0, is_share=True)
+TRUE = Observation(variable="bumped", value=True, evidence_s=100.0)
+
+
+def bool_history(*phases: tuple[float, bool | None, float]) -> list[Reading[Value]]:
+    """Return readings by the instant of their evidence, their value, and the end of their validity."""
+    return [
+        Reading(
+            name="bumped",
+            content=content,
+            reason=None if content is not None else Reason.FAILED,
+            evidence_s=instant_s,
+            expires_s=expires_s,
+        )
+        for instant_s, content, expires_s in phases
+    ]
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 400), st.sampled_from([True, False, None]), st.integers(1, 100)),
+        min_size=1,
+        max_size=12,
+        unique_by=lambda phase: phase[0],
+    ),
+    st.integers(0, 500),
+)
+def test_a_share_is_the_part_of_the_known_instants_at_which_the_bool_was_true(
+    phases: list[tuple[int, bool | None, int]], now: int
+) -> None:
+    """The plain model looks at the middle of every tenth of a second in the window."""
+    readings = bool_history(
+        *((at / 10, content, (at + valid) / 10) for at, content, valid in sorted(phases) if at <= now)
+    )
+    contents = []
+    for tenth in range(now - 200, now):
+        instant_s = tenth / 10 + 0.05
+        reading = next((reading for reading in reversed(readings) if reading.evidence_s <= instant_s), None)
+        contents.append(None if reading is None else reading.at(instant_s).content)
+    known = [content for content in contents if content is not None]
+    observed = share(BUMPY, readings, TRUE, now / 10)
+    expected = sum(known) / len(known) if len(known) >= 100 else None
+    assert observed.value == (None if expected is None else pytest.approx(expected))
+
+
+def test_a_share_is_unknown_while_its_variable_is_and_tells_how_long_it_was_known() -> None:
+    unknown = Observation(variable="bumped", because="stale")
+    assert share(BUMPY, bool_history((90.0, True, 99.0)), unknown, 100.0).because == "bumped is unknown"
+    observed = share(BUMPY, bool_history((95.0, True, 200.0)), TRUE, 100.0)
+    assert (observed.value, observed.because) == (None, "bumped is known for 5 s only")

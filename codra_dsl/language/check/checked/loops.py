@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from codra_dsl.language.behavior_trees import CheckedForest
 from codra_dsl.language.diagnostics import Place
@@ -56,12 +56,13 @@ class CheckedStage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedRate:
-    """A rate. `factor` converts a change of 1 per second to the unit of the rate."""
+    """A rate or a share. `factor` converts a change of 1 per second to the unit of the rate."""
 
     variable: Variable
     of: str
     over_s: float
     factor: float
+    is_share: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,13 +70,16 @@ class CheckedAdaptation:
     """An adaptation.
 
     Attributes:
-        python: the conditions of the hard rules, or the value that the adaptation sets, as Python text.
+        python: as Python text, the conditions of the hard rules, or the value that the adaptation sets and, if the spec
+            states it, the value under `otherwise`.
         reads: the context-variables that these conditions or this value read, sorted.
+        holds_s: for a course, the hold of each action that states one.
     """
 
     adaptation: Adaptation
     python: tuple[str, ...]
     reads: tuple[str, ...]
+    holds_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -36,13 +36,14 @@ class Role(StrEnum):
     DURING = "during"
     AFTER = "after"
     VALUE = "value"
+    OTHERWISE = "otherwise"
     ALWAYS = "always"
 
 
 KNOWLEDGE_ROLES = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
 """The roles of conditions in patterns. These conditions read context and all other knowledge."""
 
-LOOP_ROLES = frozenset({Role.VALUE, Role.ALWAYS})
+LOOP_ROLES = frozenset({Role.VALUE, Role.OTHERWISE, Role.ALWAYS})
 """The roles of conditions in adaptations."""
 
 CONTEXT_ROLES = frozenset({Role.OBSERVABLE_WHEN, *KNOWLEDGE_ROLES, *LOOP_ROLES})
@@ -160,10 +161,15 @@ class _SiteFinder:
         return pattern_sites
 
     def sites_of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
-        """Return the expression for the value of a parameter, or the conditions of the hard rules of a course."""
+        """Return the values of a parameter, or the conditions of the hard rules of a course."""
         owner, does = ("adaptation", adaptation.name), adaptation.does
         if isinstance(does, Parameter):
-            return [self._site(Role.VALUE, owner, does.value, does.variable.name, Result.VALUE)]
+            values = ((Role.VALUE, does.value), (Role.OTHERWISE, does.otherwise))
+            return [
+                self._site(role, owner, value, does.variable.name, Result.VALUE)
+                for role, value in values
+                if value is not None
+            ]
         return [self._site(Role.ALWAYS, owner, rule.condition) for rule in does.always]
 
     def _pattern(self, role: Role, owner: tuple[str, str], pattern: Condition, rule: str = "") -> Site | None:

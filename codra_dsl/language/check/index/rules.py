@@ -97,6 +97,9 @@ RULES = rules(
     ("CDR7126", "part-without-loop", _WARNING),
     ("CDR7127", "adaptation-feedback", _WARNING),
     ("CDR7128", "value-leaves-range", _WARNING),
+    ("CDR7129", "unknown-adapted-value", _ERROR),
+    ("CDR7130", "unnoticed-input", _ERROR),
+    ("CDR7131", "uncovered-rate", _ERROR),
     # CDR8101 to CDR8105 were used before; a code is never reused
 )
 """All rules by name."""

@@ -130,18 +130,29 @@ def _rate(spec_index: SpecIndex, variable: Variable) -> CheckedRate:
     base_variable = spec_index.variables[variable.rate.of.name]
     factor = rate_factor(variable, base_variable)
     assert factor is not None
-    return CheckedRate(variable=variable, of=base_variable.name, over_s=variable.rate.over_s, factor=factor)
+    rate = variable.rate
+    return CheckedRate(
+        variable=variable, of=base_variable.name, over_s=rate.over_s, factor=factor, is_share=rate.is_share
+    )
 
 
 def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
     does = adaptation.does
     if isinstance(does, Parameter):
-        python: tuple[str, ...] = (spec_index.python(does.value, spec_index.context_types[does.variable.name]),)
+        wanted_type = spec_index.context_types[does.variable.name]
+        values = (does.value,) if does.otherwise is None else (does.value, does.otherwise)
+        python = tuple(spec_index.python(value, wanted_type) for value in values)
     else:
         python = tuple(spec_index.python(rule.condition, None) for rule in does.always)
     adaptation_sites = (site for site in spec_index.sites if site.owner == ("adaptation", adaptation.name))
     reads = sorted({read_name.name for site in adaptation_sites for read_name in site.names})
-    return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads))
+    chosen_actions = {action.name for action in does.choose} if isinstance(does, Course) else set()
+    holds_s = {
+        action.name: action.hold_s
+        for action in spec_index.spec.actions
+        if action.name in chosen_actions and action.hold_s is not None
+    }
+    return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads), holds_s=holds_s)
 
 
 def _tree(spec_index: SpecIndex, tree: TreeElement) -> CheckedTree:

@@ -36,6 +36,8 @@ def _never_set_findings(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
         name: (adaptation, tree)
         for adaptation, name, tree in adapted_variables(spec_index, faults)
         if [source.name for source in spec_index.variables[name].sources] == [ADAPTER]
+        and isinstance(adaptation.does, Parameter)
+        and adaptation.does.otherwise is None
     }
     needs = {
         name: [read_name.name for read_name in names_in(tree)] for name, (_, tree) in adaptations_and_trees.items()
@@ -83,7 +85,8 @@ def _unstable_course_findings(spec_index: SpecIndex, faults: FaultyElements) -> 
     for adaptation in spec_index.spec.adaptation:
         course = adaptation.does
         if isinstance(course, Course) and course.always and faults.is_sound("adaptation", adaptation.name):
-            trees = [_sound_tree(spec_index, rule.condition) for rule in course.always]
+            # a rule whose condition must hold for some time may change the action, as a dwell may
+            trees = [None if rule.for_s else _sound_tree(spec_index, rule.condition) for rule in course.always]
             if not any(
                 _can_be_stable(spec_index, adaptation.name, course, trees, reference.name)
                 for reference in course.choose

@@ -115,17 +115,28 @@ def idle_rules(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagno
     for section, output in spec_index.parsed_rules.outputs:
         parsed_rules = spec_index.parsed_rules.rules[section, output.name]
         rules = [parsed_rule.rule for parsed_rule in parsed_rules if parsed_rule.rule is not None]
-        if not faults.is_sound(section, output.name) or len(rules) < len(parsed_rules) or not rules:
-            continue
-        if any(parsed_rule.problems for parsed_rule in parsed_rules):
-            continue
-        combinations = list(
-            _combinations(spec_index, faults, spec_index.parsed_rules.input_names(section, output.name))
-        )
-        if not combinations:
-            continue
-        yield from _never_firing_findings(section, output, parsed_rules, combinations)
-        yield from _silent_combination_findings(section, output, rules, combinations)
+        combinations = _all_combinations(spec_index, faults, section, output)
+        if combinations:
+            yield from _never_firing_findings(section, output, parsed_rules, combinations)
+            yield from _silent_combination_findings(section, output, rules, combinations)
+
+
+def silent_combinations(
+    spec_index: SpecIndex, faults: FaultyElements, section: str, output: Output
+) -> list[Combination]:
+    """Return the combinations of cells in which no rule of an output fires; [] if this cannot be checked."""
+    parsed_rules = spec_index.parsed_rules.rules[section, output.name]
+    rules = [parsed_rule.rule for parsed_rule in parsed_rules if parsed_rule.rule is not None]
+    return _silent_combinations(rules, _all_combinations(spec_index, faults, section, output))
+
+
+def _all_combinations(spec_index: SpecIndex, faults: FaultyElements, section: str, output: Output) -> list[Combination]:
+    """Return the combinations of cells of all inputs of an output; [] if its rules cannot be checked."""
+    parsed_rules = spec_index.parsed_rules.rules[section, output.name]
+    is_parsed = all(parsed_rule.rule is not None and not parsed_rule.problems for parsed_rule in parsed_rules)
+    if not parsed_rules or not is_parsed or not faults.is_sound(section, output.name):
+        return []
+    return list(_combinations(spec_index, faults, spec_index.parsed_rules.input_names(section, output.name)))
 
 
 _VARIABLE_KEYS = ("type", "range", "values", "terms")
@@ -165,19 +176,23 @@ def _never_firing_findings(
 def _silent_combination_findings(
     section: str, output: Output, rules: list[Rule], combinations: list[Combination]
 ) -> Iterator[Diagnostic]:
-    silent_combinations = [
+    silent = _silent_combinations(rules, combinations)
+    if silent:
+        case_text = " and ".join(f"{name} is {cell.numbers_text}" for name, cell in silent[0].items())
+        other_cases_text = f", and in {len(silent) - 1} more cases" if len(silent) > 1 else ""
+        message = f"no rule of '{output.name}' fires if {case_text}{other_cases_text}"
+        place = output.places.get("rules", output.place)
+        help = "add a rule for this case: without a rule, the output is unknown"
+        yield finding("silent-combination", message, place, path=f"{section}.{output.name}.rules", help=help)
+
+
+def _silent_combinations(rules: list[Rule], combinations: list[Combination]) -> list[Combination]:
+    return [
         combination
         for combination in combinations
         if not any(cell.is_point for cell in combination.values())
         and not any(rule.weight > 0.0 and can_fire(rule.antecedent, combination) for rule in rules)
     ]
-    if silent_combinations:
-        case_text = " and ".join(f"{name} is {cell.numbers_text}" for name, cell in silent_combinations[0].items())
-        other_cases_text = f", and in {len(silent_combinations) - 1} more cases" if len(silent_combinations) > 1 else ""
-        message = f"no rule of '{output.name}' fires if {case_text}{other_cases_text}"
-        place = output.places.get("rules", output.place)
-        help = "add a rule for this case: without a rule, the output is unknown"
-        yield finding("silent-combination", message, place, path=f"{section}.{output.name}.rules", help=help)
 
 
 def contradictory_rules(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:

@@ -80,21 +80,22 @@ def unfit_outputs(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
 
 
 def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """A rate is computed from a number that loops do not compute, and that keeps enough readings.
+    """A rate is computed from a number that loops do not compute, and that keeps enough readings; a share from a bool.
 
-    The unit of the rate is the unit of this number per time.
+    The unit of the rate is the unit of this number per time. A share is a number from 0 to 1.
     """
     for variable in spec_index.spec.context:
         if variable.rate is None or not faults.is_sound("context", variable.name):
             continue
         base_variable = spec_index.variables.get(variable.rate.of.name)
-        keys = ("type", "unit", "rate_of")
+        keys = ("type", "unit", "range", variable.rate.key)
         if base_variable is None or not all(
             spec_index.is_readable("context", declared_variable.name, *keys)
             for declared_variable in (variable, base_variable)
         ):
             continue
-        for message, help, key in _rate_problems(variable, base_variable):
+        find_problems = _share_problems if variable.rate.is_share else _rate_problems
+        for message, help, key in find_problems(variable, base_variable):
             place = variable.places.get(key, variable.place)
             yield finding("unfit-rate", message, place, path=f"context.{variable.name}.{key}", help=help)
 
@@ -133,11 +134,30 @@ def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tupl
         )
 
 
+def _share_problems(variable: Variable, base_variable: Variable) -> Iterator[tuple[str, str, str]]:
+    subject = f"context-variable '{variable.name}'"
+    if [source.name for source in variable.sources] != [ANALYST]:
+        yield f"{subject} is a share of time, which loops compute", "remove 'source'", "source"
+    if base_variable.type.kind is not Kind.BOOL:
+        message = f"{subject} is the share of time of '{base_variable.name}', which is not a bool"
+        yield message, "write the name of a bool", "share_of"
+    range_ends = variable.type.range
+    if variable.type.kind is not Kind.FLOAT or variable.type.unit is not None:
+        yield f"{subject} is a share of time, but not a float without a unit", "write 'type: float'", "type"
+    elif range_ends is not None and not (range_ends[0] <= 0.0 and range_ends[1] >= 1.0):
+        yield f"{subject} is a share of time, from 0 to 1, but has another range", "write 'range: [0, 1]'", "range"
+
+
 _MIN_READINGS = 2
 
 
 def rate_factor(variable: Variable, base_variable: Variable) -> float | None:
-    """Return the factor to convert a change of 1 per second to the unit of the rate; None if the units do not fit."""
+    """Return the factor to convert a change of 1 per second to the unit of the rate; None if the units do not fit.
+
+    The factor of a share is 1.
+    """
+    if variable.rate is not None and variable.rate.is_share:
+        return 1.0
     base_unit, rate_unit = _unit(base_variable), _unit(variable)
     if base_unit is None or rate_unit is None:
         return None

@@ -15,7 +15,7 @@ from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, possible_values
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Choice, Compare, Comparison, Name, Node, Not, names_in
-from codra_dsl.language.model import Parameter
+from codra_dsl.language.model import Condition, Parameter
 
 _END_NAME = "the end of the range"
 """A name that cannot occur in a condition, because it contains spaces."""
@@ -32,7 +32,7 @@ def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Itera
             continue
         low, high = (f"{end:g}" if end else "0" for end in variable_type.range)
         unit_text = "" if variable.type.unit is None else f" {variable_type.unit}"
-        for branch, assumptions in _choice_branches(tree, ()):
+        for key, condition, branch, assumptions in _stated_values(adaptation.does, tree):
             side_texts = [
                 _SIDE_TEXTS[operator] for operator in _exit_sides(spec_index, variable_type, branch, assumptions)
             ]
@@ -41,8 +41,8 @@ def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Itera
                 yield finding(
                     "value-leaves-range",
                     f"adaptation '{adaptation.name}' can set '{name}' to {sides_text}, outside of its range",
-                    adaptation.does.value.place_of(branch),
-                    path=f"adaptation.{adaptation.name}.value",
+                    condition.place_of(branch),
+                    path=f"adaptation.{adaptation.name}.{key}",
                     help=f"keep the value in [{low}, {high}]{unit_text}, e.g. with 'min' and 'max', "
                     "or write a wider range",
                     related=(Related("declared here", variable.type.places.get("range", variable.place)),),
@@ -50,6 +50,14 @@ def values_leaving_range(spec_index: SpecIndex, faults: FaultyElements) -> Itera
 
 
 _SIDE_TEXTS = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more than {high}"}
+
+
+def _stated_values(does: Parameter, tree: Node) -> Iterator[tuple[str, Condition, Node, Sequence[Node]]]:
+    """Yield each value that an adaptation can set, with its key, its condition, and when it is used."""
+    for branch, assumptions in _choice_branches(tree, ()):
+        yield "value", does.value, branch, assumptions
+    if does.otherwise is not None and does.otherwise.tree is not None:
+        yield "otherwise", does.otherwise, does.otherwise.tree, ()
 
 
 def _choice_branches(tree: Node, assumptions: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:

@@ -1,4 +1,4 @@
-"""Preconditions that would stay true in the context after they have become false in the world."""
+"""Preconditions and inputs of adaptations that stay in the context after they have become false in the world."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.model import Algorithm, Variable, WhenUnobservable
+from codra_dsl.language.expression import Call, Name, walk
+from codra_dsl.language.model import ADAPTER, Algorithm, Variable, WhenUnobservable
 
 
 def unnoticed_preconditions(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -38,7 +39,50 @@ def unnoticed_preconditions(spec_index: SpecIndex, faults: FaultyElements) -> It
         )
 
 
-TRUST_CHECKS = (unnoticed_preconditions,)
+def unnoticed_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """Every variable in the value of a parameter states how long it is valid, or its age is part of the value.
+
+    Otherwise the parameter follows a value that stays although its writer has stopped. What loops compute or set is
+    ignored, and so is a variable that a precondition reads, which has a finding of its own.
+    """
+    reported_names = set(_first_trusting_algorithms(spec_index))
+    for site in spec_index.sites:
+        if site.role is not Role.VALUE or spec_index.judgements[id(site.condition)].problems:
+            continue
+        for name in site.values if faults.is_sound(*site.owner) else ():
+            variable = spec_index.variables.get(name.name)
+            if variable is None or name.name in reported_names or name.name in _aged_names(site):
+                continue
+            if _is_computed(variable) or not faults.is_sound("context", name.name):
+                continue
+            if not spec_index.is_readable("context", name.name, "source", "valid_for", "when_unobservable"):
+                continue
+            reported_names.add(name.name)
+            if not _goes_stale(spec_index, variable):
+                yield finding(
+                    "unnoticed-input",
+                    f"adaptation '{site.owner[1]}' reads '{name.name}', but its value never expires: "
+                    f"{_reason(spec_index, variable)}",
+                    variable.place,
+                    path=f"context.{name.name}",
+                    help=_help_text(spec_index, variable),
+                    related=(Related(f"adaptation '{site.owner[1]}' reads it", site.condition.place_of(name)),),
+                )
+
+
+def _aged_names(site: Site) -> frozenset[str]:
+    """Return the names whose age a condition judges."""
+    calls = (part for part in walk(site.condition.tree) if isinstance(part, Call)) if site.condition.tree else ()
+    arguments = (argument for call in calls if call.function == "age" for argument in call.arguments)
+    return frozenset(argument.name for argument in arguments if isinstance(argument, Name))
+
+
+def _is_computed(variable: Variable) -> bool:
+    is_adapted = ADAPTER in (source.name for source in variable.sources)
+    return variable.is_derived or variable.rate is not None or is_adapted
+
+
+TRUST_CHECKS = (unnoticed_preconditions, unnoticed_inputs)
 """The checks of this module."""
 
 

@@ -10,13 +10,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.solver.case_split import conjuncts, may_have_case, names_of
 from codra_dsl.language.check.solver.intervals import Interval
 from codra_dsl.language.check.solver.values import EITHER, UNKNOWN, Values, age_key, known_key, known_values
-from codra_dsl.language.expression import Call, Name, Node, walk
+from codra_dsl.language.expression import (
+    And,
+    Arithmetic,
+    Call,
+    Choice,
+    Compare,
+    Comparison,
+    Name,
+    Negative,
+    Node,
+    Not,
+    Number,
+    Or,
+    Text,
+    Truth,
+    walk,
+)
 
 _ANY_AGE: Values = frozenset({Interval(-math.inf, math.inf)})
 _NO_VALUES: Values = frozenset()
@@ -37,6 +54,42 @@ def can_hold(conditions: Sequence[Node], unknown_names: Iterable[str], types: Ty
     values = {name: UNKNOWN if name in unknown_name_set else known_values(types.get(name)) | UNKNOWN for name in names}
     values |= _ages(names, types)
     return may_have_case(conditions, None, values, types)
+
+
+def is_always_known(value: Node, unknown_names: Iterable[str], types: Types) -> bool:
+    """Return whether a value is known in every case.
+
+    Args:
+        value: an expression.
+        unknown_names: the names that can be unknown. All other names are known.
+        types: the type of each name.
+    """
+    unknown_name_set = frozenset(unknown_names)
+    names = names_of([value])
+    values = {
+        name: (known_values(types.get(name)) - UNKNOWN) | (UNKNOWN if name in unknown_name_set else _NO_VALUES)
+        for name in names
+    }
+    return not may_have_case((), _knownness(value), values | _ages(names, types), types)
+
+
+def _knownness(value: Node) -> Node:
+    """Return a condition that is true exactly if a value is known."""
+    if isinstance(value, Choice):  # if both branches have the same value, the condition may be unknown
+        branches = replace(value, then=_knownness(value.then), otherwise=_knownness(value.otherwise))
+        decided = And(start=0, end=0, operands=(_knownness(value.condition), branches))
+        return Or(start=0, end=0, operands=(decided, _equality(value.then, value.otherwise)))
+    if isinstance(value, Name):
+        return known_call(value.name)
+    if isinstance(value, (Number, Text, Truth)):
+        return Truth(start=0, end=0, value=True)
+    if isinstance(value, (Arithmetic, Negative)) or (isinstance(value, Call) and value.function != "known"):
+        return _equality(value, value)
+    return Or(start=0, end=0, operands=(value, Not(start=0, end=0, operand=value)))
+
+
+def _equality(one: Node, other: Node) -> Node:
+    return Compare(start=0, end=0, first=one, rest=((Comparison.EQUAL, other),))
 
 
 def known_call(name: str) -> Node:

@@ -120,7 +120,8 @@ def build_agent(reader: Reader) -> Agent:
         rules=tuple(_read_rules(reader)),
         places=reader.places(),
     )
-    return Agent(name=reader.subject.name, place=reader.place, conduct=conduct)
+    period_s = reader.duration_s("period", 0.0) if "period" in reader.node.entries else None
+    return Agent(name=reader.subject.name, place=reader.place, conduct=conduct, period_s=period_s or None)
 
 
 def _read_reference(reader: Reader, key: str) -> Reference:

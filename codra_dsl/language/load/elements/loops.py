@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.expression import parse_over_context
+from codra_dsl.language.expression import Name, Text, names_in, parse_over_context
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.fuzzy.model import Term
 from codra_dsl.language.fuzzy.words import Defuzzification, Shape, SNorm, TNorm
@@ -55,14 +56,16 @@ SHAPES = {
 
 
 def read_rate(reader: Reader) -> Rate | None:
-    """Return the rate that a context-variable declares, or None."""
-    if "rate_of" not in reader.node.entries:
+    """Return the rate or the share that a context-variable declares, or None."""
+    key = next((key for key in ("rate_of", "share_of") if key in reader.node.entries), None)
+    if key is None:
         return None
     counts = reader.scalar("counts")
     return Rate(
-        of=_read_reference(reader, "rate_of"),
+        of=_read_reference(reader, key),
         over_s=reader.duration_s("over", 0.0),
         is_falling=counts is not None and counts.text == "falling",
+        is_share=key == "share_of",
     )
 
 
@@ -83,6 +86,7 @@ def _build_output(reader: Reader) -> Output:
         label=reader.text("label", ""),
         description=reader.text("description", ""),
         worse=reader.choice("worse", Worse.LOW),
+        hold_s=reader.duration_s("hold", 0.0, least="zero") if "hold" in reader.node.entries else None,
         rules=tuple(_read_phrases(reader, "rules")),
         terms=read_terms(reader),
         method=Method(
@@ -282,14 +286,31 @@ def _read_hard_rules(reader: Reader) -> Iterator[HardRule]:
             reader.damage("always")
             continue
         condition = read_condition(rule_reader, condition_node, "if", grammar=parse_over_context)
-        yield HardRule(condition=condition, action=_read_reference(rule_reader, "then"))
+        for_s = rule_reader.duration_s("for", 0.0)
+        yield HardRule(condition=condition, action=_read_reference(rule_reader, "then"), for_s=for_s)
 
 
 def _read_parameter(reader: Reader) -> Parameter:
     node = reader.node.value("value")
     empty_condition = Condition(text="", tree=None, place=reader.place)
     value = empty_condition if node is None else read_condition(reader, node, "value", grammar=parse_over_context)
-    return Parameter(variable=_read_reference(reader, "set"), value=value)
+    return Parameter(variable=_read_reference(reader, "set"), value=value, otherwise=_read_otherwise(reader))
+
+
+def _read_otherwise(reader: Reader) -> Condition | None:
+    """Return the constant under `otherwise`; None if there is none. A single word is a text, such as a member."""
+    node = reader.node.value("otherwise")
+    if node is None:
+        return None
+    condition = read_condition(reader, node, "otherwise", grammar=parse_over_context)
+    tree = condition.tree
+    if isinstance(tree, Name) and not tree.pose_comparison:
+        return replace(condition, tree=Text(start=tree.start, end=tree.end, value=tree.name))
+    if tree is not None and names_in(tree):
+        help_text = "write a value that does not depend on context, such as '0.3 m/s': context can be unknown"
+        reader.fail("condition-syntax", f"{shown(condition.text)} is not a constant", node, help_text, "otherwise")
+        return replace(condition, tree=None)
+    return condition
 
 
 def _read_branches(reader: Reader) -> Iterator[tuple[Reference, Reference]]:

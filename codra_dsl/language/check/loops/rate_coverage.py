@@ -1,0 +1,98 @@
+"""Checks of loops (phase 5): the history of a variable covers enough time for the rates that loops compute from it.
+
+A rate is known only while readings span half of `over`. The readings of a variable that is written every 0.5 s, and
+keeps 100 readings, span 49.5 s; a rate over 2 min is never known. Periods that no writer states are not guessed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.model import DEFAULT_PERIOD_S, Variable
+
+MIN_SPAN_SHARE = 0.5
+"""The smallest share of `over` that readings must span; the same as in `codra_dsl.runtime.loops.observations`."""
+
+_ROUNDING = 1e-9
+
+
+def uncovered_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """The readings that are kept for a rate or a share can span half of `over`."""
+    for variable in spec_index.spec.context:
+        base = None if variable.rate is None else spec_index.variables.get(variable.rate.of.name)
+        if variable.rate is None or base is None or not _is_checkable(spec_index, faults, variable, base):
+            continue
+        periods = _stated_periods(spec_index, base)
+        if not periods:
+            continue
+        period_s, writer_text, place = min(periods, key=lambda period: period[0])
+        over_s = variable.rate.over_s
+        span_s = (base.history - 1) * period_s
+        noun = "share" if variable.rate.is_share else "rate"
+        problem = ""
+        if span_s < MIN_SPAN_SHARE * over_s - _ROUNDING:
+            problem = f"'{base.name}' keeps {base.history} readings, which span {span_s:g} s"
+            help = f"write 'history: {math.ceil(over_s / period_s) + 1}' in '{base.name}', or a shorter 'over'"
+        elif not variable.rate.is_share and period_s > over_s + _ROUNDING and _are_all_stated(periods, base):
+            problem = f"there is at most one reading in {over_s:g} s"
+            help = f"write an 'over' of at least {2 * period_s:g} s"
+        if problem:
+            yield finding(
+                "uncovered-rate",
+                f"context-variable '{variable.name}' is never known: a {noun} over {over_s:g} s needs readings "
+                f"that span {MIN_SPAN_SHARE * over_s:g} s, but {problem}",
+                variable.places.get("over", variable.place),
+                path=f"context.{variable.name}.over",
+                help=help,
+                related=(
+                    Related(f"'{base.name}' keeps its readings", base.places.get("history", base.place)),
+                    Related(f"{writer_text} every {period_s:g} s", place),
+                ),
+            )
+
+
+def _are_all_stated(periods: Sequence[object], base: Variable) -> bool:
+    return len(periods) == len(base.sources or (OBSERVER,))
+
+
+def _is_checkable(spec_index: SpecIndex, faults: FaultyElements, variable: Variable, base: Variable) -> bool:
+    return (
+        faults.is_sound("context", variable.name)
+        and faults.is_sound("context", base.name)
+        and spec_index.is_readable("context", variable.name, "over")
+        and spec_index.is_readable("context", base.name, "history", "source")
+        and not spec_index.has_damage("observers", "identifies", "period")
+    )
+
+
+def _stated_periods(spec_index: SpecIndex, variable: Variable) -> list[tuple[float, str, Place]]:
+    """Return the period of each writer of a variable that has one, with what the writer does, and the place."""
+    source_names = {source.name for source in variable.sources}
+    periods = [
+        (agent.period_s, f"agent '{agent.name}' writes it", agent.conduct.places.get("period", agent.place))
+        for agent in spec_index.spec.agents
+        if agent.name in source_names and agent.period_s is not None
+    ]
+    producers = spec_index.producers.get(variable.name, ())
+    if producers:
+        setting = spec_index.claims[variable.name][0] if variable.name in spec_index.claims else None
+        observer_period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
+        algorithm = min(
+            (spec_index.algorithms[name] for name in producers), key=lambda candidate: candidate.min_interval_s
+        )
+        periods.append(
+            (
+                max(observer_period_s, algorithm.min_interval_s),
+                f"algorithm '{algorithm.name}' identifies it at most",
+                algorithm.place,
+            )
+        )
+    return periods
+
+
+RATE_CHECKS = (uncovered_rates,)
+"""The checks of this module."""

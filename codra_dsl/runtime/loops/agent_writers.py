@@ -1,0 +1,49 @@
+"""The handles of the two agents in whose names loops write: the analyst and the adapter."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from codra_dsl.runtime.context.agents import Agent
+from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.loops.declarations import MapeModel
+from codra_dsl.runtime.loops.planning import VariableWrite
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S
+
+Manager = ContextManager[Any, Any]
+
+
+class AgentWriters:
+    """The agents that write for the loops; only the handles that the loops need are opened."""
+
+    def __init__(self, codra: Manager, model: MapeModel) -> None:
+        """Open the handles.
+
+        Raises:
+            AgentTakenError: if one of the handles is already taken.
+        """
+        self._agents: dict[str, Agent[Any, Any]] = {}
+        self._stamps_s: dict[str, float] = {}
+        stages = [stage for stage in (model.metrics, model.actions) if stage is not None]
+        if model.rates or any(stage.outputs for stage in stages):
+            self._agents[model.analyst] = codra.agent(model.analyst)
+        if model.parameters or any(course.variable for course in model.courses):
+            self._agents[model.adapter] = codra.agent(model.adapter)
+
+    def write(self, agent: str, variable_write: VariableWrite, now_s: float) -> None:
+        """Write a variable.
+
+        The stamp of a variable never goes back, even if an input with older evidence arrives. Otherwise the variable
+        would keep its present value, because the evidence of this value is newer.
+        """
+        evidence_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
+        stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(variable_write.variable, -math.inf)))
+        self._stamps_s[variable_write.variable] = stamp_s
+        value = math.nan if variable_write.value is None else variable_write.value  # NaN means unknown
+        self._agents[agent].set(variable_write.variable, value, evidence_s=stamp_s)
+
+    def close(self) -> None:
+        """Close the handles."""
+        for agent in self._agents.values():
+            agent.close()
