@@ -68,6 +68,7 @@ from codra_dsl.runtime.values.conditions import (
 from codra_dsl.runtime.values.model import (
     Algorithm,
     ExpectationModel,
+    PreviewCondition,
     ResourceModel,
     SkillModel,
     VariableModel,
@@ -208,6 +209,7 @@ __all__ = [
     "Phase",
     "Pose",
     "Precondition",
+    "PreviewCondition",
     "RateModel",
     "Reading",
     "Repeat",

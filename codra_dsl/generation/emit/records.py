@@ -19,7 +19,7 @@ from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_pla
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Agent, Algorithm, Variable
+from codra_dsl.language.model import Agent, Algorithm, Skill, Variable
 from codra_dsl.language.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -28,9 +28,13 @@ FORMAT_VERSION = 1
 
 # The place of an element and its parsed form are not part of a spec's meaning.
 _FIELDS_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
-# Conduct is digested with the knowledge, and these fields of variables are digested with the loops.
+# Conduct is digested with the knowledge, these fields of variables with the loops, and conditions of previews if any.
 _SEPARATELY_DIGESTED_FIELDS = frozenset(
-    {(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition"))}
+    {
+        (Agent, "conduct"),
+        *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition")),
+        *((Skill, name) for name in ("preview_names", "preview_conditions")),
+    }
 )
 # A checked algorithm holds an algorithm's conditions a second time, translated to Python.
 _REPEATED_FIELDS = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
@@ -128,7 +132,10 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
         place = settings.get(tree.name, tree.branches[0].algorithm.algorithm.place)
         yield node_id(plan, Node(NodeKind.OBSERVER, tree.name)), place
     for skill in spec.skills:
-        yield node_id(plan, Node(NodeKind.SKILL, skill.name)), skill.place
+        name = node_id(plan, Node(NodeKind.SKILL, skill.name))
+        yield name, skill.place
+        for number, condition in enumerate(plan.checked.previews.get(skill.name, ())):
+            yield f"{name}/preview/{number}", condition.place
     if plan.checked.knowledge is not None:
         yield from knowledge_places(plan, plan.checked.knowledge)
     if plan.checked.mape is not None:
@@ -196,6 +203,9 @@ def model_digest(plan: BuildPlan) -> str:
     meaningful_values = (*basic_values, *knowledge_values) if spec.knows else basic_values
     if checked.mape is not None:
         meaningful_values = (*meaningful_values, *_loop_values(checked))
+    if any(skill.preview_conditions for skill in spec.skills):
+        previews = tuple((skill.preview_names, skill.preview_conditions) for skill in spec.skills)
+        meaningful_values = (*meaningful_values, previews)
     return _digest(_meaning(meaningful_values))
 
 

@@ -14,7 +14,7 @@ from codra_dsl.runtime.journal.spec_summary import (
     SpecSummary,
     place_from_data,
 )
-from codra_dsl.runtime.values.model import Kind, SkillModel, ValueType, VariableModel
+from codra_dsl.runtime.values.model import Kind, PreviewCondition, SkillModel, ValueType, VariableModel
 
 
 def summary_to_data(summary: SpecSummary) -> dict[str, Any]:
@@ -33,12 +33,26 @@ def summary_to_data(summary: SpecSummary) -> dict[str, Any]:
         },
         "algorithms": {name: _algorithm_to_data(algorithm) for name, algorithm in summary.algorithms.items()},
         "skills": {
-            name: {"preview": list(skill.preview), "monitor": list(skill.monitor), "changes": list(skill.changes)}
+            name: {
+                "preview": list(skill.preview),
+                **_preview_conditions_to_data(skill),
+                "monitor": list(skill.monitor),
+                "changes": list(skill.changes),
+            }
             for name, skill in summary.skills.items()
         },
         "places": {key: _place_to_data(place) for key, place in summary.places.items()},
         **({"nodes": dict(summary.nodes)} if summary.nodes else {}),
     }
+
+
+def _preview_conditions_to_data(skill: SkillModel) -> dict[str, Any]:
+    """Return the conditions of a preview; nothing for a preview without conditions, as earlier versions wrote it."""
+    rules = [
+        Rule(source_text=condition.text, python_text=repr(condition.condition))
+        for condition in skill.preview_conditions
+    ]
+    return {"preview_conditions": [_rule_to_data(rule) for rule in rules]} if rules else {}
 
 
 def _variable_to_data(variable: VariableModel) -> dict[str, Any]:
@@ -111,6 +125,7 @@ def summary_from_data(data: Mapping[str, Any]) -> SpecSummary:
             name: SkillModel(
                 name=name,
                 preview=tuple(entry["preview"]),
+                preview_conditions=tuple(map(_preview_condition_from_data, entry.get("preview_conditions", ()))),
                 monitor=tuple(entry["monitor"]),
                 changes=tuple(entry["changes"]),
             )
@@ -159,6 +174,11 @@ def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary
         timeout_s=_float_or_default(data["timeout_s"], math.inf),
         place=place_from_data(data["place"]),
     )
+
+
+def _preview_condition_from_data(data: Mapping[str, Any]) -> PreviewCondition:
+    rule = _rule_from_data(data)
+    return PreviewCondition(text=rule.text, condition=rule.term)
 
 
 def _rule_from_data(data: Mapping[str, Any]) -> Rule:

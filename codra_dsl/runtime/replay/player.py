@@ -15,6 +15,7 @@ from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
 from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.context.previews import Preview, PreviewRequest
 from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event
@@ -49,6 +50,7 @@ class _Player:
         self._variable_names = frozenset(variable.name for variable in model.variables)
         self._skill_names = frozenset(skill.name for skill in model.skills)
         self._decisions: dict[int, Decision] = {}
+        self._previews: dict[int, Preview] = {}
         self._recording = recording
         jobs.repeat_calls = self._repeat_calls_of
 
@@ -116,6 +118,16 @@ class _Player:
             case "decide":
                 request_fields = {key: value for key, value in details.items() if key not in _POSITION_DETAILS}
                 self._decisions[number] = self._commands.ask(DecisionRequest(**request_fields))
+            case "preview":
+                since_s = parse_json(details["since"]) if "since" in details else {}
+                fields = {key: value for key, value in details.items() if key not in {*_POSITION_DETAILS, "since"}}
+                self._previews[number] = self._commands.previews.ask(PreviewRequest(**fields, since_s=since_s))
+            case "waited" if number in self._previews:
+                self._commands.previews.resume(self._previews[number])
+            case "looked" if "variable" in details:
+                self._commands.previews.record_look(self._previews[number], details["variable"], details.get("value"))
+            case "looked":
+                self._commands.previews.abandon(self._previews.pop(number), details.get("raised", ""))
             case "waited":
                 self._commands.resume(self._decisions[number])
             case "found":

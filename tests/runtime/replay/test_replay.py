@@ -66,11 +66,12 @@ def test_a_run_in_simulated_time_is_derived_again_byte_for_byte(tmp_path: Path) 
     run_door(tmp_path / "run.mcap", loops=9, seed=5)
 
     result = assert_same(tmp_path / "run.mcap", MODEL)
-    assert set(result.derived) == set(Kind) - {Kind.INPUT, Kind.KNOWLEDGE, Kind.ADAPTATION}
+    assert set(result.derived) == set(Kind) - {Kind.INPUT, Kind.PREVIEW, Kind.KNOWLEDGE, Kind.ADAPTATION}
 
 
 @pytest.mark.parametrize(
-    "absent", [{Kind.VARIABLE, Kind.DECISION}, set(Kind) - {Kind.INPUT, Kind.JOB, Kind.KNOWLEDGE, Kind.ADAPTATION}]
+    "absent",
+    [{Kind.VARIABLE, Kind.DECISION}, set(Kind) - {Kind.INPUT, Kind.JOB, Kind.PREVIEW, Kind.KNOWLEDGE, Kind.ADAPTATION}],
 )
 def test_events_that_a_journal_lacks_are_derived_from_inputs_and_evidence(tmp_path: Path, absent: set[Kind]) -> None:
     run_door(tmp_path / "run.mcap", loops=9)

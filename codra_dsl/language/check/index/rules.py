@@ -97,6 +97,8 @@ RULES = rules(
     ("CDR7126", "part-without-loop", _WARNING),
     ("CDR7127", "adaptation-feedback", _WARNING),
     ("CDR7128", "value-leaves-range", _WARNING),
+    ("CDR7141", "repeated-preview", _WARNING),
+    ("CDR7142", "known-in-preview", _WARNING),
     # CDR8101 to CDR8105 were used before; a code is never reused
 )
 """All rules by name."""
