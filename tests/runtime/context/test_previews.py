@@ -282,7 +282,9 @@ def test_each_preview_is_one_event_that_says_who_decided_it(tmp_path: Path) -> N
     assert previews[3].details["raised"] == "preempted"
     assert [event for event in events if event.kind is Kind.DECISION] == []
     _, schema = preview_schema("pass_door", header.summary)
-    contents = [content for topic, content, *_ in messages(tmp_path / "run.mcap") if topic == "/codra/preview/pass_door"]
+    contents = [
+        content for topic, content, *_ in messages(tmp_path / "run.mcap") if topic == "/codra/preview/pass_door"
+    ]
     assert len(contents) == len(previews)
     for content in contents:
         jsonschema.validate(content, schema)
