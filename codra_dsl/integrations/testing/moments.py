@@ -17,6 +17,7 @@ from codra_dsl.integrations.testing.timeline import (
     Fault,
     Moment,
     Outcome,
+    PreviewCheck,
     RunningCheck,
     Saying,
     Step,
@@ -33,7 +34,7 @@ from codra_dsl.language.units import parse_duration
 from codra_dsl.runtime import Reason
 from codra_dsl.runtime.values.model import ValueType
 
-_SKILL_VERBS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END)
+_SKILL_VERBS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END, Verb.PREVIEW)
 _ANY_REASON = "any"
 
 
@@ -68,6 +69,7 @@ class MomentReader:
                 *read_section("believes", self._beliefs),
                 *read_section("running", lambda node, path: self._observer_checks(node, path, is_running=True)),
                 *read_section("stopped", lambda node, path: self._observer_checks(node, path, is_running=False)),
+                *read_section("previews", self._preview_checks),
                 *read_section("decided", self._outcomes),
             ),
         )
@@ -262,6 +264,20 @@ class MomentReader:
         ):
             if isinstance(value, ScalarNode):
                 yield Outcome(variable=key.text, expected_outcome=value.text, place=self._place(value))
+
+    def _preview_checks(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
+        skills = [skill.name for skill in self._package.model.skills]
+        for key, value in self._known_entries(node, skills, f"{self._missing_prefix} skill", steps):
+            outcome, because = value, ""
+            if isinstance(value, MappingNode):
+                outcome, because = value.value("is"), self._reader(value).text("because", "")
+            if isinstance(outcome, ScalarNode):
+                yield PreviewCheck(
+                    skill=key.text,
+                    expected_outcome=outcome.text,
+                    because=because,
+                    place=self._place_of_value(key, value),
+                )
 
     # Names
 

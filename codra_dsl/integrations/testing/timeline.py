@@ -97,6 +97,7 @@ class Verb(StrEnum):
     ACT = "act"
     ACTED = "acted"
     END = "end"
+    PREVIEW = "preview"
     DECIDE = "decide"
 
 
@@ -174,7 +175,22 @@ class Outcome:
     place: Place
 
 
-Check = Belief | RunningCheck | Outcome
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewCheck:
+    """A check of the answer to a skill's preview.
+
+    Attributes:
+        expected_outcome: `holds`, `violated` or `unknown`.
+        because: a text that must occur in the explanation of `why`.
+    """
+
+    skill: str
+    expected_outcome: str
+    because: str
+    place: Place
+
+
+Check = Belief | RunningCheck | Outcome | PreviewCheck
 """A check of a moment."""
 
 

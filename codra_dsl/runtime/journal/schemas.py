@@ -14,16 +14,17 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 
-from codra_dsl.runtime.journal.decision_schemas import decision_schema, preview_schema
 from codra_dsl.runtime.journal.fields import (
     BOUND_FIELDS,
     METRIC_AND_WEIGHT_FIELDS,
     JsonSchema,
+    decision_schema,
     event_schema,
     field_schema,
     infinite_fields,
     list_schema,
     object_list_schema,
+    preview_schema,
     reason_schema,
     result_fields,
     value_fields,

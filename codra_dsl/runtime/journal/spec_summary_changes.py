@@ -93,10 +93,7 @@ def _settings(summary: SpecSummary) -> Mapping[tuple[str, str], Sequence[Rule]]:
         place = summary.places.get(f"skill/{skill.name}")
         settings[skill.name, "preview"] = (
             *_rules_of_text(", ".join(map(str, skill.preview)), place),
-            *(
-                Rule(python_text=repr(condition.condition), source_text=condition.text, place=place)
-                for condition in skill.preview_conditions
-            ),
+            *summary.previews.get(skill.name, ()),
         )
         settings[skill.name, "monitor"] = _rules_of_text(", ".join(map(str, skill.monitor)), place)
         settings[skill.name, "changes"] = _rules_of_text(", ".join(map(str, skill.changes)), place)

@@ -14,7 +14,7 @@ from codra_dsl.runtime.journal.spec_summary import (
     SpecSummary,
     place_from_data,
 )
-from codra_dsl.runtime.values.model import Kind, PreviewCondition, SkillModel, ValueType, VariableModel
+from codra_dsl.runtime.values.model import Kind, SkillModel, ValueType, VariableModel
 
 
 def summary_to_data(summary: SpecSummary) -> dict[str, Any]:
@@ -33,26 +33,17 @@ def summary_to_data(summary: SpecSummary) -> dict[str, Any]:
         },
         "algorithms": {name: _algorithm_to_data(algorithm) for name, algorithm in summary.algorithms.items()},
         "skills": {
-            name: {
-                "preview": list(skill.preview),
-                **_preview_conditions_to_data(skill),
-                "monitor": list(skill.monitor),
-                "changes": list(skill.changes),
-            }
+            name: {"preview": list(skill.preview), "monitor": list(skill.monitor), "changes": list(skill.changes)}
             for name, skill in summary.skills.items()
         },
         "places": {key: _place_to_data(place) for key, place in summary.places.items()},
         **({"nodes": dict(summary.nodes)} if summary.nodes else {}),
+        **({"previews": _previews_to_data(summary.previews)} if summary.previews else {}),
     }
 
 
-def _preview_conditions_to_data(skill: SkillModel) -> dict[str, Any]:
-    """Return the conditions of a preview; nothing for a preview without conditions, as earlier versions wrote it."""
-    rules = [
-        Rule(source_text=condition.text, python_text=repr(condition.condition))
-        for condition in skill.preview_conditions
-    ]
-    return {"preview_conditions": [_rule_to_data(rule) for rule in rules]} if rules else {}
+def _previews_to_data(previews: Mapping[str, tuple[Rule, ...]]) -> dict[str, Any]:
+    return {name: [_rule_to_data(rule) for rule in rules] for name, rules in previews.items()}
 
 
 def _variable_to_data(variable: VariableModel) -> dict[str, Any]:
@@ -125,7 +116,6 @@ def summary_from_data(data: Mapping[str, Any]) -> SpecSummary:
             name: SkillModel(
                 name=name,
                 preview=tuple(entry["preview"]),
-                preview_conditions=tuple(map(_preview_condition_from_data, entry.get("preview_conditions", ()))),
                 monitor=tuple(entry["monitor"]),
                 changes=tuple(entry["changes"]),
             )
@@ -133,6 +123,10 @@ def summary_from_data(data: Mapping[str, Any]) -> SpecSummary:
         },
         places={key: place for key, entry in data["places"].items() if (place := place_from_data(entry))},
         nodes={str(name): str(node) for name, node in data.get("nodes", {}).items()},
+        previews={
+            str(name): tuple(_rule_from_data(rule) for rule in rules)
+            for name, rules in data.get("previews", {}).items()
+        },
     )
 
 
@@ -174,11 +168,6 @@ def _algorithm_from_data(name: str, data: Mapping[str, Any]) -> AlgorithmSummary
         timeout_s=_float_or_default(data["timeout_s"], math.inf),
         place=place_from_data(data["place"]),
     )
-
-
-def _preview_condition_from_data(data: Mapping[str, Any]) -> PreviewCondition:
-    rule = _rule_from_data(data)
-    return PreviewCondition(text=rule.text, condition=rule.term)
 
 
 def _rule_from_data(data: Mapping[str, Any]) -> Rule:

@@ -10,7 +10,7 @@ from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Rule, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import POSES
-from codra_dsl.runtime.values.model import SkillModel
+from codra_dsl.runtime.values.model import PreviewCondition, SkillModel
 from codra_dsl.runtime.values.previews import PreviewOutcome, evaluate
 from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
@@ -144,16 +144,9 @@ class _Explanation:
 
     def preview(self, skill: SkillModel, at_s: float) -> Why:
         """Explain the preview of a skill: what it lacks, or which condition is violated, with the causes."""
-        context = self._context_at(at_s)
-        answer = evaluate(skill, context)
-        rules = [
-            Rule(
-                source_text=condition.text,
-                python_text=repr(condition.condition),
-                place=self._summary.places.get(f"skill/{skill.name}/preview/{number}"),
-            )
-            for number, condition in enumerate(skill.preview_conditions)
-        ]
+        context, rules = self._context_at(at_s), [*self._summary.previews.get(skill.name, ())]
+        conditions = tuple(PreviewCondition(text=rule.text, condition=rule.term) for rule in rules)
+        answer = evaluate(replace(skill, preview_conditions=conditions), context)
         rules += [
             Rule(source_text=name, python_text=f'value("{name}") == value("{name}")')  # holds if the variable is known
             for name in answer.undecided

@@ -31,6 +31,7 @@ _FORMS = {
     "saying": ("said_values", "silence"),
     "behaviour": ("behaviour_object", "behaviour_word"),
     "belief": ("belief_object", "literal"),
+    "preview_outcome": ("preview_outcome_object", "preview_outcome_word"),
 }
 """For values that may or may not be a mapping: the definition of a mapping, and the definition of any other value."""
 
