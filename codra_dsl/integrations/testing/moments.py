@@ -268,9 +268,8 @@ class MomentReader:
     def _preview_checks(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
         skills = [skill.name for skill in self._package.model.skills]
         for key, value in self._known_entries(node, skills, f"{self._missing_prefix} skill", steps):
-            outcome, because = value, ""
-            if isinstance(value, MappingNode):
-                outcome, because = value.value("is"), self._reader(value).text("because", "")
+            outcome = value.value("is") if isinstance(value, MappingNode) else value
+            because = self._reader(value).text("because", "") if isinstance(value, MappingNode) else ""
             if isinstance(outcome, ScalarNode):
                 yield PreviewCheck(
                     skill=key.text,

@@ -133,7 +133,7 @@ class AnsweringContext(Generic[VariableName, SkillName]):
                 main execution may `set` the variable. Without `otherwise` there is no look.
             max_age_s: the largest permitted age of the evidence of each variable.
             since_s: the taking of the evidence must have begun at or after this instant; also one instant for each of
-                some variables.
+                some variables. Names outside the preview have no effect.
             wait_up_to_s: how long to wait for observers if the preview is unknown.
 
         Raises:

@@ -22,8 +22,8 @@ from codra_dsl.runtime import (
     SimClock,
     UnknownNameError,
 )
-from codra_dsl.runtime.journal.fields import preview_schema
 from codra_dsl.runtime.journal.encoding import message_of
+from codra_dsl.runtime.journal.fields import preview_schema
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.why import explain
