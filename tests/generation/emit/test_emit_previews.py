@@ -43,6 +43,13 @@ def test_a_variable_named_alone_beside_a_condition_must_be_known() -> None:
     assert 'condition=value("rotor_in_pos_1") == value("rotor_in_pos_1")' in text
 
 
+@pytest.mark.parametrize("entry", ["(locked)", "' locked'", "((locked))"])
+def test_a_name_in_parentheses_or_blanks_is_a_name_alone(entry: str) -> None:
+    text = planned(CASE.replace("[locked == false, battery > 20 percent, rotor_in_pos_1]", f"[{entry}]"))[0]
+
+    assert 'SkillModel(name="open_lid", preview=("locked",), changes=("locked",)),' in text["cell/spec.py"]
+
+
 def test_the_skill_decides_on_the_variables_of_its_conditions_and_they_are_observed() -> None:
     files, _ = planned(CASE)
     edges = [(edge["source"], edge["target"]) for edge in json.loads(files["cell/graph.json"])["edges"]]

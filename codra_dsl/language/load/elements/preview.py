@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-from codra_dsl.language.expression import names_in, parse_over_context
+from codra_dsl.language.expression import Name, names_in, parse_over_context
 from codra_dsl.language.load.elements.conditions import read_condition, untorn_items
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader
@@ -34,14 +34,19 @@ def read_preview(reader: Reader) -> PreviewFields:
 def _read_entry(reader: Reader, item: YamlNode, index: int) -> Reference | Condition | None:
     """Return a name or a condition; None for an entry that is not a text, which is reported elsewhere.
 
-    A single word is a name, even if no variable can have it: it is reported as an unknown variable.
+    A single word is a name, even if no variable can have it: it is reported as an unknown variable. Parentheses and
+    blanks around a name change nothing.
     """
     if not isinstance(item, ScalarNode) or not isinstance(item.data, str) or item.reported:
         reader.damage("preview")
         return None
     if item.text.isidentifier():
         return reader.reference(item)
-    return read_condition(reader, item, "preview", str(index), grammar=parse_over_context)
+    condition = read_condition(reader, item, "preview", str(index), grammar=parse_over_context)
+    tree = condition.tree
+    if isinstance(tree, Name) and tree.pose_comparison is None:
+        return Reference(name=tree.name, place=condition.place_of(tree))
+    return condition
 
 
 def _references(entry: Reference | Condition) -> tuple[Reference, ...]:
