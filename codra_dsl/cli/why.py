@@ -36,7 +36,8 @@ def complete_variable(ctx: typer.Context, incomplete: str) -> list[str]:
 
     try:
         with JournalReader(Path(str(ctx.params.get("journal")))) as reader:
-            names = reader.header().summary.variables
+            summary = reader.header().summary
+            names = (*summary.variables, *summary.skills)
             return [name for name in names if name.startswith(incomplete) and is_identifier(name)]
     except (JournalError, OSError, ValueError):
         return []
@@ -46,7 +47,8 @@ Variable = Annotated[
     str,
     typer.Argument(
         metavar="VARIABLE",
-        help="The context-variable; for knowledge, a node, 'node.attribute', 'origin -edge-> target', or a task.",
+        help="The context-variable, or the skill, to explain its preview; for knowledge, a node, 'node.attribute', "
+        "'origin -edge-> target', or a task.",
         show_default=False,
         autocompletion=complete_variable,
     ),
@@ -120,7 +122,7 @@ def _explain(header: RunHeader, events: EventsInFile, variable: str, at_s: float
 def _refuse_undeclared_variable(name: str, header: RunHeader) -> None:
     """Refuse the name of an undeclared variable, if the spec has no knowledge to which the name could belong."""
     if not header.summary.nodes and name not in header.summary.variables:
-        similar_names = difflib.get_close_matches(name, header.summary.variables, n=1)
+        similar_names = difflib.get_close_matches(name, (*header.summary.variables, *header.summary.skills), n=1)
         hint = f": did you mean '{similar_names[0]}'?" if similar_names else ""
         message = harmless_text(f"the spec has no context-variable '{name}'{hint}")
         raise typer.BadParameter(message, param_hint="VARIABLE")

@@ -19,9 +19,19 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
-from codra_dsl.runtime import Clock, ContextManager, DecisionState, PendingDecision, Reading, Skill, UnknownNameError
+from codra_dsl.runtime import (
+    Clock,
+    ContextManager,
+    DecisionState,
+    PendingDecision,
+    PendingPreview,
+    PreviewOutcome,
+    Reading,
+    Skill,
+    UnknownNameError,
+)
 
-__all__ = ["Acting", "ContextIs", "Decide", "DuringSkill", "Expecting"]
+__all__ = ["Acting", "ContextIs", "Decide", "DuringSkill", "Expecting", "PreviewHolds"]
 
 Manager = ContextManager[Any, Any]
 
@@ -200,6 +210,78 @@ class Decide(Decorator):
             return self._unknown_status
         self.feedback_message = f"{value!r}, {answer_source}"
         return _status(self._holds(value))
+
+
+class PreviewHolds(Behaviour):
+    """The preview of a skill as one decision: SUCCESS if it holds, FAILURE if it is violated.
+
+    While the preview is unknown, the status is RUNNING, for at most `wait_up_to_s`; after this time, the status is the
+    argument `unknown`. `feedback_message` is the answer with its reason. The event log contains one event for each
+    decision, so put the node under a composite with memory.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        skill: str,
+        *,
+        unknown: Status = Status.FAILURE,
+        wait_up_to_s: float = 0.0,
+        max_age_s: float = math.inf,
+    ) -> None:
+        """Make a decision on the preview of a skill.
+
+        Args:
+            name: the name of the node.
+            skill: the skill that comes next.
+            unknown: the status when the preview is unknown and the wait is over.
+            wait_up_to_s: how long the node waits for observers.
+            max_age_s: a value with older evidence is treated as unknown.
+        """
+        super().__init__(name)
+        self._skill = skill
+        self._unknown_status = unknown
+        self._wait_up_to_s = wait_up_to_s
+        self._max_age_s = max_age_s
+        self._pending_preview: PendingPreview | None = None
+        self._setup_arguments: _SetupArguments | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Receive `codra` and `clock`.
+
+        Raises:
+            TypeError: if one of them is missing.
+            UnknownNameError: if the spec has no such skill.
+        """
+        self._setup_arguments = _read_setup(self, kwargs)
+        _skill_of(self._setup_arguments.codra, self._skill)
+
+    def initialise(self) -> None:
+        """Start the decision."""
+        codra = _require_setup(self, self._setup_arguments).codra
+        variables = _skill_of(codra, self._skill).preview
+        self._pending_preview = codra.ask_preview(
+            self._skill,
+            max_age_s=self._max_age_s,
+            since_s={variable: _evidence_start_s(self, variable) for variable in variables},
+            wait_up_to_s=self._wait_up_to_s,
+        )
+
+    def update(self) -> Status:
+        """Return the status of the answer, or RUNNING while observers look for variables."""
+        assert self._pending_preview is not None
+        is_waiting = self._pending_preview.poll() is DecisionState.WAITING
+        answer = self._pending_preview.answer
+        self.feedback_message = str(answer)
+        if is_waiting:
+            return Status.RUNNING
+        return self._unknown_status if answer.outcome is PreviewOutcome.UNKNOWN else _status(answer.holds)
+
+    def terminate(self, new_status: Status) -> None:  # noqa: ARG002 - the same for every status
+        """Discard the pending preview; if it has no answer, abandon it."""
+        if self._pending_preview is not None:
+            self._pending_preview.abandon("interrupted")
+            self._pending_preview = None
 
 
 class DuringSkill(Decorator):

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.context.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
     from codra_dsl.runtime.context.model import ContextModel
     from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
+    from codra_dsl.runtime.context.pending_preview import PendingPreview
     from codra_dsl.runtime.context.shadow import ShadowReport
     from codra_dsl.runtime.errors import NotASourceError
     from codra_dsl.runtime.journal import Event, EventLog, Kind
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
         real,
         text,
     )
+    from codra_dsl.runtime.values.previews import PreviewAnswer, PreviewOutcome, UnknownVariable
     from codra_dsl.runtime.why import Why
 
 __all__ = [
@@ -52,6 +54,9 @@ __all__ = [
     "NotOfTypeError",
     "Outcome",
     "PendingDecision",
+    "PendingPreview",
+    "PreviewAnswer",
+    "PreviewOutcome",
     "Reading",
     "Reason",
     "ShadowReport",
@@ -60,6 +65,7 @@ __all__ = [
     "Subscription",
     "UnknownNameError",
     "UnknownValueError",
+    "UnknownVariable",
     "Value",
     "ValueType",
     "VariableModel",
@@ -82,6 +88,7 @@ _NAMES_BY_MODULE = {
     "codra_dsl.runtime.context.context": "ContextManager NotDeclaredError Skill UnknownNameError",
     "codra_dsl.runtime.context.model": "ContextModel",
     "codra_dsl.runtime.context.pending_decision": "DecisionState PendingDecision",
+    "codra_dsl.runtime.context.pending_preview": "PendingPreview",
     "codra_dsl.runtime.context.shadow": "ShadowReport",
     "codra_dsl.runtime.errors": "NotASourceError",
     "codra_dsl.runtime.journal": "Event EventLog Kind",
@@ -91,6 +98,7 @@ _NAMES_BY_MODULE = {
     "codra_dsl.runtime.values.cell": "Reading Reason UnknownValueError",
     "codra_dsl.runtime.values.declarations": "MAIN",
     "codra_dsl.runtime.values.model": "NotOfTypeError ValueType VariableModel boolean integer member real text",
+    "codra_dsl.runtime.values.previews": "PreviewAnswer PreviewOutcome UnknownVariable",
     "codra_dsl.runtime.why": "Why",
 }
 _MODULES = {name: module for module, names in _NAMES_BY_MODULE.items() for name in names.split()}

@@ -17,6 +17,7 @@ from codra_dsl.runtime.generated_api import (
     ObserverModel,
     Perceive,
     Precondition,
+    PreviewCondition,
     SkillModel,
     VariableModel,
     age,
@@ -258,6 +259,10 @@ SKILLS: tuple[SkillModel, ...] = (
     SkillModel(
         name="boil_water",
         preview=("kettle_water", "kettle_docked"),
+        preview_conditions=(
+            PreviewCondition(text="kettle_water > 300 g", condition=value("kettle_water") > 0.3),
+            PreviewCondition(text="kettle_docked == true", condition=value("kettle_docked")),
+        ),
         monitor=("kettle_state", "kettle_docked"),
         changes=("kettle_state",),
         expects=(

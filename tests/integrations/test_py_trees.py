@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import pytest
@@ -15,9 +16,11 @@ from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 from py_trees.trees import BehaviourTree
 
-from codra_dsl.integrations.py_trees import Acting, ContextIs, Decide, DuringSkill, Expecting
+from codra_dsl.integrations.py_trees import Acting, ContextIs, Decide, DuringSkill, Expecting, PreviewHolds
+from codra_dsl.logic import Value
 from codra_dsl.runtime import ContextManager, ContextModel, Kind, SimClock, UnknownNameError
 from codra_dsl.runtime.values.model import VariableModel, real
+from tests.runtime.cycler import HOLDS, OBSERVED, cycler
 from tests.runtime.door import Door, Manager, started
 
 TICK_S = 0.1
@@ -496,3 +499,77 @@ def test_in_any_tree_exactly_the_running_skills_are_declared(shape: Shape, switc
 
         assert manager.declared() == frozenset()
         assert manager.running() == frozenset()
+
+
+# Previews
+
+
+def preview_status(values: Mapping[str, Value | None], **arguments: Any) -> tuple[Status, str]:
+    with cycler(values) as (manager, clock):
+        tree = tree_of(PreviewHolds("open?", "open_cycler", **arguments), manager, clock)
+        status = tick_until_end(tree, clock)
+        assert len(manager.record.of(Kind.PREVIEW)) == 1
+        return status, tree.root.feedback_message
+
+
+def test_a_preview_succeeds_fails_or_has_the_chosen_status_and_says_why() -> None:
+    unknown = {**HOLDS, "gap": None}
+
+    assert preview_status(HOLDS) == (Status.SUCCESS, "holds")
+    assert preview_status({**unknown, "locked": True}) == (Status.FAILURE, "violated: locked == false")
+    assert preview_status(unknown)[0] is Status.FAILURE
+    assert preview_status(unknown, unknown=Status.SUCCESS)[0] is Status.SUCCESS
+    assert preview_status(unknown, wait_up_to_s=2.0)[1].startswith("unknown: gap (never_observed")
+
+
+def test_a_preview_waits_for_observers_over_several_ticks_and_records_one_decision() -> None:
+    clock = SimClock()
+    with Manager(OBSERVED, clock=clock, resources={"door": Door(angle_rad=1.0)}) as manager:
+        manager.set("localized", True)
+        node = PreviewHolds("pass?", "pass_door", wait_up_to_s=9.0)
+        tree = tree_of(Sequence("pass", memory=True, children=[node]), manager, clock)
+        manager.expect("pass_door")
+        tree.tick()
+
+        assert (node.status, node.feedback_message.partition(":")[0]) == (Status.RUNNING, "unknown")
+        assert tick_until_end(tree, clock) is Status.SUCCESS
+        assert [event.what for event in manager.record.of(Kind.PREVIEW)] == ["answered"]
+
+
+def write_late(manager: Manager, clock: SimClock) -> None:
+    """Write a value that was seen shortly before."""
+    manager.set("open", True, evidence_s=clock.now_s() - 0.01)
+
+
+def test_a_preview_uses_no_evidence_from_before_the_end_of_an_action_that_changes_a_variable() -> None:
+    clock = SimClock()
+    with Manager(OBSERVED, clock=clock, resources={"door": Door(angle_rad=1.0)}) as manager:
+        manager.set("localized", True)
+        manager.expect("pass_door")
+        clock.sleep(3.0)
+        write = partial(write_late, manager, clock)
+        act = Acting("act", Takes("pull", clock, 1.0, done=write))
+        preview = PreviewHolds("again?", "pass_door", unknown=Status.SUCCESS)
+        skill = DuringSkill("pass", Sequence("steps", memory=True, children=[act, preview]), "pass_door")
+        tick_until_end(tree_of(skill, manager, clock), clock)
+
+        assert manager.get("open").known
+        assert preview.feedback_message == "unknown: open (too_old)"
+
+
+def test_an_interrupted_preview_is_abandoned() -> None:
+    clock = SimClock()
+    with Manager(OBSERVED, clock=clock, resources={"door": Door(markers=0)}) as manager:
+        urgent, node = Urgent(), PreviewHolds("pass?", "pass_door", wait_up_to_s=9.0)
+        tree = tree_of(Selector("root", memory=False, children=[urgent, node]), manager, clock)
+        tree.tick()
+        urgent.holds = True
+        tree.tick()
+
+        (event,) = manager.record.of(Kind.PREVIEW)
+        assert (event.what, event.details["raised"]) == ("unanswered", "interrupted")
+
+
+def test_a_preview_of_an_unknown_skill_is_an_error_before_the_first_tick() -> None:
+    with cycler() as (manager, clock), pytest.raises(UnknownNameError, match="no skill 'fly'"):
+        tree_of(PreviewHolds("fly?", "fly"), manager, clock)

@@ -22,7 +22,7 @@ MODULE_NAMES = frozenset(
     {"VARIABLES", "OBSERVERS", "SKILLS", "math", "observer", "perception"}
     | {"Behaviour", "FailureIsSuccess", "Parallel", "ParallelPolicy", "Selector", "Sequence"}
     | {"Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"}
-    | {"Algorithm", "ExpectationModel", "Observer", "ObserverModel", "SkillModel", "VariableModel"}
+    | {"Algorithm", "ExpectationModel", "Observer", "ObserverModel", "PreviewCondition", "SkillModel", "VariableModel"}
     | {"boolean", "integer", "member", "real", "text"}
     | CONDITION_WORDS
     | POSE_FUNCTIONS

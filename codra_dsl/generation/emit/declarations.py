@@ -11,7 +11,7 @@ from codra_dsl.generation.emit.conditions import condition_with_words
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import Expression, call, dictionary, spread_call, tuple_of
 from codra_dsl.generation.emit.literals import literal, text_literal
-from codra_dsl.language.check.checked.spec import CheckedExpectation
+from codra_dsl.language.check.checked.spec import CheckedCondition, CheckedExpectation
 from codra_dsl.language.model import (
     ALGORITHM_SETTINGS,
     Access,
@@ -36,7 +36,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     "ObserverModel": {"period_s": "1.0", "priority": "0"},
     "HandleModel": {"parameters": "{}"},
     "ResourceModel": {"slots": "None", "handle": "None"},
-    "SkillModel": {"preview": "()", "monitor": "()", "changes": "()", "expects": "()"},
+    "SkillModel": {"preview": "()", "preview_conditions": "()", "monitor": "()", "changes": "()", "expects": "()"},
     "ExpectationModel": {"within_s": "math.inf"},
     "VariableModel": {
         "label": '""',
@@ -121,14 +121,18 @@ def observer_declaration(tree: Tree, imports: Imports) -> Expression:
 
 
 def skill_declaration(
-    declared_skill: Skill, expectations: Iterable[CheckedExpectation], imports: Imports
+    declared_skill: Skill,
+    preview_conditions: Iterable[CheckedCondition],
+    expectations: Iterable[CheckedExpectation],
+    imports: Imports,
 ) -> Expression:
     """Return the declaration of a skill."""
     fields = _fields(
         "SkillModel",
         imports,
         name=literal(declared_skill.name),
-        preview=tuple_of_names(reference.name for reference in declared_skill.preview),
+        preview=tuple_of_names(dict.fromkeys(reference.name for reference in declared_skill.preview)),
+        preview_conditions=tuple_of(_preview_condition(condition, imports) for condition in preview_conditions),
         monitor=tuple_of_names(expectation.variable.name for expectation in declared_skill.monitor),
         changes=tuple_of_names(reference.name for reference in declared_skill.changes),
         expects=tuple_of(_expectation(expectation, imports) for expectation in expectations),
@@ -151,6 +155,12 @@ def resource_declaration(declared_resource: Resource, handle: Handle | None, imp
 def _handle_declaration(handle: Handle, imports: Imports) -> Expression:
     parameters = dictionary({text_literal(name): literal(value) for name, value in handle.arguments})
     return call("HandleModel", **_fields("HandleModel", imports, call=literal(handle.call), parameters=parameters))
+
+
+def _preview_condition(condition: CheckedCondition, imports: Imports) -> Expression:
+    expression, words = condition_with_words(condition.python)
+    imports.use("PreviewCondition", *words)
+    return call("PreviewCondition", text=literal(condition.text), condition=expression)
 
 
 def _expectation(expectation: CheckedExpectation, imports: Imports) -> Expression:

@@ -21,8 +21,8 @@ _NAMES_BY_MODULE: Mapping[str, Iterable[str]] = {
         *["Agent", "Clock", "ContextManager", "Reading", "EventLog"],
         *["Accept", "ControlFlag", "DueOrRunning", "Identify", "Observer", "Perceive", "Precondition"],
         *[*CONDITION_WORDS, "Term"],
-        *["Algorithm", "ContextModel", "ExpectationModel", "HandleModel", "ObserverModel", "ResourceModel"],
-        *["SkillModel"],
+        *["Algorithm", "ContextModel", "ExpectationModel", "HandleModel", "ObserverModel", "PreviewCondition"],
+        *["ResourceModel", "SkillModel"],
         *["VariableModel", "boolean", "integer", "member", "real", "text"],
         *["Motion", "Pose"],
         *[

@@ -33,7 +33,7 @@ def _module_text(plan: BuildPlan, module: Module, trees: list[Tree], skills: lis
     imports.use("VariableModel", "ObserverModel", "SkillModel")
     variables = (plan.checked.variables[name] for name in module.variables)
     branches = (branch for tree in trees for branch in tree.branches)
-    expectations, poses = plan.checked.expectations, plan.checked.poses
+    expectations, poses, previews = plan.checked.expectations, plan.checked.poses, plan.checked.previews
     texts = {
         "algorithms": [f"{branch.constant} = {lay_out(algorithm_declaration(branch, imports))}" for branch in branches],
         "trees": [tree_text(tree, imports) for tree in trees],
@@ -49,7 +49,12 @@ def _module_text(plan: BuildPlan, module: Module, trees: list[Tree], skills: lis
             "SKILLS",
             "SkillModel",
             (
-                skill_declaration(declared_skill, expectations.get(declared_skill.name, ()), imports)
+                skill_declaration(
+                    declared_skill,
+                    previews.get(declared_skill.name, ()),
+                    expectations.get(declared_skill.name, ()),
+                    imports,
+                )
                 for declared_skill in skills
             ),
         ),

@@ -19,7 +19,19 @@ from codra_dsl.generation.emit.graph_nodes import knowledge_nodes, knowledge_pla
 from codra_dsl.generation.emit.loop_nodes import loop_nodes, loop_places
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Place, Span
-from codra_dsl.language.model import Agent, Algorithm, Course, HardRule, Output, Parameter, Rate, Site, Spec, Variable
+from codra_dsl.language.model import (
+    Agent,
+    Algorithm,
+    Course,
+    HardRule,
+    Output,
+    Parameter,
+    Rate,
+    Site,
+    Skill,
+    Spec,
+    Variable,
+)
 from codra_dsl.language.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -38,6 +50,8 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
         (Output, "hold_s"),
         (Parameter, "otherwise"),
         (Rate, "is_share"),
+        (Skill, "preview_names"),
+        (Skill, "preview_conditions"),
         *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition")),
     }
 )
@@ -143,7 +157,10 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
         place = settings.get(tree.name, tree.branches[0].algorithm.algorithm.place)
         yield node_id(plan, Node(NodeKind.OBSERVER, tree.name)), place
     for skill in spec.skills:
-        yield node_id(plan, Node(NodeKind.SKILL, skill.name)), skill.place
+        name = node_id(plan, Node(NodeKind.SKILL, skill.name))
+        yield name, skill.place
+        for number, condition in enumerate(plan.checked.previews.get(skill.name, ())):
+            yield f"{name}/preview/{number}", condition.place
     if plan.checked.knowledge is not None:
         yield from knowledge_places(plan, plan.checked.knowledge)
     if plan.checked.mape is not None:
@@ -242,6 +259,8 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
             yield from ((adaptation.name, number, rule.for_s) for number, rule in enumerate(does.always) if rule.for_s)
     yield from ((variable.name, "share") for variable in spec.context if variable.rate and variable.rate.is_share)
     yield from ((action.name, action.hold_s) for action in spec.actions if action.hold_s is not None)
+    if any(skill.preview_conditions for skill in spec.skills):
+        yield from ((skill.name, skill.preview_names, skill.preview_conditions) for skill in spec.skills)
 
 
 def _loop_values(checked: CheckedSpec) -> tuple[object, ...]:

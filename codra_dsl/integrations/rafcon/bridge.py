@@ -15,7 +15,16 @@ from rafcon.core.states.container_state import ContainerState
 from rafcon.core.states.state import State, StateExecutionStatus
 
 from codra_dsl.integrations.rafcon.annotations import KEY, Annotation, annotated_states, value_text
-from codra_dsl.runtime import Clock, ContextManager, DecisionState, PendingDecision, Skill
+from codra_dsl.runtime import (
+    Clock,
+    ContextManager,
+    DecisionState,
+    PendingDecision,
+    PendingPreview,
+    PreviewAnswer,
+    Skill,
+    UnknownVariable,
+)
 
 Result = TypeVar("Result")
 
@@ -118,6 +127,37 @@ class Bridge:
             )
         )
         return None
+
+    def preview(
+        self, state: State, skill: str, *, wait_up_to_s: float = 0.0, max_age_s: float = math.inf
+    ) -> PreviewAnswer:
+        """Return the answer to the preview of a skill: one decision on everything that the skill needs.
+
+        With `Answers.SHADOW`, the context is not asked and each variable of the preview is unknown, so that the state
+        machine looks as it does without CoDRA.
+
+        Args:
+            state: the state that needs the answer; the wait ends when this state is preempted.
+            skill: the skill that comes next.
+            wait_up_to_s: how long the preview waits for observers.
+            max_age_s: a value with older evidence is treated as unknown.
+        """
+        if self._answers is Answers.SHADOW:
+            return self._unknown_answer(skill)
+        pending_preview: PendingPreview = self._do(
+            lambda: self._codra.ask_preview(
+                skill, since_s=self._action_ends_s, wait_up_to_s=wait_up_to_s, max_age_s=max_age_s
+            )
+        )
+        while pending_preview.state is DecisionState.WAITING and not _is_preempted(state):
+            self._do(lambda: pending_preview.wait(_PREEMPTION_CHECK_PERIOD_S))
+        self._do(lambda: pending_preview.abandon("preempted"))
+        return pending_preview.answer
+
+    def _unknown_answer(self, skill: str) -> PreviewAnswer:
+        names = self._do(self._codra.skills)[skill].preview
+        unknown = tuple(UnknownVariable(name=name, reason="shadow") for name in names)
+        return PreviewAnswer(skill=skill, undecided=names, unknown=unknown)
 
     # For annotated states
 

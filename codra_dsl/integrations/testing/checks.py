@@ -12,7 +12,15 @@ from dataclasses import dataclass
 from textwrap import indent
 from typing import Any
 
-from codra_dsl.integrations.testing.timeline import Belief, Check, ExpectationCheck, Moment, Outcome, RunningCheck
+from codra_dsl.integrations.testing.timeline import (
+    Belief,
+    Check,
+    ExpectationCheck,
+    Moment,
+    Outcome,
+    PreviewCheck,
+    RunningCheck,
+)
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.runtime import ContextManager, EventLog, Kind, Why
@@ -97,6 +105,8 @@ def _failure_of(check: Check, at_s: float, codra: ContextManager[Any, Any], reco
             return Failure(check.place, message, str(why))
         case RunningCheck():
             return _failure_of_observer(check, at_s, record)
+        case PreviewCheck():
+            return _failure_of_preview(check, at_s, codra)
         case Outcome():
             return _failure_of_decision(check, at_s, codra, record)
         case ExpectationCheck():
@@ -150,6 +160,19 @@ def _failure_of_observer(check: RunningCheck, at_s: float, record: EventLog) -> 
     )
     why = f"declared: {', '.join(declared_names) or 'none'}"
     return Failure(check.place, f"at {instant_text(at_s)} observer {check.observer} {expected_text}, but {state}", why)
+
+
+def _failure_of_preview(check: PreviewCheck, at_s: float, codra: ContextManager[Any, Any]) -> Failure | None:
+    why = codra.why(check.skill, at_s=at_s)
+    outcome = why.reading.content if why.known else "unknown"
+    if outcome == check.expected_outcome and check.because in str(why):
+        return None
+    because_text = f" because of {check.because!r}" if check.because else ""
+    message = (
+        f"at {instant_text(at_s)} the preview of {check.skill} should be {check.expected_outcome!r}{because_text}, "
+        f"but it is {outcome!r}"
+    )
+    return Failure(check.place, message, str(why))
 
 
 def _failure_of_decision(

@@ -23,6 +23,7 @@ from codra_dsl.integrations.testing.timeline import (
     Moment,
     Outcome,
     Overriding,
+    PreviewCheck,
     RunningCheck,
     Saying,
     Step,
@@ -41,7 +42,7 @@ from codra_dsl.runtime.behavior_trees import Result
 from codra_dsl.runtime.observers.expectations import Outcome as ExpectationOutcome
 from codra_dsl.runtime.values.model import ValueType
 
-_SKILL_VERBS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END)
+_SKILL_VERBS = (Verb.EXPECT, Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END, Verb.PREVIEW)
 _ANY_REASON = "any"
 _RUNS = "runs"
 
@@ -82,6 +83,7 @@ class MomentReader:
                 *read_section("believes", self._beliefs),
                 *read_section("running", lambda node, path: self._observer_checks(node, path, is_running=True)),
                 *read_section("stopped", lambda node, path: self._observer_checks(node, path, is_running=False)),
+                *read_section("previews", self._preview_checks),
                 *read_section("decided", self._outcomes),
                 *read_section("expects", self._expectation_checks),
             ),
@@ -333,6 +335,19 @@ class MomentReader:
                         expected_outcome=ExpectationOutcome(word.text),
                         place=self._place(word),
                     )
+
+    def _preview_checks(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
+        skills = [skill.name for skill in self._package.model.skills]
+        for key, value in self._known_entries(node, skills, f"{self._missing_prefix} skill", steps):
+            outcome = value.value("is") if isinstance(value, MappingNode) else value
+            because = self._reader(value).text("because", "") if isinstance(value, MappingNode) else ""
+            if isinstance(outcome, ScalarNode):
+                yield PreviewCheck(
+                    skill=key.text,
+                    expected_outcome=outcome.text,
+                    because=because,
+                    place=self._place_of_value(key, value),
+                )
 
     # Names
 

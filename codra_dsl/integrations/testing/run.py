@@ -274,6 +274,8 @@ class Run:
                 self.codra.declare(name)
             case Verb.WITHDRAW:
                 self.codra.withdraw(name)
+            case Verb.PREVIEW:
+                self.codra.preview(name)
             case Verb.BEGIN:
                 self._skills[name] = _Skill(self.codra, name)
             case Verb.ACT:

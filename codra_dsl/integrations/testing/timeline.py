@@ -178,6 +178,7 @@ class Verb(StrEnum):
     ACT = "act"
     ACTED = "acted"
     END = "end"
+    PREVIEW = "preview"
     DECIDE = "decide"
 
 
@@ -265,7 +266,22 @@ class ExpectationCheck:
     place: Place
 
 
-Check = Belief | RunningCheck | Outcome | ExpectationCheck
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewCheck:
+    """A check of the answer to a skill's preview.
+
+    Attributes:
+        expected_outcome: `holds`, `violated` or `unknown`.
+        because: a text that must occur in the explanation of `why`.
+    """
+
+    skill: str
+    expected_outcome: str
+    because: str
+    place: Place
+
+
+Check = Belief | RunningCheck | Outcome | ExpectationCheck | PreviewCheck
 """A check of a moment."""
 
 

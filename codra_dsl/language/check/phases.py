@@ -163,6 +163,7 @@ def _checked(spec_index: SpecIndex) -> CheckedSpec:
         producers=spec_index.producers,
         decisions=spec_index.decisions,
         expectations={skill.name: _checked_expectations(spec_index, skill) for skill in spec_index.spec.skills},
+        previews={skill.name: _checked_preview(spec_index, skill) for skill in spec_index.spec.skills},
         poses=pose_condition_texts(spec_index),
         knowledge=checked_knowledge(spec_index),
         mape=checked_mape(spec_index),
@@ -179,6 +180,22 @@ def _checked_expectations(spec_index: SpecIndex, skill: Skill) -> tuple[CheckedE
         for expectation in skill.monitor
         if expectation.condition is not None
     )
+
+
+def _checked_preview(spec_index: SpecIndex, skill: Skill) -> tuple[CheckedCondition, ...]:
+    conditions = [_checked_condition(spec_index, condition) for condition in skill.preview_conditions]
+    names_in_conditions = {name for condition in conditions for name in condition.variables}
+    names_alone = [
+        CheckedCondition(
+            text=reference.name,
+            python=f'value("{reference.name}") == value("{reference.name}")',  # unknown if the variable is unknown
+            variables=(reference.name,),
+            place=reference.place,
+        )
+        for reference in skill.preview_names
+        if reference.name in names_in_conditions
+    ]
+    return (*conditions, *names_alone)
 
 
 def _expectation_text(expectation: Expectation, condition: Condition) -> str:

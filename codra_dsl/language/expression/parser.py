@@ -68,8 +68,8 @@ _FUNCTION_HELP = {
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
     **{
-        name: f"{name}() is allowed only in 'observable_when', in patterns of agents, and in 'always' and 'value'"
-        " of adaptations"
+        name: f"{name}() is allowed only in 'observable_when' and 'preview', in patterns of agents, and in 'always'"
+        " and 'value' of adaptations"
         for name in ("distance", "in_view")
     },
 }

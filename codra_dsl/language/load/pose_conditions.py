@@ -34,6 +34,8 @@ def _conditions_over_context(spec: Spec) -> Iterator[tuple[tuple[str, str, str],
     for algorithm in spec.perception:
         owner = ("perception", algorithm.name, "observable_when")
         yield from ((owner, condition) for condition in algorithm.observable_when)
+    for skill in spec.skills:
+        yield from ((("skills", skill.name, "preview"), condition) for condition in skill.preview_conditions)
     for adaptation in spec.adaptation:
         does, name = adaptation.does, adaptation.name
         if isinstance(does, Course):

@@ -415,11 +415,19 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skill:
-    """A unit of main execution: the context that it decides on, watches and changes (P1, Figure 1)."""
+    """A unit of main execution: the context that it decides on, watches and changes (P1, Figure 1).
+
+    Attributes:
+        preview: every variable that the decision needs, named alone or read by a condition, in the order of the spec.
+        preview_names: the variables that are named alone. They must be known.
+        preview_conditions: the conditions, all of which must hold.
+    """
 
     name: str
     place: Place
     preview: tuple[Reference, ...] = ()
+    preview_names: tuple[Reference, ...] = ()
+    preview_conditions: tuple[Condition, ...] = ()
     monitor: tuple[Expectation, ...] = ()
     changes: tuple[Reference, ...] = ()
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)

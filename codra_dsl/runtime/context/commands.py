@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
+from codra_dsl.runtime.context.preview_commands import PreviewCommands
 from codra_dsl.runtime.errors import NotASourceError
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.journal.encoding import json_text
@@ -91,6 +92,16 @@ class Commands:
         self._skills_under_way: dict[int, tuple[str, SkillModel]] = {}
         self._skill_count = 0
         self._decision_count = 0
+        self.previews = PreviewCommands(
+            clock=clock,
+            event_writer=event_writer,
+            store=store,
+            urgencies=self._urgencies,
+            skills=skills,
+            explain=explain,
+            next_number=self._next_decision_number,
+            keep_value=self._keep_value,
+        )
         self._tickets: dict[int, Ticket] = {}
         self._slot_request_count = 0
 
@@ -247,10 +258,10 @@ class Commands:
     def ask(self, request: DecisionRequest) -> Decision:
         """Return a new decision. If context has the answer, the decision is answered at once."""
         with self._clock:
-            self._decision_count += 1
-            self._record_input("decide", number=self._decision_count, **_request_fields(request))
+            number = self._next_decision_number()
+            self._record_input("decide", number=number, **_request_fields(request))
             now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
-            decision = Decision(number=self._decision_count, request=request, asked_s=now_s, reading=reading)
+            decision = Decision(number=number, request=request, asked_s=now_s, reading=reading)
             self._look_up(decision)
             if not decision.is_met and request.wait_up_to_s > 0:
                 self._urgencies.wait(decision.number, request.variable)
@@ -281,8 +292,7 @@ class Commands:
             if raised is not None:
                 self._record_decision(what, decision, raised=raised, **shadow_details)
                 return
-            is_invalidated = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
-            is_kept = not shadow and content is not None and not is_invalidated and self._may_write(name)
+            is_kept = not shadow and content is not None and self._may_keep(name, decision.looked_s)
             look_details: dict[str, object] = {"found": content}
             if not decision.is_met:
                 look_details |= {"kept": is_kept, **shadow_details}
@@ -351,6 +361,21 @@ class Commands:
     def _end_declaration(self, name: str, holder: str) -> None:
         self._event_writer.write(Kind.DECLARATION, name, "withdrawn", holder=holder)
         self._forest.withdraw(name)
+
+    def _next_decision_number(self) -> int:
+        self._decision_count += 1
+        return self._decision_count
+
+    def _keep_value(self, name: str, content: Value, looked_s: float) -> bool:
+        """Keep a value that the main execution found by a look; return whether it may be kept."""
+        may_keep = self._may_keep(name, looked_s)
+        if may_keep:
+            self._store_reading(self._store.variables[name], content, MAIN, None, looked_s)
+        return may_keep
+
+    def _may_keep(self, name: str, looked_s: float) -> bool:
+        """Return whether what was found by a look may be kept: not if a skill has acted since the look began."""
+        return looked_s >= self._store.cells[name].invalidated_s and self._may_write(name)
 
     def _may_write(self, name: str) -> bool:
         model = self._store.variables[name]

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import itertools
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Generic, Self, TypeVar, cast
+from typing import Any, Self, cast
 
 from codra_dsl.collector import paused_collector
-from codra_dsl.isolation.error_text import type_name
 from codra_dsl.logic import Term, Value, known
 from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.agents import NO_KNOWLEDGE, Agent
+from codra_dsl.runtime.context.answers import AnsweringContext, SkillName, VariableName
 from codra_dsl.runtime.context.commands import NotDeclaredError
 from codra_dsl.runtime.context.components import Components
-from codra_dsl.runtime.context.decisions import DecisionRequest
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.context.overrides import Overrides
 from codra_dsl.runtime.context.package_files import manifest_of, package_folder
-from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
-from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.context.shared_acquisition import shared_declaration
 from codra_dsl.runtime.context.skills import Skill
 from codra_dsl.runtime.context.slots import MainExecutionSlots
@@ -41,13 +37,10 @@ from codra_dsl.runtime.values.declarations import MAIN, OBSERVER
 from codra_dsl.runtime.values.model import Algorithm, SkillModel, VariableModel
 from codra_dsl.runtime.why import Why, explain
 
-VariableName = TypeVar("VariableName", bound=str)
-SkillName = TypeVar("SkillName", bound=str)
-
 __all__ = ["MAIN", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
 
 
-class ContextManager(Overrides[VariableName], Generic[VariableName, SkillName]):
+class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[VariableName]):
     """M of P1: keeps C_M(t), controls the observers, and answers the main execution.
 
     Use it as a Python context manager, so that all observers stop in the end. `get` never waits.
@@ -237,7 +230,8 @@ class ContextManager(Overrides[VariableName], Generic[VariableName, SkillName]):
         """Return the explanation of a variable: its value and the evidence, or the reason why it is unknown.
 
         Args:
-            name: the variable; also a course, a parameter or an action of a loop, or an element of knowledge.
+            name: the variable; also a skill, to explain its preview; a course, a parameter or an action of a loop; or
+                an element of knowledge.
             at_s: a past instant that the event log still covers; now, if None.
 
         Raises:
@@ -318,52 +312,6 @@ class ContextManager(Overrides[VariableName], Generic[VariableName, SkillName]):
         with self._lock:
             return self._store.history(name)
 
-    def decide(
-        self,
-        name: VariableName,
-        otherwise: Callable[[], Any],
-        *,
-        max_age_s: float = math.inf,
-        since_s: float = -math.inf,
-        wait_up_to_s: float = 0.0,
-        shadow: bool = False,
-    ) -> Any:
-        """Answer a decision from context, or fall back to sequential perception (P1, section 3.3).
-
-        Args:
-            name: the variable that the decision needs.
-            otherwise: looks as the robot did without observers. It returns a value of the variable, or None or NaN if
-                it found no value. The value is kept as evidence of the main execution if the main execution may `set`
-                the variable.
-            max_age_s: the largest permitted age of the evidence.
-            since_s: the taking of the evidence must have begun at or after this instant, e.g. the end of an action.
-            wait_up_to_s: how long to wait for observers before falling back.
-            shadow: look in any case, return the value of the look, and record whether the context agrees. The value is
-                not stored, so the look does not affect the context.
-
-        Returns:
-            The value from context, or the return value of `otherwise`. NaN is no value, so None is returned for it.
-
-        Raises:
-            NotOfTypeError: if `otherwise` returns a value of another type.
-        """
-        pending_decision = self.ask(
-            name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
-        )
-        try:
-            if pending_decision.wait(math.inf) is DecisionState.ANSWERED:
-                return pending_decision.value
-            acquired_value = otherwise()
-        except BaseException as error:
-            pending_decision.abandon(type_name(error))
-            raise
-        accepted_value = pending_decision.record_result(acquired_value)
-        return None if accepted_value is None else acquired_value  # NaN is accepted as no value
-
-    def shadow_report(self) -> ShadowReport:
-        """Return how often context agreed with the robot's looks in shadow mode, according to the event log."""
-        return shadow_report(self.record)
-
     def subscribe(
         self, names: VariableName | Iterable[VariableName], callback: Callable[[Reading[Any]], object]
     ) -> Subscription:
@@ -398,35 +346,6 @@ class ContextManager(Overrides[VariableName], Generic[VariableName, SkillName]):
         for name in sorted(term.variables()):
             self._model(name)
         return wait_for(term, self._store.cells, self._clock, timeout_s)
-
-    def ask(
-        self,
-        name: VariableName,
-        *,
-        max_age_s: float = math.inf,
-        since_s: float = -math.inf,
-        wait_up_to_s: float = 0.0,
-        shadow: bool = False,
-    ) -> PendingDecision:
-        """Return a pending decision: the same as `decide`, but in steps, for a main execution that must not block.
-
-        The arguments are those of `decide`. If a look is necessary, the main execution looks between two steps.
-        """
-        model = self._model(name)
-        request = DecisionRequest(
-            variable=name,
-            max_age_s=float(max_age_s),
-            since_s=float(since_s),
-            wait_up_to_s=float(wait_up_to_s),
-            shadow=shadow,
-        )
-        return PendingDecision(
-            self.commands.ask(request),
-            commands=self.commands,
-            clock=self._clock,
-            read=lambda: self._reading(name),
-            convert=model.type.convert,
-        )
 
     @contextmanager
     def slot(self, *resources: str) -> Iterator[None]:

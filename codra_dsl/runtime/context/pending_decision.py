@@ -28,7 +28,48 @@ class DecisionState(StrEnum):
     """The main execution has reported its result, or has abandoned the decision."""
 
 
-class PendingDecision:
+class Pending:
+    """A question to context that the program advances in steps. Only one thread at a time may use it.
+
+    Attributes:
+        state: the state of the question.
+    """
+
+    state: DecisionState
+    _clock: Clock
+    _until_s: float
+    """When the question stops waiting for observers."""
+
+    def poll(self) -> DecisionState:
+        """Continue if context can answer now or the wait is over; return the state."""
+        if self.state is DecisionState.WAITING and (self._is_wait_over() or self._remaining_s() <= 0):
+            self._end_wait()
+        return self.state
+
+    def wait(self, longest_s: float) -> DecisionState:
+        """Wait until the state changes, for at most `longest_s`; return the state.
+
+        If `longest_s` is infinite, the question does not wait any more after this call, even if the clock was closed.
+        """
+        if self.poll() is DecisionState.WAITING:
+            self._clock.wait_until(self._is_wait_over, min(longest_s, self._remaining_s()))
+        if self.poll() is DecisionState.WAITING and longest_s == math.inf:  # the clock was closed
+            self._end_wait()
+        return self.state
+
+    def _is_wait_over(self) -> bool:
+        """Return whether context can answer now, or is closed."""
+        raise NotImplementedError
+
+    def _end_wait(self) -> None:
+        """Look up the context again, and leave the state `WAITING`."""
+        raise NotImplementedError
+
+    def _remaining_s(self) -> float:
+        return self._until_s - self._clock.now_s()
+
+
+class PendingDecision(Pending):
     """One decision: answered from context, or by a look of the main execution (P1, section 3.3).
 
     `ContextManager.ask` creates it. Only one thread at a time may use it.
@@ -58,6 +99,7 @@ class PendingDecision:
         self._decision = decision
         self._commands = commands
         self._clock = clock
+        self._until_s = decision.asked_s + decision.request.wait_up_to_s
         self._read = read
         self._convert = convert
         is_waiting = not decision.is_met and decision.request.wait_up_to_s > 0
@@ -85,23 +127,6 @@ class PendingDecision:
                 f"context has not answered {self._decision.request.variable!r}: the state is {self.state}"
             )
         return self._decision.reading.content
-
-    def poll(self) -> DecisionState:
-        """Continue if context can answer now or the wait is over; return the state."""
-        if self.state is DecisionState.WAITING and (self._is_wait_over() or self._remaining_s() <= 0):
-            self._end_wait()
-        return self.state
-
-    def wait(self, longest_s: float) -> DecisionState:
-        """Wait until the state changes, for at most `longest_s`; return the state.
-
-        If `longest_s` is infinite, the decision does not wait any more after this call, even if the clock was closed.
-        """
-        if self.poll() is DecisionState.WAITING:
-            self._clock.wait_until(self._is_wait_over, min(longest_s, self._remaining_s()))
-        if self.poll() is DecisionState.WAITING and longest_s == math.inf:  # the clock was closed
-            self._end_wait()
-        return self.state
 
     def record_result(self, value: object) -> Value | None:
         """Report the value that the main execution acquired by its own look; None or NaN if the look gave no value.
@@ -141,6 +166,3 @@ class PendingDecision:
 
     def _is_wait_over(self) -> bool:
         return self._commands.is_closed or self._decision.request.is_met(self._read(), self._clock.now_s())
-
-    def _remaining_s(self) -> float:
-        return self._decision.asked_s + self._decision.request.wait_up_to_s - self._clock.now_s()

@@ -31,7 +31,7 @@ def summarise_spec(
         skills: the skills of the main execution.
         folder: the folder of the generated package, with the places of all elements in the spec.
     """
-    places = places_in(folder, name)
+    places, skills = places_in(folder, name), tuple(skills)
     models_and_branches = [(observer.model, branch) for observer in observers for branch in observer.branches]
     return SpecSummary(
         name=name,
@@ -44,8 +44,14 @@ def summarise_spec(
         },
         algorithms={branch.algorithm.name: _algorithm_summary(branch, places) for _, branch in models_and_branches},
         skills={skill.name: skill for skill in skills},
+        previews={skill.name: _preview_rules(skill, places) for skill in skills if skill.preview_conditions},
         places={key: place for key, place in places.items() if key.split("/")[0] in _KINDS_WITH_PLACE},
     )
+
+
+def _preview_rules(skill: SkillModel, places: Mapping[str, Place]) -> tuple[Rule, ...]:
+    conditions = [(condition.text, condition.condition) for condition in skill.preview_conditions]
+    return _rules_with_places(conditions, f"skill/{skill.name}/preview", places)
 
 
 def _observer_summary(model: ObserverModel, branches: Sequence[Branch], places: Mapping[str, Place]) -> ObserverSummary:

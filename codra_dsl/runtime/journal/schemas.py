@@ -18,11 +18,13 @@ from codra_dsl.runtime.journal.fields import (
     BOUND_FIELDS,
     METRIC_AND_WEIGHT_FIELDS,
     JsonSchema,
+    decision_schema,
     event_schema,
     field_schema,
     infinite_fields,
     list_schema,
     object_list_schema,
+    preview_schema,
     reason_schema,
     result_fields,
     value_fields,
@@ -51,6 +53,7 @@ class Kind(StrEnum):
     OBSERVER = "observer"
     JOB = "job"
     DECISION = "decision"
+    PREVIEW = "preview"
     DECLARATION = "declaration"
     EXPECTATION = "expectation"
     KNOWLEDGE = "knowledge"
@@ -138,6 +141,10 @@ def _observer_place(name: str, summary: SpecSummary) -> Place | None:
     return summary.observers[name].place if name in summary.observers else None
 
 
+def _skill_place(name: str, summary: SpecSummary) -> Place | None:
+    return summary.places.get(f"skill/{name}")
+
+
 def _no_place(_name: str, _summary: SpecSummary) -> Place | None:
     return None
 
@@ -214,30 +221,6 @@ def _job_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
     )
 
 
-def _decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
-    kind = summary.variables[name].type.kind
-    return f"codra.Decision.{kind}", event_schema(
-        "How a decision of the main execution was answered.",
-        "The variable that the decision reads.",
-        {
-            "answered": "from context",
-            "fell_back": "by the main execution's own acquisition",
-            "shadowed": "from context, although the main execution acquired the value as well",
-        },
-        **value_fields("value", kind, "The value in context; left out when unknown."),
-        reason=reason_schema("Why it was unknown; left out when known."),
-        detail=field_schema("string", "Why it was unknown, could not be observed, or was overridden."),
-        source=field_schema("string", "The source of the value in context; `operator` for an override."),
-        asked_s=field_schema("number", "When the decision was requested."),
-        **value_fields("found", kind, "The value that the main execution acquired itself."),
-        kept=field_schema("boolean", "Whether the acquired value was kept as evidence."),
-        agrees=field_schema("boolean", "Whether both values are equal; left out if no value was acquired."),
-        shadow=field_schema("boolean", "Whether the main execution would have looked in any case."),
-        skill=field_schema("string", "The skill in progress that began last; left out if none."),
-        raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
-    )
-
-
 def _declaration_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
     return "codra.Declaration", event_schema(
         "The main execution declares that it needs a variable, or that it no longer needs the variable.",
@@ -283,8 +266,10 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
             "override": "the operator overrides a variable",
             "clear": "the operator ends the override of a variable",
             "decide": "a decision is requested",
-            "waited": "the decision has waited for observers",
+            "preview": "the answer to a skill's preview is requested",
+            "waited": "the decision or preview has waited for observers",
             "found": "the main execution has acquired the value itself",
+            "looked": "for a preview, the main execution has looked for a variable, or has stopped",
             "request": "the main execution requests slots",
             "release": "the main execution releases the slots",
             "leave": "all declarations of the main execution are withdrawn",
@@ -313,6 +298,8 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
         since_s=field_schema("number", "The earliest instant of usable evidence."),
         wait_up_to_s=field_schema("number", "How long the decision waits for observers."),
         shadow=field_schema("boolean", "Whether the main execution looks in any case."),
+        since=field_schema("string", "For variables of a preview, the earliest instant of usable evidence, as JSON."),
+        looks=field_schema("boolean", "Whether the main execution looks for variables that a preview lacks."),
         raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
         resources=list_schema("string", "The resources whose slots are requested."),
         for_s=field_schema("number", "How long the override lasts."),
@@ -481,8 +468,9 @@ TOPICS: Mapping[Kind, Topic] = {
         has_evidence_time=True,
     ),
     Kind.DECISION: Topic(
-        folder="/codra/decision", schema=_decision_schema, metadata=_variable_metadata, place=_variable_place
+        folder="/codra/decision", schema=decision_schema, metadata=_variable_metadata, place=_variable_place
     ),
+    Kind.PREVIEW: Topic(folder="/codra/preview", schema=preview_schema, metadata=_no_metadata, place=_skill_place),
     Kind.DECLARATION: Topic(
         folder="/codra/declaration", schema=_declaration_schema, metadata=_variable_metadata, place=_variable_place
     ),

@@ -100,6 +100,7 @@ class SpecSummary:
     Attributes:
         places: the places of variables, skills and elements of knowledge. The keys are like `context/NAME` for a
             variable and `skill/NAME` for a skill.
+        previews: for each skill whose preview has conditions, these conditions.
         nodes: for each variable, the graph node that has this variable as an attribute; empty without a knowledge
             graph.
     """
@@ -111,6 +112,7 @@ class SpecSummary:
     skills: Mapping[str, SkillModel]
     places: Mapping[str, Place]
     nodes: Mapping[str, str] = field(default_factory=dict)
+    previews: Mapping[str, tuple[Rule, ...]] = field(default_factory=dict)
 
     def find_observer(self, variable: str) -> ObserverSummary | None:
         """Return the observer of a variable; None if the variable has no observer."""
@@ -126,9 +128,11 @@ class SpecSummary:
         )
 
     def rules(self) -> Iterator[Rule]:
-        """Return the conditions of all algorithms."""
+        """Return the conditions of all algorithms and previews."""
         for algorithm in self.algorithms.values():
             yield from (*algorithm.preconditions, *algorithm.acceptance_conditions, *algorithm.identifies.values())
+        for rules in self.previews.values():
+            yield from rules
 
 
 def place_from_data(data: Any) -> Place | None:

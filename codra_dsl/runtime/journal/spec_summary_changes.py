@@ -91,7 +91,10 @@ def _settings(summary: SpecSummary) -> Mapping[tuple[str, str], Sequence[Rule]]:
         settings[observer.name, "period"] = _rules_of_text(f"{observer.period_s:g} s", observer.place)
     for skill in summary.skills.values():
         place = summary.places.get(f"skill/{skill.name}")
-        settings[skill.name, "preview"] = _rules_of_text(", ".join(map(str, skill.preview)), place)
+        settings[skill.name, "preview"] = (
+            *_rules_of_text(", ".join(map(str, skill.preview)), place),
+            *summary.previews.get(skill.name, ()),
+        )
         settings[skill.name, "monitor"] = _rules_of_text(", ".join(map(str, skill.monitor)), place)
         settings[skill.name, "changes"] = _rules_of_text(", ".join(map(str, skill.changes)), place)
     return settings

@@ -38,7 +38,12 @@ def summary_to_data(summary: SpecSummary) -> dict[str, Any]:
         },
         "places": {key: _place_to_data(place) for key, place in summary.places.items()},
         **({"nodes": dict(summary.nodes)} if summary.nodes else {}),
+        **({"previews": _previews_to_data(summary.previews)} if summary.previews else {}),
     }
+
+
+def _previews_to_data(previews: Mapping[str, tuple[Rule, ...]]) -> dict[str, Any]:
+    return {name: [_rule_to_data(rule) for rule in rules] for name, rules in previews.items()}
 
 
 def _variable_to_data(variable: VariableModel) -> dict[str, Any]:
@@ -119,6 +124,10 @@ def summary_from_data(data: Mapping[str, Any]) -> SpecSummary:
         },
         places={key: place for key, entry in data["places"].items() if (place := place_from_data(entry))},
         nodes={str(name): str(node) for name, node in data.get("nodes", {}).items()},
+        previews={
+            str(name): tuple(_rule_from_data(rule) for rule in rules)
+            for name, rules in data.get("previews", {}).items()
+        },
     )
 
 

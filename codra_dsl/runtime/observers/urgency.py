@@ -31,14 +31,14 @@ class Urgencies:
             variable: name for name, variables in identifies.items() for variable in variables
         }
         self._needs = needs
-        self._awaited_variables: dict[int, str] = {}
+        self._awaited_variables: dict[int, tuple[str, ...]] = {}
         self._urgency_by_observer: dict[str, Urgency] = {}
         self._wait_version = 0
         self._cached_version: tuple[int, int] | None = None
 
-    def wait(self, number: int, variable: str) -> None:
-        """Note that a decision waits for a variable."""
-        self._awaited_variables[number] = variable
+    def wait(self, number: int, *variables: str) -> None:
+        """Note that a decision waits for variables."""
+        self._awaited_variables[number] = variables
         self._wait_version += 1
 
     def answer(self, number: int) -> None:
@@ -60,7 +60,7 @@ class Urgencies:
         return self._urgency_by_observer.get(observer, Urgency.DECLARED)
 
     def _needs_by_urgency(self, declarations: Declarations) -> Iterator[tuple[Urgency, Iterable[str]]]:
-        yield Urgency.WAITED_FOR, self._awaited_variables.values()
+        yield Urgency.WAITED_FOR, [name for names in self._awaited_variables.values() for name in names]
         yield Urgency.UNDER_WAY, declarations.names_of_active_skills()
         yield Urgency.EXPECTED, declarations.names_of_expected_skills()
 

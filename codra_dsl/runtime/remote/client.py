@@ -9,8 +9,9 @@ import math
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
+from functools import partial
 from typing import Any, Self, TypeVar
 
 from codra_dsl.isolation.error_text import type_name
@@ -26,10 +27,11 @@ from codra_dsl.runtime.remote.json_lines import (
     shut_down,
     with_send_timeout,
 )
-from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, reading_of
+from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, preview_of, reading_of
 from codra_dsl.runtime.remote.session import LEASE_S
 from codra_dsl.runtime.remote.token import read_token
 from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.previews import PreviewAnswer
 
 Answer = TypeVar("Answer")
 Callback = Callable[[Reading[Any]], None]
@@ -189,7 +191,7 @@ class RemoteContext:
         """
         wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
         options = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
-        fields = {key: option for key, option in options.items() if (key, option) not in _NO_LIMITS}
+        fields = _fields_of(options)
         try:
             answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
         except ConnectionError as error:
@@ -198,6 +200,27 @@ class RemoteContext:
         if answer["answered"]:
             return reading_of(answer["reading"]).content
         return self._look(answer["decision"], otherwise)
+
+    def preview(
+        self,
+        skill: str,
+        otherwise: Callable[[str], object] | None = None,
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+    ) -> PreviewAnswer:
+        """Answer the whole preview of a skill, as `ContextManager.preview` does.
+
+        If the manager is gone, the preview raises ConnectionError: only the manager knows the conditions.
+        """
+        wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
+        options = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s}
+        answer = self._ask("preview", wait_up_to_s, skill=skill, looks=otherwise is not None, **_fields_of(options))
+        while answer["look"] and otherwise is not None:
+            (variable,) = answer["look"]
+            answer = self._look_for_preview(answer["decision"], partial(otherwise, variable))
+        return preview_of(answer["preview"])
 
     def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
         """Call `callback` with the present readings of some variables, then whenever a value or a reason changes.
@@ -232,6 +255,15 @@ class RemoteContext:
         with contextlib.suppress(ConnectionError):
             self._ask("found", decision=decision, **({} if value is None else {"value": value}))
         return value
+
+    def _look_for_preview(self, decision: int, look: Callable[[], object]) -> PlainData:
+        try:
+            value = _value_or_none(look())
+        except BaseException as error:
+            with contextlib.suppress(ConnectionError):
+                self._ask("found", decision=decision, raised=type_name(error))
+            raise
+        return self._ask("found", decision=decision, **({} if value is None else {"value": value}))
 
     def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> PlainData:
         future = Future[PlainData]()
@@ -317,6 +349,11 @@ class RemoteContext:
                     callback(reading_of(message["reading"]))
                 except BaseException as error:  # noqa: BLE001 - errors of a callback are logged
                     log_raised(callback, error)
+
+
+def _fields_of(options: Mapping[str, object]) -> PlainData:
+    """Return the options of a decision that limit it: a message cannot state that there is no limit."""
+    return {key: option for key, option in options.items() if (key, option) not in _NO_LIMITS}
 
 
 def _value_or_none(value: Answer) -> Answer | None:

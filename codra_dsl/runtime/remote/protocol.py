@@ -22,6 +22,7 @@ from codra_dsl.runtime.context.commands import NotDeclaredError
 from codra_dsl.runtime.errors import AgentTakenError, NotASourceError, UnknownNameError, suggestion_text
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.model import NotOfTypeError
+from codra_dsl.runtime.values.previews import PreviewAnswer, UnknownVariable
 
 VERSION = 1
 
@@ -131,6 +132,15 @@ REQUESTS: Mapping[str, RequestShape] = {
             "since_s": FieldType.NUMBER,
             "wait_up_to_s": FieldType.DURATION,
             "shadow": FieldType.TRUTH,
+        },
+    ),
+    "preview": RequestShape(
+        required={"skill": FieldType.TEXT},
+        optional={
+            "max_age_s": FieldType.DURATION,
+            "since_s": FieldType.NUMBER,
+            "wait_up_to_s": FieldType.DURATION,
+            "looks": FieldType.TRUTH,
         },
     ),
     "found": RequestShape(
@@ -251,6 +261,33 @@ def plain_reading(reading: Reading[Any]) -> PlainData:
         "source": reading.source,
         **{name: _finite_or_none(getattr(reading, name)) for name in _INSTANTS},
     }
+
+
+def plain_preview(answer: PreviewAnswer) -> PlainData:
+    """Return the answer to a preview as plain data; `outcome` is holds, violated or unknown."""
+    return {
+        "skill": answer.skill,
+        "outcome": str(answer.outcome),
+        "violated": list(answer.violated),
+        "undecided": list(answer.undecided),
+        "unknown": [
+            {"variable": variable.name, "reason": variable.reason, "detail": variable.detail}
+            for variable in answer.unknown
+        ],
+    }
+
+
+def preview_of(plain: Mapping[str, Any]) -> PreviewAnswer:
+    """Return the answer to a preview that plain data describes."""
+    return PreviewAnswer(
+        skill=plain["skill"],
+        violated=tuple(plain["violated"]),
+        undecided=tuple(plain["undecided"]),
+        unknown=tuple(
+            UnknownVariable(name=entry["variable"], reason=entry["reason"], detail=entry["detail"])
+            for entry in plain["unknown"]
+        ),
+    )
 
 
 def reading_of(plain: Mapping[str, Any]) -> Reading[Any]:

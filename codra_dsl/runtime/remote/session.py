@@ -8,7 +8,7 @@ the lease.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sized
+from collections.abc import Callable, Iterable, Sized
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
+from codra_dsl.runtime.context.pending_preview import PendingPreview
 from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.protocol import (
@@ -29,6 +30,7 @@ from codra_dsl.runtime.remote.protocol import (
     error_to,
     id_of,
     notice,
+    plain_preview,
     plain_reading,
     request_of,
 )
@@ -91,7 +93,7 @@ class Session:
         self._last_message_s = clock.now_s()
         self._end_reason = ""
         self._running_skills: set[int] = set()
-        self._looking_decisions: dict[int, PendingDecision] = {}
+        self._looking_decisions: dict[int, PendingDecision | PendingPreview] = {}
         self._waiting_decisions: dict[int, _WaitingDecision] = {}
         self._subscriptions: dict[int, dict[str, object]] = {}
         self._readings = Subscription(lambda: None)
@@ -145,6 +147,8 @@ class Session:
     def _handle_request(self, request: Request) -> PlainData | None:
         if request.ask == "decide":
             return self._decide(request.id, **request.fields)
+        if request.ask == "preview":
+            return self._preview(request.id, **request.fields)
         handler: Callable[..., PlainData] = getattr(self, f"_{request.ask}")
         return handler(**request.fields)
 
@@ -263,18 +267,34 @@ class Session:
     def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> PlainData | None:
         _check_number("decisions that wait", self._waiting_decisions, MAX_WAITING_DECISIONS)
         decision = self._codra.ask(variable, **options)
+        return self._answer_or_wait(request_id, decision, [variable], options.get("wait_up_to_s", 0.0))
+
+    def _preview(self, request_id: int | str | None, skill: str, **options: Any) -> PlainData | None:
+        _check_number("decisions that wait", self._waiting_decisions, MAX_WAITING_DECISIONS)
+        preview = self._codra.ask_preview(self._skill(skill), **options)
+        variables = self._codra.skills()[skill].preview
+        return self._answer_or_wait(request_id, preview, variables, options.get("wait_up_to_s", 0.0))
+
+    def _answer_or_wait(
+        self,
+        request_id: int | str | None,
+        decision: PendingDecision | PendingPreview,
+        variables: Iterable[str],
+        wait_up_to_s: float,
+    ) -> PlainData | None:
+        """Return the answer to a decision; None if the decision waits, so that it is answered later."""
         if decision.state is not DecisionState.WAITING:
             return self._decision_answer(decision)
         self._waiting_decisions[decision.number] = _WaitingDecision(
             decision=decision,
             request_id=request_id,
-            timer=self._clock.call_at(self._clock.now_s() + options["wait_up_to_s"], lambda: self._resume(decision)),
-            subscription=self._codra.follow(variable, lambda: self._resume(decision)),
+            timer=self._clock.call_at(self._clock.now_s() + wait_up_to_s, lambda: self._resume(decision)),
+            subscriptions=tuple(self._codra.follow(variable, lambda: self._resume(decision)) for variable in variables),
         )
         self._resume(decision)  # for events that happened before `follow` could call back
         return None
 
-    def _resume(self, decision: PendingDecision) -> None:
+    def _resume(self, decision: PendingDecision | PendingPreview) -> None:
         """Answer a decision that has waited, if it can be answered or has waited long enough."""
         with self._lock:
             if decision.number not in self._waiting_decisions or decision.poll() is DecisionState.WAITING:
@@ -283,23 +303,25 @@ class Session:
             waiting_decision.end()
             self._send(answer_to(waiting_decision.request_id, self._decision_answer(decision)))
 
-    def _decision_answer(self, decision: PendingDecision) -> PlainData:
+    def _decision_answer(self, decision: PendingDecision | PendingPreview) -> PlainData:
         if decision.state is DecisionState.LOOKING:
             self._looking_decisions[decision.number] = decision
             if len(self._looking_decisions) > MAX_LOOKING_DECISIONS:
                 self._looking_decisions.pop(next(iter(self._looking_decisions))).abandon("no value was sent")
         answer = {"decision": decision.number, "answered": decision.state is DecisionState.ANSWERED}
+        if isinstance(decision, PendingPreview):
+            return {**answer, "preview": plain_preview(decision.answer), "look": list(decision.missing[:1])}
         return {**answer, "reading": plain_reading(decision.reading)}
 
     def _found(self, decision: int, value: object = None, raised: str | None = None) -> PlainData:
         if decision not in self._looking_decisions:
             raise MessageError(f"no decision {decision} waits for an acquired value")
         looking_decision = self._looking_decisions.pop(decision)
-        if raised is None:
-            looking_decision.record_result(value)
-        else:
+        if raised is not None:
             looking_decision.abandon(raised)
-        return {}
+            return {}
+        looking_decision.record_result(value)
+        return self._decision_answer(looking_decision) if isinstance(looking_decision, PendingPreview) else {}
 
     def _check_lease(self) -> None:
         """End the session if its lease is over; otherwise check again when the lease after the last message ends."""
@@ -349,11 +371,12 @@ def _check_number(what: str, elements: Sized, maximum: int) -> None:
 class _WaitingDecision:
     """A decision that is answered later."""
 
-    decision: PendingDecision
+    decision: PendingDecision | PendingPreview
     request_id: int | str | None
     timer: Timer
-    subscription: Subscription
+    subscriptions: tuple[Subscription, ...]
 
     def end(self) -> None:
         self.timer.cancel()
-        self.subscription.unsubscribe()
+        for subscription in self.subscriptions:
+            subscription.unsubscribe()

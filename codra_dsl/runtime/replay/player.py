@@ -15,6 +15,7 @@ from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
 from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.context.previews import Preview, PreviewRequest
 from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.knowledge import ConflictError
@@ -37,7 +38,8 @@ class Player:
     """Passes the inputs of a journal to a context manager.
 
     Attributes:
-        decisions: the decisions by their numbers in the journal.
+        decisions: the decisions that wait or look, by their numbers in the journal.
+        previews: the previews, by their numbers in the journal.
         on_decision: called with each decision that context has answered, or for which the main execution looks now.
         pending_input: the input that comes next, and has not been passed completely.
         has_tried_input: whether the player has tried to pass it.
@@ -52,6 +54,7 @@ class Player:
         self._variable_names = frozenset(variable.name for variable in model.variables)
         self._skill_names = frozenset(skill.name for skill in model.skills)
         self.decisions: dict[int, Decision] = {}
+        self.previews: dict[int, Preview] = {}
         self.on_decision: Callable[[Decision], None] = lambda _: None
         self.pending_input: Event | None = None
         self.has_tried_input = False
@@ -157,6 +160,16 @@ class Player:
                 request_fields = {key: value for key, value in details.items() if key not in _POSITION_DETAILS}
                 decision = self._commands.ask(DecisionRequest(**request_fields))
                 self._note_decision(number, decision, is_waiting=is_waiting(decision))
+            case "preview":
+                since_s = parse_json(details["since"]) if "since" in details else {}
+                fields = {key: value for key, value in details.items() if key not in {*_POSITION_DETAILS, "since"}}
+                self.previews[number] = self._commands.previews.ask(PreviewRequest(**fields, since_s=since_s))
+            case "waited" if number in self.previews:
+                self._commands.previews.resume(self.previews[number])
+            case "looked" if "variable" in details:
+                self._commands.previews.record_look(self.previews[number], details["variable"], details.get("value"))
+            case "looked":
+                self._commands.previews.abandon(self.previews.pop(number), details.get("raised", ""))
             case "waited":
                 self.resume(number)
             case "found":

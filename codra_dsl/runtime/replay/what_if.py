@@ -119,6 +119,8 @@ class WhatIf:
         match event.what:
             case "delivered":
                 self._jobs.end_recorded_look((event.name, event.details["index"]), self._clock.now_s())
+            case "waited" if number in self._player.previews:
+                self._pass_to_player(event, event.what)
             case "waited":
                 self._end_recorded_wait(number)
             case "found" if number not in self._player.decisions:

@@ -268,15 +268,30 @@ class ExpectationModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewCondition:
+    """A condition that must hold before a skill acts.
+
+    Attributes:
+        text: the condition as written in the spec.
+    """
+
+    text: str
+    condition: Term
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SkillModel:
     """A unit of main execution: the variables that it previews, monitors and changes (P1, Figure 1).
 
     Attributes:
+        preview: the variables that the decision before acting needs. A variable that no condition reads must be known.
+        preview_conditions: the conditions that must hold before the skill acts.
         expects: the conditions on monitored variables that are to become or to stay true.
     """
 
     name: str
     preview: tuple[str, ...] = ()
+    preview_conditions: tuple[PreviewCondition, ...] = ()
     monitor: tuple[str, ...] = ()
     changes: tuple[str, ...] = ()
     expects: tuple[ExpectationModel, ...] = ()

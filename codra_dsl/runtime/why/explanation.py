@@ -11,6 +11,8 @@ from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, Rule, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.declarations import OPERATOR, POSES
+from codra_dsl.runtime.values.model import PreviewCondition, SkillModel
+from codra_dsl.runtime.values.previews import PreviewOutcome, evaluate
 from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
 from codra_dsl.runtime.why.story import job_text, override_text, story
@@ -31,7 +33,8 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
         summary: the spec summary.
         latest_events_at: returns the latest events up to an instant.
         name: a variable of the spec; an element of the knowledge graph (a node, `node.attribute`, an edge as
-            `origin -edge-> target`, or a task); a course or parameter; or an action, to explain its weight.
+            `origin -edge-> target`, or a task); a course or parameter; an action, to explain its weight; or a skill, to
+            explain its preview.
         at_s: the instant.
 
     Raises:
@@ -49,9 +52,10 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
         return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), reading_of, name)))
     latest_events = latest_events_at(at_s)
     reading_of = _PastContext(latest_events, summary, at_s).reading
-    return explain_course(latest_events, reading_of, name, at_s) or explain_knowledge(
-        summary, latest_events, name, at_s
-    )
+    course = explain_course(latest_events, reading_of, name, at_s)
+    if course is None and name in summary.skills and name not in latest_events.knowledge_events:
+        return _Explanation(summary, latest_events_at).preview(summary.skills[name], at_s)
+    return course or explain_knowledge(summary, latest_events, name, at_s)
 
 
 def _resolve_action_name(summary: SpecSummary, latest_events: LatestEventsView, name: str) -> str:
@@ -177,6 +181,30 @@ class _Explanation:
             poses=poses,
             ways=ways if not reading.known or (is_asked and all(way.blocked_by for way in ways)) else (),
             missing=tuple(self._missing(name, context, ways)) if is_asked else (),
+        )
+
+    def preview(self, skill: SkillModel, at_s: float) -> Why:
+        """Explain the preview of a skill: what it lacks, or which condition is violated, with the causes."""
+        context, rules = self._context_at(at_s), [*self._summary.previews.get(skill.name, ())]
+        conditions = tuple(PreviewCondition(text=rule.text, condition=rule.term) for rule in rules)
+        answer = evaluate(replace(skill, preview_conditions=conditions), context)
+        rules += [
+            Rule(source_text=name, python_text=f'value("{name}") == value("{name}")')  # holds if the variable is known
+            for name in answer.undecided
+            if name in self._summary.variables
+        ]
+        first_unknown = answer.unknown[0].reason if answer.unknown else Reason.NEVER_OBSERVED
+        is_decided = answer.outcome is not PreviewOutcome.UNKNOWN
+        return Why(
+            at_s=at_s,
+            reading=Reading(
+                name=skill.name,
+                content=str(answer.outcome) if is_decided else None,
+                reason=None if is_decided else Reason(first_unknown),
+            ),
+            place=self._summary.places.get(f"skill/{skill.name}"),
+            story=() if answer.holds else (f"the preview is {answer}",),
+            conditions=tuple(self._condition(rule, context, ()) for rule in rules if not rule.term.holds(context)),
         )
 
     def _context_at(self, at_s: float) -> _PastContext:

@@ -121,6 +121,7 @@ class Why:
         unit: the unit of the variable's value.
         place: the place of the variable's declaration in the spec.
         story: the history of the reading, in sentences.
+        conditions: for the preview of a skill, the conditions that do not hold, and the variables that are unknown.
         look: the job that produced the value; None if no job did.
         poses: the explanations of the edges whose poses determine the value; empty if there are none.
         ways: the algorithms that identify the variable, by rank; empty if other sources write it.
@@ -135,6 +136,7 @@ class Why:
     unit: str = ""
     place: Place | None = None
     story: tuple[str, ...] = ()
+    conditions: tuple[Condition, ...] = ()
     look: Look | None = None
     poses: tuple[Why, ...] = ()
     ways: tuple[Way, ...] = ()
@@ -164,6 +166,8 @@ def _lines_of(why: Why) -> Iterator[str]:
     yield f"{why.variable} is {state_text} at {instant_text(why.at_s)}{repeated_text}{_place_text(why.place)}"
     for sentence in why.story:
         yield f"{_INDENT}{sentence}"
+    for condition in why.conditions:
+        yield from _indented(_lines_of_condition(condition))
     if why.look is not None:
         yield from _indented(_lines_of_look(why.look))
     for pose in why.poses:

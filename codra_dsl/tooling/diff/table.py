@@ -129,6 +129,8 @@ FIELD_COMPARERS: ComparerTable = {
         "preview": name_comparer(
             (Category.UNDECLARED, "no longer previews {}"), (Category.ADDED, "previews {} as well")
         ),
+        "preview_names": compare_nothing,
+        "preview_conditions": algorithms.compare_preview_conditions,
         "monitor": knowledge.compare_monitor,
         "changes": name_comparer(
             (Category.WEAKER, "acting no longer makes {} unknown"), (Category.STRONGER, "acting makes {} unknown")

@@ -35,6 +35,7 @@ from tests.runtime.forests import Look, World, algorithm, forest, given, observe
 from tests.runtime.journal.journals import read, run_door
 
 YES = {"seen": True}
+_UNUSED_KINDS = {Kind.PREVIEW, Kind.OVERRIDE, Kind.KNOWLEDGE, Kind.ADAPTATION}
 Manager = ContextManager[str, str]
 
 
@@ -66,15 +67,12 @@ def test_a_run_in_simulated_time_is_derived_again_byte_for_byte(tmp_path: Path) 
     run_door(tmp_path / "run.mcap", loops=9, seed=5)
 
     result = assert_same(tmp_path / "run.mcap", MODEL)
-    assert set(result.derived) == set(Kind) - {Kind.INPUT, Kind.OVERRIDE, Kind.KNOWLEDGE, Kind.ADAPTATION}
+    assert set(result.derived) == set(Kind) - {Kind.INPUT, *_UNUSED_KINDS}
 
 
 @pytest.mark.parametrize(
     "absent",
-    [
-        {Kind.VARIABLE, Kind.DECISION},
-        set(Kind) - {Kind.INPUT, Kind.JOB, Kind.OVERRIDE, Kind.KNOWLEDGE, Kind.ADAPTATION},
-    ],
+    [{Kind.VARIABLE, Kind.DECISION}, set(Kind) - {Kind.INPUT, Kind.JOB, *_UNUSED_KINDS}],
 )
 def test_events_that_a_journal_lacks_are_derived_from_inputs_and_evidence(tmp_path: Path, absent: set[Kind]) -> None:
     run_door(tmp_path / "run.mcap", loops=9)

@@ -94,6 +94,8 @@ class CheckedSpec:
             patterns of agents, if an algorithm identifies them. If no skill is declared, all variables that an
             algorithm identifies are included.
         expectations: for each skill, the expectations about the variables that the skill monitors.
+        previews: for each skill, the conditions of its preview. A variable that is named alone, and that a condition
+            reads as well, has a condition that holds if it is known.
         poses: a mapping from the name of each variable that is computed from poses to the Python expression of its
             comparison.
         knowledge: the checked knowledge; None if the spec declares no knowledge.
@@ -106,6 +108,7 @@ class CheckedSpec:
     producers: Mapping[str, tuple[str, ...]]
     decisions: tuple[str, ...]
     expectations: Mapping[str, tuple[CheckedExpectation, ...]] = field(default_factory=dict)
+    previews: Mapping[str, tuple[CheckedCondition, ...]] = field(default_factory=dict)
     poses: Mapping[str, str] = field(default_factory=dict)
     knowledge: CheckedKnowledge | None = None
     mape: CheckedMape | None = None

@@ -30,6 +30,7 @@ class Role(StrEnum):
     OBSERVABLE_WHEN = "observable_when"
     ACCEPT_WHEN = "accept_when"
     IDENTIFIES = "identifies"
+    PREVIEW = "preview"
     MONITOR = "monitor"
     WAKES = "wakes"
     BEFORE = "before"
@@ -46,7 +47,7 @@ KNOWLEDGE_ROLES = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
 LOOP_ROLES = frozenset({Role.VALUE, Role.OTHERWISE, Role.ALWAYS})
 """The roles of conditions in adaptations."""
 
-CONTEXT_ROLES = frozenset({Role.OBSERVABLE_WHEN, *KNOWLEDGE_ROLES, *LOOP_ROLES})
+CONTEXT_ROLES = frozenset({Role.OBSERVABLE_WHEN, Role.PREVIEW, *KNOWLEDGE_ROLES, *LOOP_ROLES})
 """The roles of conditions that read context."""
 
 
@@ -145,8 +146,10 @@ class _SiteFinder:
 
     def sites_of_skill(self, skill: Skill) -> list[Site | None]:
         """Return the conditions of a skill."""
-        return [
-            self._site(Role.MONITOR, ("skills", skill.name), expectation.condition, expectation.variable.name)
+        owner = ("skills", skill.name)
+        preview_sites = [self._site(Role.PREVIEW, owner, condition) for condition in skill.preview_conditions]
+        return preview_sites + [
+            self._site(Role.MONITOR, owner, expectation.condition, expectation.variable.name)
             for expectation in skill.monitor
             if expectation.condition is not None
         ]

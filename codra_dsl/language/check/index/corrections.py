@@ -164,6 +164,10 @@ class _Corrector:
         return replace(
             skill,
             preview=self._references(skill.preview, self._variable_corrections),
+            preview_names=self._references(skill.preview_names, self._variable_corrections),
+            preview_conditions=tuple(
+                _condition(condition, self._variable_corrections) for condition in skill.preview_conditions
+            ),
             monitor=tuple(map(self._expectation, skill.monitor)),
             changes=self._references(skill.changes, self._variable_corrections),
         )

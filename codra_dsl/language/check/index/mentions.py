@@ -57,7 +57,7 @@ def _references(spec_index: SpecIndex) -> Iterator[tuple[Reference, str, str, st
     for skill in spec_index.spec.skills:
         monitored_variables = [expectation.variable for expectation in skill.monitor]
         for key, references_of_key in (
-            ("preview", skill.preview),
+            ("preview", skill.preview_names),
             ("monitor", monitored_variables),
             ("changes", skill.changes),
         ):

@@ -100,6 +100,8 @@ RULES = rules(
     ("CDR7129", "unknown-adapted-value", _ERROR),
     ("CDR7130", "unnoticed-input", _ERROR),
     ("CDR7131", "uncovered-rate", _ERROR),
+    ("CDR7141", "repeated-preview", _WARNING),
+    ("CDR7142", "known-in-preview", _WARNING),
     # CDR8101 to CDR8105 were used before; a code is never reused
 )
 """All rules by name."""

@@ -452,15 +452,15 @@ class SpecIndex:
         tree = site.condition.tree
         assert tree is not None
         wanted = self.wanted_type(site)
-        if site.role is Role.OBSERVABLE_WHEN or site.role in LOOP_ROLES:
-            readable_types = self.context_types
+        if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES):
+            readable_types = self.returned_types[site.owner[1]]
         elif site.role in KNOWLEDGE_ROLES:
             context_types, name_type = self.context_types, self.declared_graph.name_type
             readable_types = {name.name: context_types.get(name.name, name_type(name.name)) for name in site.names}
         elif site.role is Role.MONITOR and site.variable is not None:
             readable_types = {site.variable: wanted}
         else:
-            readable_types = self.returned_types[site.owner[1]]
+            readable_types = self.context_types
         types = (id(readable_types.get(name.name)) for name in site.names)
         key = (id(tree), site.role, site.result, id(wanted), *types)
         sound_judgement = sound_judgements.get(key)

@@ -36,7 +36,7 @@ def never_holding_conditions(spec_index: SpecIndex, faults: FaultyElements) -> I
 def _never_holding_findings(
     spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm
 ) -> Iterator[Diagnostic]:
-    accepted_conditions = tuple(_sound_conditions(spec_index, algorithm.accept_when))
+    accepted_conditions = tuple(sound_conditions(spec_index, algorithm.accept_when))
     types = spec_index.returned_types[algorithm.name]
     core = contradiction(accepted_conditions, types)
     if core:
@@ -53,9 +53,11 @@ def always_holding_conditions(spec_index: SpecIndex, faults: FaultyElements) -> 
         if not faults.is_sound("perception", algorithm.name):
             continue
         context_types = spec_index.context_types
-        for condition in _parts_of_conditions(spec_index, algorithm.observable_when):
+        for condition in parts_of_conditions(spec_index, algorithm.observable_when):
             if always_holds(condition.tree, context_types):
-                variables = [spec_index.variables[name] for name in _names(condition) if name in spec_index.variables]
+                variables = [
+                    spec_index.variables[name] for name in names_of_condition(condition) if name in spec_index.variables
+                ]
                 yield _always_holds_finding(algorithm, "observable_when", condition, context_types, variables)
     yield from _once_per_shape(spec_index, faults, _always_holding_findings)
 
@@ -65,7 +67,7 @@ def _always_holding_findings(
 ) -> Iterator[Diagnostic]:
     returned_types = spec_index.returned_types[algorithm.name]
     optional_names = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
-    for condition in _parts_of_conditions(spec_index, algorithm.accept_when):
+    for condition in parts_of_conditions(spec_index, algorithm.accept_when):
         if always_holds(condition.tree, returned_types, optional_names=optional_names):
             yield _always_holds_finding(algorithm, "accept_when", condition, returned_types, algorithm.returns)
     for entry in algorithm.identifies:
@@ -98,7 +100,7 @@ def _once_per_shape(
                 clean_shapes.add(shape)
 
 
-def _sound_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
+def sound_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions without a problem."""
     for condition in conditions:
         judgement = spec_index.judgement(condition)
@@ -106,18 +108,19 @@ def _sound_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) ->
             yield state_condition(condition, spelt_out(judgement.typed.node))
 
 
-def _parts_of_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
+def parts_of_conditions(spec_index: SpecIndex, conditions: Iterable[Condition]) -> Iterator[StatedCondition]:
     """Yield the conditions of a list, except plain and negated names. The parts of an `and` are yielded separately."""
     for condition in conditions:
         if isinstance(condition.tree, Name) and condition.tree.pose_comparison is None:
             continue  # the most frequent case
-        for stated_condition in _sound_conditions(spec_index, [condition]):
+        for stated_condition in sound_conditions(spec_index, [condition]):
             for part in stated_condition.parts or (stated_condition,):
                 if not isinstance(part.tree.operand if isinstance(part.tree, Not) else part.tree, Name):
                     yield part
 
 
-def _names(condition: StatedCondition) -> Iterable[str]:
+def names_of_condition(condition: StatedCondition) -> Iterable[str]:
+    """Return the names in a condition, each once."""
     return dict.fromkeys(name.name for name in names_in(condition.tree))
 
 
@@ -130,7 +133,7 @@ def _true_conditions(spec_index: SpecIndex, faults: FaultyElements, entry: Ident
     if _is_bool(spec_index, entry):
         yield from (
             condition
-            for condition in _sound_conditions(spec_index, [by])
+            for condition in sound_conditions(spec_index, [by])
             if not isinstance(condition.tree, (Truth, Name))
         )
 
@@ -139,7 +142,7 @@ def _always_holds_finding(
     algorithm: Algorithm, key: str, condition: StatedCondition, types: Types, variables: Iterable[Variable | Returned]
 ) -> Diagnostic:
     depends_on_range = not always_holds(condition.tree, types_without_ranges(types, [condition.tree]))
-    names = tuple(_names(condition))
+    names = tuple(names_of_condition(condition))
     place = f"'{key.partition('.')[0]}' of algorithm '{algorithm.name}'"
     precondition_help = (
         f"remove the condition, or write 'known({names[0]})' if this is intended" if names else "remove it"
@@ -163,7 +166,7 @@ def _never_identified_findings(
     earlier_conditions: dict[str, tuple[str, StatedCondition]] = {}
     shadowed_values: dict[tuple[str, ...], list[tuple[str, StatedCondition]]] = {}
     for value, condition in _values(spec_index, entry):
-        for stated_condition in _sound_conditions(spec_index, [condition]):
+        for stated_condition in sound_conditions(spec_index, [condition]):
             if isinstance(stated_condition.tree, Truth) and not stated_condition.tree.value:
                 continue
             core = contradiction((*accepted_conditions, stated_condition), types)

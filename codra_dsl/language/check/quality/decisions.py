@@ -130,6 +130,7 @@ def _unidentified_variables(
             variable is None
             or not variable.sources
             or name in spec_index.producers
+            or variable.pose_condition is not None
             or name in faults.suggested_variables
         ):
             continue

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
+from codra_dsl.language.check.quality.conditions import sound_conditions
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Node, names_in, spelt_out
@@ -21,7 +22,8 @@ def excluded_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator
 
     Let a skill preview `x` and `y`, and let other skills set `x` to V. Then `y` is excluded if every algorithm for `y`
     has preconditions that cannot be true with any such V. There is one exception: if the value of `y` is kept, and the
-    skills that set `x` to V have previewed `y` before, then `y` is assumed to be known.
+    skills that set `x` to V have previewed `y` before, then `y` is assumed to be known. A skill whose preview no such V
+    satisfies does not act then, so nothing is reported.
     """
     if spec_index.has_damage("perception", *NEED_KEYS, "identifies") or spec_index.has_damage(
         "skills", "preview", "monitor"
@@ -33,7 +35,7 @@ def excluded_previews(spec_index: SpecIndex, faults: FaultyElements) -> Iterator
     for skill in spec_index.spec.skills:
         for state in skill.preview:
             achievers = achievers_by_variable.get(state.name, [])
-            if any(achiever is not skill for achiever, _ in achievers):
+            if any(achiever is not skill for achiever, _ in achievers) and _allows_one_of(spec_index, skill, achievers):
                 exclusions = search.common_exclusions(state.name, [expectation for _, expectation in achievers])
                 for preview in skill.preview:
                     exclusion = exclusions.get(preview.name)
@@ -74,6 +76,15 @@ def _achievers_by_variable(
                 if judgement is not None and not judgement.problems and name in spec_index.variables:
                     achievers_by_variable.setdefault(name, []).append((skill, expectation))
     return achievers_by_variable
+
+
+def _allows_one_of(spec_index: SpecIndex, skill: Skill, achievers: _Achievers) -> bool:
+    """Return whether the conditions of a skill's preview can hold after one of the achievers has acted."""
+    previewed = [condition.tree for condition in sound_conditions(spec_index, skill.preview_conditions)]
+    facts = (expectation.condition.tree for _, expectation in achievers if expectation.condition is not None)
+    return not previewed or any(
+        fact is not None and can_hold([fact, *previewed], (), spec_index.context_types) for fact in facts
+    )
 
 
 def _is_kept(spec_index: SpecIndex, name: str, achievers: _Achievers) -> bool:

@@ -13,6 +13,7 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.conditions import read_condition, read_conditions, untorn_items
 from codra_dsl.language.load.elements.loops import read_rate, read_terms
 from codra_dsl.language.load.elements.monitor import read_expectation
+from codra_dsl.language.load.elements.preview import read_preview
 from codra_dsl.language.load.elements.values import read_literal, read_type
 from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
@@ -107,7 +108,7 @@ def build_skill(reader: Reader) -> Skill:
     return Skill(
         name=reader.subject.name,
         place=reader.place,
-        preview=reader.references("preview"),
+        **read_preview(reader),
         monitor=tuple(_read_monitor(reader)),
         changes=reader.references("changes"),
         places=reader.places(),

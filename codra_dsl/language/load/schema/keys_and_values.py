@@ -35,7 +35,7 @@ _PART_NOUNS: Mapping[str | int, str] = {
 }
 """A mapping from keys to the nouns for their entries, for entries that have names of their own."""
 
-_TRAP_KINDS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
+_TRAP_KINDS = {"condition": "condition", "pattern": "condition", "preview": "condition", "expectation": "expectation"}
 """For each anchor in the schema whose values can fall into traps of YAML: the kind of trap."""
 
 _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")

@@ -32,6 +32,7 @@ _FORMS = {
     "behaviour": ("behaviour_object", "behaviour_word"),
     "override": ("override_object", "cleared"),
     "belief": ("belief_object", "literal"),
+    "preview_outcome": ("preview_outcome_object", "preview_outcome_word"),
 }
 """For values that may or may not be a mapping: the definition of a mapping, and the definition of any other value."""
 

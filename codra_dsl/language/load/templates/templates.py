@@ -70,6 +70,7 @@ _CONDITION_KEYS = frozenset(
         ("perception", "observable_when"),
         ("perception", "accept_when"),
         ("perception", "identifies"),
+        ("skills", "preview"),
         ("skills", "monitor"),
         ("agents", "wakes"),
         ("agents", "rules"),

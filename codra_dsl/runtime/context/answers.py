@@ -1,0 +1,205 @@
+"""How the context manager answers: decisions on variables, and previews of skills (P1, section 3.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Generic, TypeVar
+
+from codra_dsl.isolation.error_text import type_name
+from codra_dsl.logic import Value
+from codra_dsl.runtime.context.commands import Commands
+from codra_dsl.runtime.context.decisions import DecisionRequest
+from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
+from codra_dsl.runtime.context.pending_preview import PendingPreview
+from codra_dsl.runtime.context.previews import PreviewRequest
+from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
+from codra_dsl.runtime.journal import EventLog
+from codra_dsl.runtime.locked_clock import LockedClock
+from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.model import SkillModel, VariableModel
+from codra_dsl.runtime.values.previews import PreviewAnswer
+
+VariableName = TypeVar("VariableName", bound=str)
+SkillName = TypeVar("SkillName", bound=str)
+
+
+class AnsweringContext(Generic[VariableName, SkillName]):
+    """Answers decisions on variables, and previews of skills.
+
+    Attributes:
+        record: the event log.
+        commands: executes the commands of programs, one step each.
+    """
+
+    record: EventLog
+    commands: Commands
+    _clock: LockedClock
+
+    def decide(
+        self,
+        name: VariableName,
+        otherwise: Callable[[], Any],
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+        shadow: bool = False,
+    ) -> Any:
+        """Answer a decision from context, or fall back to sequential perception (P1, section 3.3).
+
+        Args:
+            name: the variable that the decision needs.
+            otherwise: looks as the robot did without observers. It returns a value of the variable, or None or NaN if
+                it found no value. The value is kept as evidence of the main execution if the main execution may `set`
+                the variable.
+            max_age_s: the largest permitted age of the evidence.
+            since_s: the taking of the evidence must have begun at or after this instant, e.g. the end of an action.
+            wait_up_to_s: how long to wait for observers before falling back.
+            shadow: look in any case, return the value of the look, and record whether the context agrees. The value is
+                not stored, so the look does not affect the context.
+
+        Returns:
+            The value from context, or the return value of `otherwise`. NaN is no value, so None is returned for it.
+
+        Raises:
+            NotOfTypeError: if `otherwise` returns a value of another type.
+        """
+        pending_decision = self.ask(
+            name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
+        )
+        try:
+            if pending_decision.wait(math.inf) is DecisionState.ANSWERED:
+                return pending_decision.value
+            acquired_value = otherwise()
+        except BaseException as error:
+            pending_decision.abandon(type_name(error))
+            raise
+        accepted_value = pending_decision.record_result(acquired_value)
+        return None if accepted_value is None else acquired_value  # NaN is accepted as no value
+
+    def shadow_report(self) -> ShadowReport:
+        """Return how often context agreed with the robot's looks in shadow mode, according to the event log."""
+        return shadow_report(self.record)
+
+    def ask(
+        self,
+        name: VariableName,
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+        shadow: bool = False,
+    ) -> PendingDecision:
+        """Return a pending decision: the same as `decide`, but in steps, for a main execution that must not block.
+
+        The arguments are those of `decide`. If a look is necessary, the main execution looks between two steps.
+        """
+        model = self._model(name)
+        request = DecisionRequest(
+            variable=name,
+            max_age_s=float(max_age_s),
+            since_s=float(since_s),
+            wait_up_to_s=float(wait_up_to_s),
+            shadow=shadow,
+        )
+        return PendingDecision(
+            self.commands.ask(request),
+            commands=self.commands,
+            clock=self._clock,
+            read=lambda: self._reading(name),
+            convert=model.type.convert,
+        )
+
+    def preview(
+        self,
+        skill: SkillName,
+        otherwise: Callable[[str], object] | None = None,
+        *,
+        max_age_s: float = math.inf,
+        since_s: float | Mapping[str, float] = -math.inf,
+        wait_up_to_s: float = 0.0,
+    ) -> PreviewAnswer:
+        """Answer the whole preview of a skill: it holds, is violated, or is unknown. This is one decision.
+
+        A condition that does not hold is reported even if other variables are unknown. The preview does not declare
+        its variables: `expect` the skill before.
+
+        Args:
+            skill: the skill that comes next.
+            otherwise: looks for a variable that is still unknown after the wait. It is called with the name of the
+                variable, and returns a value, or None or NaN if it found no value. It is called for one variable after
+                the other, only until the preview is decided. A value is kept as evidence of the main execution if the
+                main execution may `set` the variable. Without `otherwise` there is no look.
+            max_age_s: the largest permitted age of the evidence of each variable.
+            since_s: the taking of the evidence must have begun at or after this instant; also one instant for each of
+                some variables. Names outside the preview have no effect.
+            wait_up_to_s: how long to wait for observers if the preview is unknown.
+
+        Raises:
+            UnknownNameError: if the spec has no such skill.
+            NotOfTypeError: if `otherwise` returns a value of another type.
+        """
+        pending_preview = self.ask_preview(
+            skill, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, looks=otherwise is not None
+        )
+        try:
+            pending_preview.wait(math.inf)
+            while pending_preview.missing and otherwise is not None:
+                pending_preview.record_result(otherwise(pending_preview.missing[0]))
+        except BaseException as error:
+            pending_preview.abandon(type_name(error))
+            raise
+        return pending_preview.answer
+
+    def ask_preview(
+        self,
+        skill: SkillName,
+        *,
+        max_age_s: float = math.inf,
+        since_s: float | Mapping[str, float] = -math.inf,
+        wait_up_to_s: float = 0.0,
+        looks: bool = False,
+    ) -> PendingPreview:
+        """Return a pending preview: the same as `preview`, but in steps, for a main execution that must not block.
+
+        The arguments are those of `preview`. If `looks`, the main execution looks between two steps.
+        """
+        model = self._skill(skill)
+        limits_s = since_s if isinstance(since_s, Mapping) else dict.fromkeys(model.preview, since_s)
+        request = PreviewRequest(
+            skill=skill,
+            max_age_s=float(max_age_s),
+            since_s={
+                name: float(limits_s[name]) for name in model.preview if limits_s.get(name, -math.inf) != -math.inf
+            },
+            wait_up_to_s=float(wait_up_to_s),
+            looks=looks,
+        )
+        return PendingPreview(
+            self.commands.previews.ask(request),
+            commands=self.commands.previews,
+            clock=self._clock,
+            is_closed=lambda: self.commands.is_closed,
+            convert=lambda name, value: self._model(name).type.convert(value),
+        )
+
+    def _reading(self, name: str) -> Reading[Value]:
+        """Return the reading of a variable now.
+
+        Raises:
+            UnknownNameError: if the spec has no such variable; the same holds for `_model`.
+        """
+        raise NotImplementedError
+
+    def _model(self, name: str) -> VariableModel:
+        """Return the declaration of a variable."""
+        raise NotImplementedError
+
+    def _skill(self, name: str) -> SkillModel:
+        """Return the declaration of a skill.
+
+        Raises:
+            UnknownNameError: if the spec has no such skill.
+        """
+        raise NotImplementedError
