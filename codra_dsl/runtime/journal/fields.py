@@ -127,7 +127,6 @@ def decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:
         reason=reason_schema("Why it was unknown; left out when known."),
         detail=field_schema("string", "Why it was unknown, could not be observed, or was overridden."),
         source=field_schema("string", "The source of the value in context; `operator` for an override."),
-        source=field_schema("string", "The source of the value in context."),
         asked_s=field_schema("number", "When the decision was requested."),
         **value_fields("found", kind, "The value that the main execution acquired itself."),
         kept=field_schema("boolean", "Whether the acquired value was kept as evidence."),
