@@ -213,6 +213,18 @@ class Cell:
         Returns:
             Whether the added reading is now the present reading.
         """
+        self._append(reading)
+        if reading.evidence_s < self.reading.evidence_s:
+            return False
+        self.reading = reading
+        return True
+
+    def now(self, now_s: float) -> Reading[Value]:
+        """Return the present reading as it is now."""
+        return self.reading.at(now_s)
+
+    def _append(self, reading: Reading[Value]) -> None:
+        """Add a reading to the history."""
         if reading.evidence_s < reading.identified_s:
             self.late_reading_count += 1
         if not self._readings or reading.evidence_s >= self._readings[-1].evidence_s:
@@ -224,10 +236,6 @@ class Cell:
         ):
             del self._readings[0]
             self._has_dropped_readings = True
-        if reading.evidence_s < self.reading.evidence_s:
-            return False
-        self.reading = reading
-        return True
 
     def pin(self, instant_s: float) -> None:
         """Keep the readings that cover the time since an instant, because evidence that is being taken needs them."""

@@ -17,6 +17,9 @@ OBSERVER = "observer"
 POSES = "the knowledge graph"
 """The source of a variable that follows from poses; no agent can have this name."""
 
+DERIVED = "other context-variables"
+"""The source of derived variables; no agent can have this name."""
+
 _EXPECTATION_PREFIX = "expected"
 _SKILL_PREFIX = "skill "
 

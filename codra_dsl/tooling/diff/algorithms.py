@@ -123,10 +123,11 @@ def compare_observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
         [*_conditions_with_pose_comparisons(algorithm.observable_when), *_given_conditions(algorithm)]
         for algorithm in scope.values
     )
-    yield from guard_comparer(_context_types)(scope, key, *guards)
+    yield from guard_comparer(context_types)(scope, key, *guards)
 
 
-def _context_types(scope: Scope, _: object) -> Types:
+def context_types(scope: Scope, _: object) -> Types:
+    """Return the types of all variables in both versions."""
     return joined_types(*(dict(_names_and_types(side)) for side in scope.pair.sides))
 
 
