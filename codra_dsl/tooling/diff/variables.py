@@ -32,6 +32,8 @@ def compare_sources(scope: Scope, key: str, old: Sequence[Reference], new: Seque
 
 def compare_derivation(scope: Scope, key: str, old: Condition | None, new: Condition | None) -> Iterator[Change]:
     """Yield a change if a variable is derived in another way."""
+    if old is None and new is None:
+        return
     if old is None or new is None:
         message = "it follows from other variables now" if old is None else "it no longer follows from other variables"
         yield scope.make_change(Category.REDEFINED, key, message, *(text_of(side) for side in (old, new)))
