@@ -485,3 +485,9 @@ class _FirstOf(Term):
     def __repr__(self) -> str:
         cases = (f"({_constant_text(result)}, {condition!r})" for result, condition in self.cases)
         return f"first_of({', '.join(cases)})"
+
+
+Conjunction = _Conjunction
+Disjunction = _Disjunction
+Choice = _Choice
+"""The terms whose value one of several parts may decide, for code that finds this part."""

@@ -64,7 +64,8 @@ def generated_texts() -> Iterator[str]:
     yield from (compile_engine(stored(name)) for name in NAMES)
     yield from (compiled(document(tree)) for tree in (*built_in_trees(), *TREES))
     outputs = [emit(plan(rich())), emit(plan_text(GATE_SPEC, "specs/gate.yaml", ROOT).plans[0])]
-    for spec in ("conditions.yaml", "knowledge-everything.yaml", "poses.yaml", "loops-everything/spec.yaml"):
+    specs = ("conditions.yaml", "derived.yaml", "knowledge-everything.yaml", "poses.yaml", "loops-everything/spec.yaml")
+    for spec in specs:
         path = ROOT / "tests/cases/valid" / spec
         outputs.append(compile_paths([path], path.parent).files)
     folder = ROOT / "tests/cases/valid/sites"

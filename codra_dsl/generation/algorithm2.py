@@ -25,6 +25,8 @@ describes one variable and one algorithm per tree, but its text allows more (sec
 `plan`. Variables of one algorithm share a tree. Algorithms that share a variable are alternatives in one tree, tried by
 rank. Trees with the same conditions are joined if `observers` names their variables together.
 
+A derived variable has no perception algorithm. Algorithm 2 goes on with its inputs, without a tree.
+
 The generated model has every declared variable. C_M has the variables that decisions need, directly or indirectly, and
 the variables that are identified together with these. Only variables in C_M have trees. The dependency graph has the
 variables in C_M, and further variables that agents or loops read or write.
@@ -54,7 +56,7 @@ def plan(checked: CheckedSpec) -> BuildPlan:
         in_force=in_force,
         forest=forest,
         modules=assign_modules(checked, forest),
-        edges=dependencies(checked, forest),
+        edges=dependencies(checked, in_force, forest),
     )
 
 
@@ -74,6 +76,9 @@ def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple
             if variable in in_force:  # line 11
                 continue  # line 12
             in_force[variable] = None  # line 14
+            if variable in checked.derived:  # its inputs take its place: line 21 without a tree
+                pending.append((None, iter(checked.derived[variable].variables)))
+                break
             if variable in outlines:  # line 15
                 new_tree = _create_tree(checked, outlines[variable])  # lines 16 to 18, 20
                 # line 14, for the variables that are identified together with this one

@@ -7,15 +7,18 @@ from itertools import chain
 
 from codra_dsl.generation.build_plan.loops import loop_edges
 from codra_dsl.generation.build_plan.values import Edge, EdgeKind, Node, NodeKind, Tree
+from codra_dsl.language import graph
 from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge
 from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
-from codra_dsl.language.expression import names_in, reads_of
+from codra_dsl.language.expression import Count, names_in, reads_of
 from codra_dsl.language.model import Skill
 
 
-def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ...]:
+def dependencies(checked: CheckedSpec, in_force: Iterable[str], forest: Iterable[Tree]) -> tuple[Edge, ...]:
     """Return the dependency graph of a forest and of the skills that decide on its variables, without duplicate edges.
+
+    `in_force` is C_M: the graph shows how its derived variables follow from other variables.
 
     Edges are sorted by kind and name of their source, then by their own kind, then by kind and name of their target.
     """
@@ -29,9 +32,11 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
     knowledge_edges = [] if checked.knowledge is None else list(_knowledge_edges(checked.knowledge, metrics))
     edges = (*knowledge_edges, *chain.from_iterable(edge_groups))
     edges = edges if checked.mape is None else (*edges, *loop_edges(checked.mape))
-    variables = {edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
+    edges = (*edges, *_derivation_edges(checked, in_force, edges))
+    nodes = (node for edge in edges for node in (edge.source, edge.target)) if checked.poses else ()
+    variables = {node.name for node in nodes if node.kind is NodeKind.CONTEXT}
     pose_edges = [edge for name in checked.poses if name in variables for edge in _pose_edges(checked, name)]
-    if checked.mape is None and not pose_edges:
+    if checked.mape is None and not pose_edges and not checked.derived:
         return edges
     return tuple(sorted({*edges, *pose_edges}, key=lambda edge: (edge.source, edge.kind, edge.target)))
 
@@ -57,10 +62,29 @@ def _decision_edges(skill: Skill) -> list[Edge]:
     return _edges(Node(NodeKind.SKILL, skill.name), EdgeKind.DECIDES_ON, NodeKind.CONTEXT, names)
 
 
+def _derivation_edges(checked: CheckedSpec, in_force: Iterable[str], edges: Iterable[Edge]) -> Iterator[Edge]:
+    """Yield the edges from the inputs of derived variables to these variables, for variables in force or in `edges`."""
+    inputs = {name: condition.variables for name, condition in checked.derived.items()}
+    targets = (edge.target.name for edge in edges if edge.target.kind is NodeKind.CONTEXT)
+    for name in graph.closure(inputs, (*in_force, *targets)) if inputs else ():
+        for need in inputs.get(name, ()):
+            yield Edge(Node(NodeKind.CONTEXT, need), Node(NodeKind.CONTEXT, name), EdgeKind.DERIVES)
+
+
 def _pose_edges(checked: CheckedSpec, variable: str) -> list[Edge]:
     """Return edges from a variable to the edges of the knowledge graph with poses on which its value may depend."""
     pose_condition, knowledge = checked.variables[variable].pose_condition, checked.knowledge
-    pose_terms = () if pose_condition is None else names_in(pose_condition.tree)
+    tree = None if pose_condition is None else pose_condition.tree
+    if isinstance(tree, Count) and knowledge is not None:
+        words = [link.edge for link in tree.path.links]
+        edge_names = [edge.name for word in words for edge in knowledge.world.edges_of_word(word)]
+        type_names = [term.type for term in tree.path.terms if term.type]
+        source = Node(NodeKind.CONTEXT, variable)
+        return [
+            *_edges(source, EdgeKind.READS, NodeKind.EDGE, edge_names),
+            *_edges(source, EdgeKind.READS, NodeKind.TYPE, type_names),
+        ]
+    pose_terms = () if tree is None else names_in(tree)
     nodes = [node for pose_term in pose_terms for node in reads_of(pose_term.name)[1:]]
     names = [] if knowledge is None else [edge for node in nodes for edge in knowledge.world.climb(node)[1]]
     return _edges(Node(NodeKind.CONTEXT, variable), EdgeKind.READS, NodeKind.EDGE, names)

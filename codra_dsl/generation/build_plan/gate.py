@@ -64,10 +64,11 @@ def _every_variable_has_an_origin(plan: BuildPlan, checked: CheckedSpec) -> Iter
 def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """The variables in force are exactly those that can be reached from the decisions.
 
-    Each variable leads to all variables that its tree identifies, and to all variables that its tree needs.
+    Each variable leads to all variables that its tree identifies, and to all variables that its tree needs. A derived
+    variable leads to its inputs.
     """
     tree_by_variable = {name: tree for tree in plan.forest for name in tree.identifies}
-    needs = {name: (*tree.identifies, *tree.needs) for name, tree in tree_by_variable.items()}
+    needs = _inputs(checked) | {name: (*tree.identifies, *tree.needs) for name, tree in tree_by_variable.items()}
     reached_variables = set(graph.closure(needs, checked.decisions))
     yield from (f"{name} is needed but not in force" for name in sorted(reached_variables - set(plan.in_force)))
     yield from (f"{name} is in force but not needed" for name in sorted(set(plan.in_force) - reached_variables))
@@ -75,6 +76,11 @@ def _least_closed_set(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
         f"tree {tree_by_variable[name].name} is not needed"
         for name in sorted(set(tree_by_variable) - reached_variables)
     )
+
+
+def _inputs(checked: CheckedSpec) -> dict[str, tuple[str, ...]]:
+    """Return a mapping from each derived variable to the variables that its expression reads."""
+    return {name: condition.variables for name, condition in checked.derived.items()}
 
 
 def _trees_fit_their_algorithms(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
@@ -122,11 +128,15 @@ def _guard_conditions(branch: Branch) -> frozenset[str]:
     return frozenset(chain((condition.python for condition in branch.algorithm.observable_when), known_conditions))
 
 
-def _needed_trees_come_first(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
+def _needed_trees_come_first(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """A tree comes after each tree that it needs, unless the two need each other (feedback)."""
     tree_name_by_variable = {name: tree.name for tree in plan.forest for name in tree.identifies}
     needs = {
-        tree.name: [tree_name_by_variable[name] for name in tree.needs if name in tree_name_by_variable]
+        tree.name: [
+            tree_name_by_variable[name]
+            for name in graph.closure(_inputs(checked), tree.needs)
+            if name in tree_name_by_variable
+        ]
         for tree in plan.forest
     }
     earlier_trees: set[str] = set()
@@ -184,7 +194,7 @@ def _everything_has_a_module(plan: BuildPlan, checked: CheckedSpec) -> Iterator[
 
 def _edges_are_those_of_the_forest(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """The dependency graph matches the forest."""
-    if plan.edges != dependencies(checked, plan.forest):
+    if plan.edges != dependencies(checked, plan.in_force, plan.forest):
         yield "the dependency graph is not that of the forest"
 
 

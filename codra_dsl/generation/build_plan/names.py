@@ -11,7 +11,8 @@ from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION
 from codra_dsl.language.model import Spec
 
 CONDITION_WORDS = frozenset(
-    {"age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value"}
+    {"age", "between", "choose", "confirmed", "first_known", "first_of"}
+    | {"known", "literal", "maximum", "minimum", "value"}
 )
 """The functions of the runtime that conditions in generated code call."""
 

@@ -30,6 +30,7 @@ class EdgeKind(StrEnum):
     SETS = "sets"
     ANALYSES = "analyses"
     ADAPTS = "adapts"
+    DERIVES = "derives"
 
 
 class NodeKind(StrEnum):

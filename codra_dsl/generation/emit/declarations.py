@@ -17,6 +17,7 @@ from codra_dsl.language.model import (
     Access,
     Handle,
     Kind,
+    PoseCondition,
     Resource,
     Returned,
     Skill,
@@ -46,6 +47,8 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "refresh": '"periodic"',
         "history": "100",
         "pose_condition": "None",
+        "resolution_m": "None",
+        "derived": "None",
     },
 }
 """The default values of the runtime. Generated code leaves out a field that has its default value."""
@@ -82,14 +85,18 @@ def algorithm_declaration(branch: Branch, imports: Imports) -> Expression:
     return spread_call("Algorithm", **fields)
 
 
-def variable_declaration(declared_variable: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
-    """Return the declaration of a context-variable; `poses` maps the name of each pose condition to its comparison."""
-    pose_condition, words = (
-        condition_with_words(poses[declared_variable.name])
-        if declared_variable.pose_condition is not None
+def variable_declaration(declared_variable: Variable, computed: Mapping[str, str], imports: Imports) -> Expression:
+    """Return the declaration of a context-variable.
+
+    `computed` maps the name of each variable that follows from the graph or from other variables to its expression.
+    """
+    expression, words = (
+        condition_with_words(computed[declared_variable.name])
+        if declared_variable.is_computed
         else ("None", frozenset[str]())
     )
     imports.use(*words)
+    pose_condition = declared_variable.pose_condition
     fields = _fields(
         "VariableModel",
         imports,
@@ -101,9 +108,16 @@ def variable_declaration(declared_variable: Variable, poses: Mapping[str, str], 
         when_unobservable=text_literal(declared_variable.when_unobservable),
         refresh=text_literal(declared_variable.refresh),
         history=literal(declared_variable.history),
-        pose_condition=pose_condition,
+        pose_condition="None" if pose_condition is None else expression,
+        resolution_m=_resolution_m(pose_condition),
+        derived="None" if declared_variable.derived is None else expression,
     )
     return call("VariableModel", **fields)
+
+
+def _resolution_m(pose_condition: PoseCondition | None) -> Expression:
+    resolution_m = None if pose_condition is None else pose_condition.resolution_m
+    return "None" if resolution_m is None else literal(resolution_m)
 
 
 def observer_declaration(tree: Tree, imports: Imports) -> Expression:

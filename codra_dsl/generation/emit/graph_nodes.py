@@ -27,9 +27,10 @@ def knowledge_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tu
     The first nodes are context-variables that no decision needs, but that agents own or read.
     """
     world = knowledge.world
-    target_names = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
+    edge_nodes = (node for edge in plan.edges for node in (edge.source, edge.target))
+    shown_names = {node.name for node in edge_nodes if node.kind is NodeKind.CONTEXT}
     for variable in plan.checked.variables.values():
-        if variable.name in target_names and variable.name not in plan.in_force:
+        if variable.name in shown_names and variable.name not in plan.in_force:
             yield Node(NodeKind.CONTEXT, variable.name), variable_entry(variable)
     for agent in knowledge.agents:
         yield Node(NodeKind.AGENT, agent.name), _agent_entry(agent)

@@ -16,12 +16,13 @@ from codra_dsl.generation.emit.literals import literal, text_literal
 from codra_dsl.generation.emit.rendering import made_by_line, render
 from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge, CheckedPattern, CheckedRule
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
-from codra_dsl.language.expression import EdgeTerm, NodeTerm, Path
+from codra_dsl.language.expression import Count, EdgeTerm, NodeTerm, Path
 from codra_dsl.language.model import (
     CONTEXT_NODE,
     Attribute,
     EdgeType,
     Motion,
+    Spec,
     StartingPose,
     Task,
     Variable,
@@ -72,6 +73,7 @@ def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
         edges=spread_tuple(writer.edges()),
         tasks=spread_tuple(map(writer.task, knowledge.world.tasks.values())),
         agents=spread_tuple(map(writer.agent, knowledge.agents)),
+        **writer.counts(plan.checked.spec),
     )
     imports.use("KnowledgeModel")
     classes, type_aliases = knowledge_classes(plan, knowledge, imports), list(aliases(knowledge))
@@ -190,6 +192,12 @@ class _Writer:
             rules=tuple_of(map(self._rule, agent.rules)),
             label=_label(agent.agent.conduct.label, agent.name),
         )
+
+    def counts(self, spec: Spec) -> Mapping[str, Expression]:
+        """Return the field with the paths that derived variables count; nothing if there are none."""
+        trees = (condition.tree for condition in spec.pose_conditions)
+        paths = {str(tree.path): tree.path for tree in trees if isinstance(tree, Count)}
+        return {"counts": spread_tuple(map(self._path, paths.values()))} if paths else {}
 
     def _rule(self, rule: CheckedRule) -> Expression:
         moments = {moment: tuple_of(map(self._pattern, getattr(rule, moment))) for moment in _MOMENTS}

@@ -33,14 +33,15 @@ def _module_text(plan: BuildPlan, module: Module, trees: list[Tree], skills: lis
     imports.use("VariableModel", "ObserverModel", "SkillModel")
     variables = (plan.checked.variables[name] for name in module.variables)
     branches = (branch for tree in trees for branch in tree.branches)
-    expectations, poses, previews = plan.checked.expectations, plan.checked.poses, plan.checked.previews
+    expectations, computed = plan.checked.expectations, plan.checked.expressions_of_variables
+    previews = plan.checked.previews
     texts = {
         "algorithms": [f"{branch.constant} = {lay_out(algorithm_declaration(branch, imports))}" for branch in branches],
         "trees": [tree_text(tree, imports) for tree in trees],
         "variables": _tuple_statement(
             "VARIABLES",
             "VariableModel",
-            (variable_declaration(declared_variable, poses, imports) for declared_variable in variables),
+            (variable_declaration(declared_variable, computed, imports) for declared_variable in variables),
         ),
         "observers": _tuple_statement(
             "OBSERVERS", "ObserverModel", (observer_declaration(tree, imports) for tree in trees)

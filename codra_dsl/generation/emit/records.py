@@ -40,8 +40,8 @@ FORMAT_VERSION = 1
 
 # The place of an element and its parsed form are not part of a spec's meaning.
 _FIELDS_WITHOUT_MEANING = frozenset({"letters", "place", "places", "tree"})
-# Conduct is digested with the knowledge, these fields of variables are digested with the loops, and the others only if
-# they are stated, so that the digests of other specs stay the same.
+# Conduct is digested with the knowledge, these fields of variables are digested with the loops or derivations, and the
+# others only if they are stated, so that the digests of other specs stay the same.
 _SEPARATELY_DIGESTED_FIELDS = frozenset(
     {
         (Agent, "conduct"),
@@ -52,7 +52,7 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
         (Rate, "is_share"),
         (Skill, "preview_names"),
         (Skill, "preview_conditions"),
-        *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition")),
+        *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition", "derived", "resolution_m")),
     }
 )
 # A checked algorithm holds an algorithm's conditions a second time, translated to Python.
@@ -144,7 +144,10 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
     """Yield, for each element of a spec and each of its conditions, its name in files and its place."""
     spec = plan.checked.spec
     for variable in spec.context:
-        yield node_id(plan, Node(NodeKind.CONTEXT, variable.name)), variable.place
+        name = node_id(plan, Node(NodeKind.CONTEXT, variable.name))
+        yield name, variable.place
+        if variable.derived is not None:
+            yield f"{name}/derived", variable.derived.place
     for algorithm in plan.checked.algorithms.values():
         name = node_id(plan, Node(NodeKind.PERCEPTION, algorithm.name))
         yield name, algorithm.algorithm.place
@@ -243,6 +246,9 @@ def model_digest(plan: BuildPlan) -> str:
     if spec.site is not None:
         meaningful_values = (*meaningful_values, *spec.site.handles)
     meaningful_values = (*meaningful_values, *_optional_values(spec))
+    if checked.derived:
+        resolutions_m = tuple(checked.variables[name].resolution_m for name in checked.derived)
+        meaningful_values = (*meaningful_values, tuple(checked.derived.items()), resolutions_m)
     return _digest(_meaning(meaningful_values))
 
 

@@ -52,7 +52,8 @@ _DIGITS = 9
 
 def worst_cases(checked: CheckedSpec) -> Mapping[str, float]:
     """Return a mapping from each variable that an algorithm identifies to its worst-case time in seconds."""
-    looks = {name: _look(checked.spec, algorithm) for name, algorithm in checked.algorithms.items()}
+    inputs = {name: condition.variables for name, condition in checked.derived.items()}
+    looks = {name: _look(checked.spec, algorithm, inputs) for name, algorithm in checked.algorithms.items()}
     return _WorstCases(looks, checked.spec, checked.producers).bounds_by_variable()
 
 
@@ -75,7 +76,8 @@ class _Look:
     needed_run_count: int
 
 
-def _look(spec: Spec, checked: CheckedAlgorithm) -> _Look:
+def _look(spec: Spec, checked: CheckedAlgorithm, inputs: Mapping[str, Sequence[str]]) -> _Look:
+    """Return a look. The inputs of derived variables take part in what the look needs and waits for."""
     algorithm = checked.algorithm
     identifies = tuple(dict.fromkeys(variable for variable, _ in checked.identifies))
     needed_run_count = max((needed_of(entry) for entry in algorithm.identifies), default=1)
@@ -91,8 +93,8 @@ def _look(spec: Spec, checked: CheckedAlgorithm) -> _Look:
     slots = (usage.resource.name for usage in algorithm.uses if usage.access is Access.SLOT)
     return _Look(
         identifies=identifies,
-        waits_for=tuple(dict.fromkeys(checked.waits_for)),
-        needs=tuple(dict.fromkeys(checked.needs)),
+        waits_for=graph.closure(inputs, checked.waits_for),
+        needs=graph.closure(inputs, checked.needs),
         timeout_s=timeout_s,
         slots=tuple(dict.fromkeys(slots)),
         needed_run_count=needed_run_count,

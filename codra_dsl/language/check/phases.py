@@ -14,6 +14,7 @@ from codra_dsl.language.check.conditions.conditions import parts_of
 from codra_dsl.language.check.conditions.lowering import python_text
 from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.graph.cycles import CYCLE_CHECKS, feedback
+from codra_dsl.language.check.graph.derivations import DERIVATION_SOURCE_CHECKS, DERIVATION_TYPE_CHECKS
 from codra_dsl.language.check.graph.sources import SOURCE_CHECKS
 from codra_dsl.language.check.index.corrections import apply_corrections
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
@@ -55,8 +56,8 @@ NO_TREES: Mapping[str, ReadResult] = {}
 
 PHASES: tuple[tuple[Rule, ...], ...] = (
     (*NAME_CHECKS, *KNOWLEDGE_NAME_CHECKS, *LOOP_NAME_CHECKS, *TREE_FILE_CHECKS),
-    (*SOURCE_CHECKS, *OWNER_CHECKS),
-    (*TYPE_CHECKS, *KNOWLEDGE_TYPE_CHECKS, *POSE_CONDITION_CHECKS, *LOOP_TYPE_CHECKS),
+    (*SOURCE_CHECKS, *DERIVATION_SOURCE_CHECKS, *OWNER_CHECKS),
+    (*TYPE_CHECKS, *DERIVATION_TYPE_CHECKS, *KNOWLEDGE_TYPE_CHECKS, *POSE_CONDITION_CHECKS, *LOOP_TYPE_CHECKS),
     (
         *CYCLE_CHECKS,
         *FRAME_CHECKS,
@@ -165,9 +166,18 @@ def _checked(spec_index: SpecIndex) -> CheckedSpec:
         expectations={skill.name: _checked_expectations(spec_index, skill) for skill in spec_index.spec.skills},
         previews={skill.name: _checked_preview(spec_index, skill) for skill in spec_index.spec.skills},
         poses=pose_condition_texts(spec_index),
+        derived=_checked_derivations(spec_index),
         knowledge=checked_knowledge(spec_index),
         mape=checked_mape(spec_index),
     )
+
+
+def _checked_derivations(spec_index: SpecIndex) -> dict[str, CheckedCondition]:
+    return {
+        variable.name: _checked_condition(spec_index, variable.derived, spec_index.context_types[variable.name])
+        for variable in spec_index.variables.values()
+        if variable.derived is not None
+    }
 
 
 def _checked_expectations(spec_index: SpecIndex, skill: Skill) -> tuple[CheckedExpectation, ...]:

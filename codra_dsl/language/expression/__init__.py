@@ -3,8 +3,15 @@
 This package only parses text; `check` decides what a condition or a pattern means.
 """
 
+from codra_dsl.language.expression.derivations import (
+    COUNTS,
+    distances_in,
+    is_distance,
+    parse_derivation,
+    with_resolution,
+)
 from codra_dsl.language.expression.parser import MAX_DEPTH, parse
-from codra_dsl.language.expression.patterns import EdgeTerm, NodeTerm, Path, parse_pattern
+from codra_dsl.language.expression.patterns import Count, EdgeTerm, NodeTerm, Path, parse_pattern
 from codra_dsl.language.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out
 from codra_dsl.language.expression.printer import to_text
 from codra_dsl.language.expression.tokens import FUNCTIONS, MAX_LENGTH, WORDS, SyntaxProblem, is_name
@@ -15,6 +22,7 @@ from codra_dsl.language.expression.tree import (
     Choice,
     Compare,
     Comparison,
+    Fallback,
     In,
     Name,
     Negative,
@@ -26,10 +34,12 @@ from codra_dsl.language.expression.tree import (
     Truth,
     names_in,
     parts,
+    variables_in,
     walk,
 )
 
 __all__ = [
+    "COUNTS",
     "FUNCTIONS",
     "GEOMETRY",
     "MAX_DEPTH",
@@ -41,7 +51,9 @@ __all__ = [
     "Choice",
     "Compare",
     "Comparison",
+    "Count",
     "EdgeTerm",
+    "Fallback",
     "In",
     "Name",
     "Negative",
@@ -54,14 +66,19 @@ __all__ = [
     "SyntaxProblem",
     "Text",
     "Truth",
+    "distances_in",
+    "is_distance",
     "is_name",
     "names_in",
     "parse",
+    "parse_derivation",
     "parse_over_context",
     "parse_pattern",
     "parts",
     "reads_of",
     "spelt_out",
     "to_text",
+    "variables_in",
     "walk",
+    "with_resolution",
 ]

@@ -29,6 +29,7 @@ from codra_dsl.language.expression.tree import (
     Choice,
     Compare,
     Comparison,
+    Fallback,
     In,
     Name,
     Negative,
@@ -68,9 +69,13 @@ _FUNCTION_HELP = {
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
     **{
-        name: f"{name}() is allowed only in 'observable_when' and 'preview', in patterns of agents, and in 'always'"
-        " and 'value' of adaptations"
+        name: f"{name}() is allowed only in 'observable_when', 'preview' and 'derived', in patterns of agents, and in"
+        " 'always' and 'value' of adaptations"
         for name in ("distance", "in_view")
+    },
+    **{
+        name: f"{name}() is allowed only in 'derived': declare a derived variable, and read that variable here"
+        for name in ("count", "exists")
     },
 }
 
@@ -86,12 +91,15 @@ _OPERATOR_HELP = {
 }
 
 
-def parse(text: str) -> Node | SyntaxProblem:
-    """Return the tree of a condition, or the problem of an invalid text. This function never raises."""
+def parse(text: str, *, allows_fallback: bool = False) -> Node | SyntaxProblem:
+    """Return the tree of a condition, or the problem of an invalid text. This function never raises.
+
+    `allows_fallback` states whether `x else y` is allowed: the value y while x is unknown.
+    """
     if is_name(text):  # the most common form
         return Name(start=0, end=len(text), name=text)
     try:
-        return _Parser(tokens(text)).parse()
+        return _Parser(tokens(text), _INFIX_WITH_FALLBACK if allows_fallback else _INFIX).parse()
     except ExpressionError as error:
         return error.problem
 
@@ -103,8 +111,9 @@ class _Parser:
     or a symbol.
     """
 
-    def __init__(self, all_tokens: tuple[Token, ...]) -> None:
+    def __init__(self, all_tokens: tuple[Token, ...], infix_operators: Mapping[str, _Infix]) -> None:
         self._tokens = all_tokens
+        self._infix_operators = infix_operators
         self._position = 0
         self._depth = 0
 
@@ -139,6 +148,12 @@ class _Parser:
         self._take()
         otherwise = self.expression(Power.CHOICE)
         return Choice(start=then.start, end=otherwise.end, then=then, condition=condition, otherwise=otherwise)
+
+    def fallback(self, value: Node) -> Node:
+        """Read `else B` after `A`."""
+        self._take()
+        otherwise = self.expression(Power.CHOICE)
+        return Fallback(start=value.start, end=otherwise.end, value=value, otherwise=otherwise)
 
     def disjunction(self, first: Node) -> Node:
         """Read `or b or c` after `a`."""
@@ -202,7 +217,7 @@ class _Parser:
         token = self._next_token
         if token.text == "not" and self._tokens[self._position + 1].text != "in":
             return None
-        return _INFIX.get(token.text)
+        return self._infix_operators.get(token.text)
 
     def _operands(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
         operands = [first]
@@ -360,6 +375,7 @@ _INFIX: Mapping[str, _Infix] = {
     "*": _Infix(Power.PRODUCT, _Parser.arithmetic),
     "/": _Infix(Power.PRODUCT, _Parser.arithmetic),
 }
+_INFIX_WITH_FALLBACK = {**_INFIX, "else": _Infix(Power.CHOICE, _Parser.fallback)}
 
 
 def _unknown_function_error(token: Token) -> ExpressionError:

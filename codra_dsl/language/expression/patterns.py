@@ -108,6 +108,23 @@ class Path(Node):
         return " ".join([*(["not"] if self.negated else []), *words])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Count(Node):
+    """`count(PATH)`, the number of matches of a path, or `exists(PATH)`, whether there is a match."""
+
+    function: str
+    path: Path
+
+
+def parse_path(text: str) -> Path:
+    """Return the tree of a path, which may be a single node.
+
+    Raises:
+        ExpressionError: if the text is not a path.
+    """
+    return _PathParser(text).parse()
+
+
 def parse_pattern(text: str) -> Node | SyntaxProblem:
     """Return the tree of a pattern, or the problem of an invalid text. This function never raises."""
     try:

@@ -61,7 +61,7 @@ def spelt_out(tree: Node) -> Node:
         return tree if tree.pose_comparison is None else tree.pose_comparison
     if not any(part.pose_comparison is not None for part in names_in(tree)):
         return tree
-    return _map_parts(tree, spelt_out)
+    return map_parts(tree, spelt_out)
 
 
 def reads_of(name: str) -> tuple[str, str, str]:
@@ -77,6 +77,15 @@ def reads_of(name: str) -> tuple[str, str, str]:
     return ("", node, attribute) if dot else ("", "", name)
 
 
+def mask_pose_functions(text: str) -> tuple[str, dict[int, str]]:
+    """Return the text with a plain name in place of each function of poses, and a mapping from offsets to their names.
+
+    Raises:
+        ExpressionError: if a function does not have the names of two nodes as arguments.
+    """
+    return _mask(text, _POSE_FUNCTION)
+
+
 def _parse_masked(text: str, pattern: re.Pattern[str]) -> Node | SyntaxProblem:
     masked_text, names = _mask(text, pattern)
     tree = parse(masked_text)
@@ -87,7 +96,7 @@ def _parse_masked(text: str, pattern: re.Pattern[str]) -> Node | SyntaxProblem:
             mask = masked_text[start : start if match is None else match.end()]
             message, help_text = message.replace(mask, name), help_text.replace(mask, name)
         return SyntaxProblem(message, tree.start, tree.end, help_text)
-    return _restore_names(tree, names) if names else tree
+    return restore_names(tree, names) if names else tree
 
 
 def _mask(text: str, pattern: re.Pattern[str]) -> tuple[str, dict[int, str]]:
@@ -116,11 +125,11 @@ def _mask(text: str, pattern: re.Pattern[str]) -> tuple[str, dict[int, str]]:
     return masked_text, names
 
 
-def _restore_names(value: Node, names: Mapping[int, str]) -> Node:
+def restore_names(value: Node, names: Mapping[int, str]) -> Node:
     """Return a part of a tree with masked names restored."""
     if isinstance(value, Name):
         return replace(value, name=names.get(value.start, value.name))
-    return _map_parts(value, lambda part: _restore_names(part, names))
+    return map_parts(value, lambda part: restore_names(part, names))
 
 
 def _replace_comparisons(value: Node) -> Node:
@@ -129,15 +138,19 @@ def _replace_comparisons(value: Node) -> Node:
     Raises:
         ExpressionError: if a part with poses cannot be one name, for example because it is not a comparison.
     """
-    if isinstance(value, Compare | In | Call | Name):
-        pose_names = [name for name in names_in(value) if reads_of(name.name)[0]]
-        if pose_names:
-            return _comparison_name(value, pose_names)
-    return _map_parts(value, _replace_comparisons)
+    if isinstance(value, Compare | In | Call | Name) and any(reads_of(name.name)[0] for name in names_in(value)):
+        return comparison_name(value)
+    return map_parts(value, _replace_comparisons)
 
 
-def _comparison_name(part: Compare | In | Call | Name, pose_names: list[Name]) -> Name:
-    first, text = pose_names[0], pose_names[0].name
+def comparison_name(part: Compare | In | Call | Name) -> Name:
+    """Return the name that stands for a comparison with poses.
+
+    Raises:
+        ExpressionError: if the part is not a comparison, or reads something other than poses.
+    """
+    first = next(name for name in names_in(part) if reads_of(name.name)[0])
+    text = first.name
     function = reads_of(text)[0]
     age_call = next((node for node in walk(part) if isinstance(node, Call) and node.function == "age"), None)
     if age_call is not None:
@@ -159,7 +172,7 @@ def _comparison_name(part: Compare | In | Call | Name, pose_names: list[Name]) -
     return Name(start=part.start, end=part.end, name=to_text(part), pose_comparison=part)
 
 
-def _map_parts(node: NodeT, function: Callable[[Node], Node]) -> NodeT:
+def map_parts(node: NodeT, function: Callable[[Node], Node]) -> NodeT:
     """Return a node with a function applied to all its parts, including those in tuples."""
 
     def apply(value: Any) -> Any:

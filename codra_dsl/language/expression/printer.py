@@ -9,6 +9,7 @@ from codra_dsl.language.expression.tree import (
     Call,
     Choice,
     Compare,
+    Fallback,
     In,
     Name,
     Negative,
@@ -72,6 +73,8 @@ def _operation_text(node: Node) -> tuple[str, int]:
                 _operand_text(otherwise, Power.CHOICE),
             )
             return "{} if {} else {}".format(*operand_texts), Power.CHOICE
+        case Fallback(value=value, otherwise=otherwise):
+            return f"{_operand_text(value, Power.OR)} else {_operand_text(otherwise, Power.CHOICE)}", Power.CHOICE
     raise TypeError(f"{type(node).__name__} is not a node of a condition")
 
 

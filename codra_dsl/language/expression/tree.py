@@ -31,7 +31,8 @@ class Name(Node):
     """A context-variable or a returned value.
 
     Attributes:
-        pose_comparison: the comparison with poses that has this name, such as `distance(a, b) < 0.9 m`; otherwise None.
+        pose_comparison: the comparison with poses that has this name, such as `distance(a, b) < 0.9 m`; in a derived
+            variable also a distance or a count of paths; otherwise None.
     """
 
     name: str
@@ -128,6 +129,14 @@ class Choice(Node):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fallback(Node):
+    """`value else otherwise`: the first operand while it is known, then the second one."""
+
+    value: Node
+    otherwise: Node
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Call(Node):
     """`abs(x)`, `min(a, b, ...)`, `max(a, b, ...)`, `known(name)`, `age(name)`."""
 
@@ -150,6 +159,8 @@ def parts(node: Node) -> tuple[Node, ...]:
             return (left, right)
         case Choice(then=then, condition=condition, otherwise=otherwise):
             return (then, condition, otherwise)
+        case Fallback(value=value, otherwise=otherwise):
+            return (value, otherwise)
         case Call(arguments=arguments):
             return arguments
     return ()
@@ -162,6 +173,11 @@ def walk(node: Node) -> Iterator[Node]:
         current = pending.pop()
         yield current
         pending.extend(reversed(parts(current)))
+
+
+def variables_in(node: Node | None) -> tuple[str, ...]:
+    """Return the names in a condition without repetitions; nothing for a condition that could not be parsed."""
+    return () if node is None else tuple(dict.fromkeys(name.name for name in names_in(node)))
 
 
 def names_in(node: Node) -> tuple[Name, ...]:

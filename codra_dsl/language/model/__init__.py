@@ -41,6 +41,7 @@ from codra_dsl.language.model.elements import (
 from codra_dsl.language.model.knowledge import (
     BARE,
     CONTEXT_NODE,
+    DERIVED,
     POSES,
     RESULT,
     RT,
@@ -90,6 +91,7 @@ __all__ = [
     "BARE",
     "CONTEXT_NODE",
     "DEFAULT_PERIOD_S",
+    "DERIVED",
     "FOREVER_S",
     "POSES",
     "RESULT",

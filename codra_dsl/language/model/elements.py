@@ -224,17 +224,19 @@ class Rate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseCondition:
-    """A comparison with poses, such as `distance(a, b) < 0.9 m`.
+    """A comparison with poses, such as `distance(a, b) < 0.9 m`; in derived variables also a distance or a count.
 
     Attributes:
         tree: the syntax tree of the comparison, in which each function of two nodes is one name.
         condition: the condition that contains the comparison; the first one if there are several.
         owner: the section and the name of the element that has this condition, and the key of the condition.
+        resolution_m: the step to which a distance is rounded; None for other values.
     """
 
     tree: Node
     condition: Condition
     owner: tuple[str, str, str]
+    resolution_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,7 +254,10 @@ class Variable:
         rate: set if the variable is the rate of change of another variable.
         is_derived: whether another element implies the variable: its value is then a metric, a weight, a course or the
             result of a comparison with poses.
-        pose_condition: the comparison with poses whose result is the value of the variable, if any.
+        pose_condition: what the knowledge graph determines, if that is the value of the variable: the result of a
+            comparison with poses, a distance, or a count of paths.
+        derived: the expression over other variables from which the value follows; None for other variables.
+        resolution_m: the step to which the distances in `derived` are rounded; None if it is not stated.
         places: the places of the entries, by key (`valid_for`, `source`, ...); `name` is the place of the variable's
             name.
     """
@@ -273,7 +278,14 @@ class Variable:
     rate: Rate | None = None
     is_derived: bool = False
     pose_condition: PoseCondition | None = None
+    derived: Condition | None = None
+    resolution_m: float | None = None
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+    @property
+    def is_computed(self) -> bool:
+        """Whether the value follows from the graph or from other variables, so that nobody writes the variable."""
+        return self.pose_condition is not None or self.derived is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,6 +16,9 @@ CONTEXT_NODE = "context"
 POSES = "the knowledge graph"
 """The source of the results of comparisons with poses; no agent can have this name."""
 
+DERIVED = "other context-variables"
+"""The source of derived variables; no agent can have this name."""
+
 TASK_TYPE = "task"
 """The type of the nodes that tasks declare implicitly."""
 

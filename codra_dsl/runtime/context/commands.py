@@ -36,6 +36,7 @@ from codra_dsl.runtime.values.declarations import (
     expectation_holder,
     skill_holder,
 )
+from codra_dsl.runtime.values.derived import with_inputs
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
 
 
@@ -86,6 +87,7 @@ class Commands:
         self._urgencies = Urgencies(
             {name: observer.model.identifies for name, observer in observers},
             {name: observer.needs() for name, observer in observers},
+            self._with_inputs,
         )
         self.is_closed = False
         self._expected_skills: dict[str, list[str]] = {}
@@ -140,7 +142,7 @@ class Commands:
             self._skill_count += 1
             number, skill = self._skill_count, self._skills[name]
             self._skills_under_way[number] = (caller, skill)
-            self._event_triggers.begin(skill.monitor)
+            self._event_triggers.begin(self._with_inputs(skill.monitor))
             self.declarations.declare_exactly(skill_holder(skill.name, number), (*skill.preview, *skill.monitor))
             self._hold_expected([other for other in self._expected_skills.get(caller, ()) if other != name], caller)
             self._forest.look_again()
@@ -157,8 +159,9 @@ class Commands:
                 raise RuntimeError("a skill that has ended cannot act: begin it again")
             _caller, skill = self._skills_under_way[number]
             self._record_input("act", number=number)
-            for variable in skill.changes:
-                self._store.invalidate(variable, skill.name, MAIN)
+            with self._store.derivations.together():
+                for variable in skill.changes:
+                    self._store.invalidate(variable, skill.name, MAIN)
             self._event_triggers.act(number, skill.changes)
             self._expectations.act(number, skill)
 
@@ -206,7 +209,7 @@ class Commands:
             NotDeclaredError: if the writer is the main execution, the variable is not declared, and the main execution
                 is not a source of the variable.
             NotASourceError: if the writer is an agent that is not a source of the variable, or if the variable follows
-                from poses.
+                from poses or from other variables.
             ValueError: if the evidence lies in the future.
         """
         evidence_s = None if evidence_s is None else float(evidence_s)
@@ -214,8 +217,9 @@ class Commands:
             if self._event_writer.accepts_inputs:
                 self._event_writer.write_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
-            if model.pose_condition is not None:
-                raise NotASourceError(f"{name!r} follows from poses and cannot be written")
+            if model.is_computed:
+                origin = "other context-variables" if model.derived is not None else "poses"
+                raise NotASourceError(f"{name!r} follows from {origin} and cannot be written")
             if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
                     f"{name!r} may be written by {' or '.join(model.sources)}: "
@@ -331,6 +335,9 @@ class Commands:
 
     # Internal
 
+    def _with_inputs(self, names: Iterable[str]) -> frozenset[str]:
+        return with_inputs(names, self._store.cells)
+
     def _check_open(self) -> None:
         """Raise an error if the context manager is closed, so that no observer starts after the closing.
 
@@ -345,7 +352,7 @@ class Commands:
     def _finish(self, number: int) -> None:
         _caller, skill = self._skills_under_way.pop(number)
         self._expectations.finish(number)
-        self._event_triggers.finish(number, skill.monitor)
+        self._event_triggers.finish(number, self._with_inputs(skill.monitor))
         self.declarations.declare_exactly(skill_holder(skill.name, number), ())
         self._forest.look_again()  # the skill may have acted until its end
 
@@ -379,7 +386,7 @@ class Commands:
 
     def _may_write(self, name: str) -> bool:
         model = self._store.variables[name]
-        return model.pose_condition is None and (MAIN in model.sources or name in self.declarations)
+        return not model.is_computed and (MAIN in model.sources or name in self.declarations)
 
     def _store_reading(
         self,

@@ -26,6 +26,7 @@ from codra_dsl.runtime.perception import Function, Perception
 from codra_dsl.runtime.perception.site_handles import with_site_handles
 from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reading, Reason
+from codra_dsl.runtime.values.derived import DerivedCell
 from codra_dsl.runtime.values.model import Algorithm
 
 
@@ -73,7 +74,9 @@ class Components:
         self.subscriptions = Subscriptions(clock, self.lock)
         self.expectations = Expectations(self.store, self.clock, self.event_writer, self.subscriptions.notify_verdict)
         self.event_triggers = EventTriggers()
-        self.forest = Forest(model.observers, self._services(), self.clock, self.store.write, self.forget_variables_of)
+        self.forest = Forest(
+            model.observers, self._services(), self.clock, self.store.write_all, self.forget_variables_of
+        )
         observers = self.forest.observers.values()
         self.perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
         self.commands = Commands(
@@ -106,7 +109,7 @@ class Components:
             variables=tuple(variable for variable in self.store.variables.values() if variable.pose_condition is None),
             clock=self.clock,
             event_writer=self.event_writer,
-            write=self.store.write,
+            write_all=self.store.write_all,
         )
         knowledge = Knowledge(model, clock=self.unlocked_clock, context_link=context_link)
         self.store.mirror, self.store.mirror_override = knowledge.mirror, knowledge.mirror_override
@@ -118,6 +121,10 @@ class Components:
         obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
         if variable.pose_condition is not None:
             return "it follows from poses"
+        cell = self.store.cells[name]
+        if isinstance(cell, DerivedCell):
+            obstacles = ((input_name, self.obstacle(input_name)) for input_name in cell.inputs)
+            return "; ".join(f"{input_name}: {text}" for input_name, text in obstacles if text)
         return f"only {' or '.join(variable.sources)} may write it" if obstacle is None else obstacle
 
     def with_obstacle(self, reading: Reading[Value]) -> Reading[Any]:

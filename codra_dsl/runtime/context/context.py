@@ -33,7 +33,8 @@ from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, KnowledgeModel, 
 from codra_dsl.runtime.observers.waiting import wait_for
 from codra_dsl.runtime.perception import Cost, Function, check_handles, imported
 from codra_dsl.runtime.values.cell import FOREVER_S, Reading
-from codra_dsl.runtime.values.declarations import MAIN, OBSERVER
+from codra_dsl.runtime.values.declarations import MAIN
+from codra_dsl.runtime.values.derived import with_inputs
 from codra_dsl.runtime.values.model import Algorithm, SkillModel, VariableModel
 from codra_dsl.runtime.why import Why, explain
 
@@ -96,6 +97,7 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         with self._clock:  # so that the graph begins at the same instant as the journal
             self.record.begin(lambda: self._run_header(seed))
             self._knowledge = None if knowledge is None else components.create_knowledge(knowledge)
+            self._store.derivations.start()
 
     def __enter__(self) -> Self:
         return self
@@ -186,7 +188,7 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
             needed_variables = {
                 need for name in self._forest.running() for need in self._forest.observers[name].needs()
             }
-            return self.commands.declarations.names() | needed_variables
+            return with_inputs(self.commands.declarations.names(), self._cells) | needed_variables
 
     def spent(self) -> Mapping[str, Cost]:
         """Return a mapping from the name of each observer to its costs and results so far."""
@@ -209,7 +211,7 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         except KeyError:
             raise unknown_name_error("variable", name, self._cells) from None
         if reading.expires_s != FOREVER_S and reading.expires_s <= (now_s := self._now_s()):
-            reading = reading.at(now_s)
+            reading = self._cells[name].now(now_s)
         return reading if reading.reason is None else self._components.with_obstacle(reading)
 
     def readings(self, names: Iterable[VariableName]) -> Mapping[str, Reading[Any]]:
@@ -279,21 +281,16 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
                 self.commands, f"agent {name}", self._variables_of_wakes(name, self._knowledge.model)
             )
             return Agent(name, self._write_as, self._knowledge, acquisition)
-        names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
-        if name not in names:
-            raise unknown_name_error("variable whose source is", name, sorted(names))
+        if name not in self.model.agents:
+            raise unknown_name_error("variable whose source is", name, sorted(self.model.agents))
         return Agent(name, self._write_as)
 
     def _variables_of_wakes(self, agent: str, model: KnowledgeModel) -> list[str]:
         """Return the observed variables in the `wakes` patterns of an agent."""
-        wake_patterns = (
-            pattern for agent_model in model.agents if agent_model.name == agent for pattern in agent_model.wakes
-        )
-        wake_attributes = {
-            name for pattern in wake_patterns if isinstance(pattern, Term) for name in pattern.variables()
-        }
-        observed_variables = {name for observer in self.model.observers for name in observer.identifies}
-        return sorted(name for name in observed_variables if f"{self._nodes[name]}.{name}" in wake_attributes)
+        wakes = (pattern for agent_model in model.agents if agent_model.name == agent for pattern in agent_model.wakes)
+        attributes = {name for pattern in wakes if isinstance(pattern, Term) for name in pattern.variables()}
+        names = sorted(self.model.observed_variables)
+        return [name for name in names if f"{self._nodes[name]}.{name}" in attributes]
 
     @property
     def knowledge(self) -> Knowledge:

@@ -1,24 +1,29 @@
-"""Conditions on poses as context-variables: the value of `distance(a, b) < 0.9 m` follows from the knowledge graph.
+"""Context-variables that follow from the knowledge graph: `distance(a, b) < 0.9 m`, a distance, or a count of paths.
 
 Poses change all the time, but the value of a condition on them changes rarely. So the variable gets a reading only
-when its value changes, and only these readings reach trees, the journal and `why`.
+when its value changes, and only these readings reach trees, the journal and `why`. The number of a distance is rounded,
+so that it changes rarely, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
-from codra_dsl.logic import Term
+from codra_dsl.logic import Term, Value
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.geometry import FrameError, Outcome
-from codra_dsl.runtime.knowledge import Knowledge, Snapshot
+from codra_dsl.runtime.knowledge import Knowledge, Path, Snapshot
 from codra_dsl.runtime.knowledge.change_set import ChangeSubject
-from codra_dsl.runtime.knowledge.matching import relative_pose_pairs, truth
+from codra_dsl.runtime.knowledge.matching import ANY, relative_pose_pairs, term_value
 from codra_dsl.runtime.observers.store import Store
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Reading, Reason, known_reading
 from codra_dsl.runtime.values.declarations import POSES
 from codra_dsl.runtime.values.model import VariableModel
+
+_DECIMAL_PLACES = 9
+"""The decimal places of a rounded distance, so that 3 times 0.1 m is 0.3 m."""
 
 
 class PoseConditions:
@@ -34,18 +39,37 @@ class PoseConditions:
             store: stores the readings.
         """
         self._take_snapshot = knowledge.step_snapshot
-        self._conditions = tuple(
-            _PoseCondition(variable.name, variable.pose_condition, self._take_snapshot, clock, store)
-            for variable in variables
-            if variable.pose_condition is not None
+        graph_variables = [variable for variable in variables if variable.pose_condition is not None]
+        paths = {f"count({path})": path for path in knowledge.model.counts}
+        self._counts = tuple(
+            _PathCount(variable, path, knowledge, store)
+            for variable in graph_variables
+            for name, path in paths.items()
+            if variable.pose_condition is not None and name in variable.pose_condition.variables()
         )
-        if self._conditions:
-            knowledge.on_change = self._evaluate_affected_conditions
+        counted_names = {count.name for count in self._counts}
+        self._conditions = tuple(
+            _PoseCondition(variable, self._take_snapshot, clock, store)
+            for variable in graph_variables
+            if variable.name not in counted_names
+        )
+        self._together = store.derivations.together
+        if graph_variables:
+            knowledge.on_change = self._evaluate_affected_variables
+        for count in self._counts:
+            count.evaluate(self._take_snapshot())
         for condition in self._conditions:
             condition.evaluate(self._take_snapshot())
 
-    def _evaluate_affected_conditions(self, changed_subjects: Collection[ChangeSubject]) -> None:
+    def _evaluate_affected_variables(self, changed_subjects: Collection[ChangeSubject]) -> None:
         """Compute the variables that a change of the graph may affect."""
+        with self._together():
+            self._evaluate_affected_conditions(changed_subjects)
+            for count in self._counts:
+                if count.depends_on(changed_subjects):
+                    count.evaluate(self._take_snapshot())
+
+    def _evaluate_affected_conditions(self, changed_subjects: Collection[ChangeSubject]) -> None:
         frames = frozenset(name for kind, name in changed_subjects if kind == "frame")
         has_nodes = any(kind == "node" for kind, _ in changed_subjects)
         snapshot = self._take_snapshot()
@@ -69,14 +93,57 @@ class _InputsStatus(NamedTuple):
     detail: str = ""
 
 
+class _PathCount:
+    """One variable that follows from the number of matches of a path. This number is always known."""
+
+    def __init__(self, variable: VariableModel, path: Path, knowledge: Knowledge, store: Store) -> None:
+        first = path.places[0]
+        is_single = not path.links and not first.called
+        self.name = variable.name
+        self._term = _term_of(variable)
+        # matches differ in their edges and named places, so a single node needs a name
+        self._path = replace(path, places=(replace(first, called="_"),)) if is_single else path
+        self._count_name = f"count({path})"
+        self._subjects = knowledge.step_snapshot().subjects_of(path)
+        self._store = store
+
+    def depends_on(self, changed_subjects: Collection[ChangeSubject]) -> bool:
+        """Return whether changes of some subjects can change the number."""
+        return any((kind, name) in self._subjects or (kind, ANY) in self._subjects for kind, name in changed_subjects)
+
+    def evaluate(self, snapshot: Snapshot) -> None:
+        """Count, and store a reading if the value has changed."""
+        count = len(snapshot.match(self._path))
+        content = self._term.evaluate(_CountScope(self._count_name, count))
+        before, now_s = self._store.cells[self.name].observed, snapshot.instant_s
+        if content is not None and before.content != content:
+            self._store.write(known_reading(self.name, content, now_s, now_s, now_s, FOREVER_S, POSES))
+
+
+class _CountScope(NamedTuple):
+    """The number of matches of one path."""
+
+    name: str
+    number: int
+
+    def value(self, name: str) -> Value | None:
+        """Return the number."""
+        return self.number if name == self.name else None
+
+    def age_s(self, name: str) -> float | None:
+        """Return no age: the number is counted now."""
+        return 0.0 if name == self.name else None
+
+
 class _PoseCondition:
     """One variable that follows from poses."""
 
     def __init__(
-        self, name: str, term: Term, take_snapshot: Callable[[], Snapshot], clock: Clock, store: Store
+        self, variable: VariableModel, take_snapshot: Callable[[], Snapshot], clock: Clock, store: Store
     ) -> None:
-        self._name = name
-        self._term = term
+        self._name = variable.name
+        self._term = _term_of(variable)
+        self._resolution_m = variable.resolution_m
         self._take_snapshot = take_snapshot
         self._clock = clock
         self._store = store
@@ -94,7 +161,8 @@ class _PoseCondition:
             snapshot: the snapshot of the present step.
             moved_frames: the frames whose poses have changed.
         """
-        status, content = _inputs_status(snapshot, self._term), truth(snapshot, self._term)
+        status = _inputs_status(snapshot, self._term)
+        content = _rounded(term_value(snapshot, self._term), self._resolution_m)
         before, now_s = self._store.cells[self._name].observed, snapshot.instant_s
         self._frames = status.frames
         reason = None if content is not None else _reason(before, status)
@@ -135,6 +203,18 @@ class _PoseCondition:
     def _evaluate_now(self) -> None:
         self._timer = None
         self.evaluate(self._take_snapshot())
+
+
+def _term_of(variable: VariableModel) -> Term:
+    assert variable.pose_condition is not None
+    return variable.pose_condition
+
+
+def _rounded(content: Value | None, resolution_m: float | None) -> Value | None:
+    """Return a distance rounded to a multiple of its resolution; other values are returned unchanged."""
+    if resolution_m is None or not isinstance(content, float):
+        return content
+    return round(round(content / resolution_m) * resolution_m, _DECIMAL_PLACES)
 
 
 def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:

@@ -127,8 +127,17 @@ class SpecSummary:
             self.algorithms[name] for name in observer.algorithms if variable in self.algorithms[name].identifies
         )
 
+    def find_derivation(self, variable: str) -> Rule | None:
+        """Return the expression of a derived variable; None for other variables."""
+        term = self.variables[variable].derived
+        place = self.places.get(f"context/{variable}/derived")
+        return None if term is None else Rule(python_text=repr(term), place=place)
+
     def rules(self) -> Iterator[Rule]:
-        """Return the conditions of all algorithms and previews."""
+        """Return the conditions of all algorithms and previews, and the expressions of all derived variables."""
+        for name in self.variables:
+            derivation = self.find_derivation(name)
+            yield from () if derivation is None else (derivation,)
         for algorithm in self.algorithms.values():
             yield from (*algorithm.preconditions, *algorithm.acceptance_conditions, *algorithm.identifies.values())
         for rules in self.previews.values():

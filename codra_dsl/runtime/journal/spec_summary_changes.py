@@ -83,6 +83,9 @@ def _settings(summary: SpecSummary) -> Mapping[tuple[str, str], Sequence[Rule]]:
     for variable in summary.variables.values():
         place = summary.places.get(f"context/{variable.name}")
         settings[variable.name, "type"] = _rules_of_text(_type_text(variable.type), place)
+        derivation = summary.find_derivation(variable.name)
+        if derivation is not None:
+            settings[variable.name, "derived"] = (derivation,)
         settings[variable.name, "source"] = _rules_of_text(" or ".join(variable.sources), place)
         settings[variable.name, "valid_for"] = _rules_of_text(f"{variable.valid_for_s:g} s", place)
         settings[variable.name, "when_unobservable"] = _rules_of_text(str(variable.when_unobservable), place)
@@ -140,6 +143,9 @@ def _source_names(name: str, summary: SpecSummary) -> Iterator[str]:
         yield from sorted({variable for rule in rules for variable in rule.term.variables()})
     if name in summary.observers:
         yield from summary.observers[name].algorithms
+    derivation = summary.find_derivation(name) if name in summary.variables else None
+    if derivation is not None:
+        yield from sorted(derivation.term.variables())
     observer = summary.find_observer(name)
     if observer is not None:
         yield from (algorithm.name for algorithm in summary.find_algorithms(name))

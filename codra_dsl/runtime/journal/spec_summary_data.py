@@ -14,6 +14,7 @@ from codra_dsl.runtime.journal.spec_summary import (
     SpecSummary,
     place_from_data,
 )
+from codra_dsl.runtime.values.condition_text import parse_condition
 from codra_dsl.runtime.values.model import Kind, SkillModel, ValueType, VariableModel
 
 
@@ -53,6 +54,7 @@ def _variable_to_data(variable: VariableModel) -> dict[str, Any]:
         "sources": list(variable.sources),
         "valid_for_s": _finite_or_none(variable.valid_for_s),
         "when_unobservable": variable.when_unobservable,
+        **({} if variable.derived is None else {"derived": repr(variable.derived)}),
     }
 
 
@@ -139,6 +141,7 @@ def _variable_from_data(name: str, data: Mapping[str, Any]) -> VariableModel:
         sources=tuple(data["sources"]),
         valid_for_s=_float_or_default(data["valid_for_s"], math.inf),
         when_unobservable=data["when_unobservable"],
+        derived=parse_condition(data["derived"]) if "derived" in data else None,
     )
 
 

@@ -43,13 +43,13 @@ class ContextLink:
         variables: the variables of the context.
         clock: turns each write into a step, and each deadline into an event.
         event_writer: writes the journal.
-        write: writes a reading of a variable to the context, which passes the reading on to `mirror`.
+        write_all: writes readings of variables to the context together, which passes each of them on to `mirror`.
     """
 
     variables: Sequence[VariableModel]
     clock: LockedClock
     event_writer: EventWriter
-    write: Callable[[Reading[Value]], None]
+    write_all: Callable[[Sequence[Reading[Value]]], None]
 
     def write_input(self, agent: str, operations: Sequence[Operation]) -> None:
         """Record an agent's operations in the journal, before their effects become visible."""
@@ -58,8 +58,7 @@ class ContextLink:
 
     def commit(self, change_set: ChangeSet, version: int) -> None:
         """Write the readings of context-variables to the context, and record all other changes in the journal."""
-        for reading in change_set.context_readings:
-            self.write(reading)
+        self.write_all(change_set.context_readings)
         for name, what, details in change_set.records or ():
             self.event_writer.write(Kind.KNOWLEDGE, name, what, version=version, **details)
 

@@ -355,7 +355,11 @@ class AgentModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnowledgeModel:
-    """All declarations of a spec about its graph."""
+    """All declarations of a spec about its graph.
+
+    Attributes:
+        counts: the paths whose matches derived variables count.
+    """
 
     name: str
     node_types: tuple[NodeTypeModel, ...] = ()
@@ -364,6 +368,7 @@ class KnowledgeModel:
     edges: tuple[EdgeModel, ...] = ()
     tasks: tuple[TaskModel, ...] = ()
     agents: tuple[AgentModel, ...] = ()
+    counts: tuple[Path, ...] = ()
 
 
 def _as_place(place: str | Place | Link) -> Place:

@@ -112,7 +112,7 @@ class GraphSchema:
             },
             **task_types_and_attributes,
         }
-        writers = (source for variable in variables for source in variable.sources)
+        writers = (source for variable in variables if variable.derived is None for source in variable.sources)
         self.agents = frozenset((*_agent_names(model), *writers)) - {OBSERVER}
 
     def node_type(self, name: str) -> NodeType:

@@ -134,10 +134,9 @@ def subjects_of_patterns(schema: GraphSchema, patterns: Iterable[Pattern]) -> fr
     return frozenset(subjects)
 
 
-def truth(snapshot: GraphReader, term: Term) -> bool | None:
-    """Return the result of a condition without names of places; None if the result is unknown."""
-    truth_value = term.evaluate(_Scope(snapshot, {}))
-    return truth_value if isinstance(truth_value, bool) else None
+def term_value(snapshot: GraphReader, term: Term) -> Value | None:
+    """Return the value of a term without names of places; None if the value is unknown."""
+    return term.evaluate(_Scope(snapshot, {}))
 
 
 def relative_pose_pairs(term: Term) -> tuple[tuple[str, str], ...]:

@@ -9,7 +9,7 @@ from typing import Any
 from codra_dsl.logic import Term, Value
 from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.geometry import FrameError, Outcome, Transform
-from codra_dsl.runtime.knowledge.change_set import AbsentError
+from codra_dsl.runtime.knowledge.change_set import AbsentError, ChangeSubject
 from codra_dsl.runtime.knowledge.declarations import Pattern
 from codra_dsl.runtime.knowledge.elements import (
     Edge,
@@ -20,7 +20,7 @@ from codra_dsl.runtime.knowledge.elements import (
     present_reading,
 )
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
-from codra_dsl.runtime.knowledge.matching import Match, matches
+from codra_dsl.runtime.knowledge.matching import Match, matches, subjects_of_patterns
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.values.cell import Reading
 
@@ -242,6 +242,10 @@ class Snapshot:
             UnknownNameError: if a pattern uses a type that is not declared.
         """
         return matches(self, self._schema, patterns)
+
+    def subjects_of(self, *patterns: Pattern) -> frozenset[ChangeSubject]:
+        """Return the subjects of changes after which the matches of patterns can differ from those in this snapshot."""
+        return subjects_of_patterns(self._schema, patterns)
 
     def holds(self, *patterns: Pattern) -> bool:
         """Return whether there is a match in which all of the patterns hold; this raises the errors of `match`."""

@@ -185,9 +185,9 @@ class Loop:
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
         watched_variables = planning.watches()
-        identified_variables = {name for observer in codra.model.observers for name in observer.identifies}
+        observed_variables = codra.model.observed_variables
         declared_variables = [
-            name for name in watched_variables if name in identified_variables
+            name for name in watched_variables if name in observed_variables
         ]  # the loop decides on these variables (P1, Equation 4)
         self._declaration = shared_declaration(codra.commands, f"loop {loop.name}", declared_variables)
         self._listener = SharedAcquisition(self._start_listening, self._stop_listening)

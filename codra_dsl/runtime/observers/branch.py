@@ -14,6 +14,7 @@ from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.perception import CostMeter, Failure, Interval, JobRun, Result, State
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reason
 from codra_dsl.runtime.values.conditions_held import ContextNow, complete_from_s, first_loss_s, has_held
+from codra_dsl.runtime.values.derived import with_inputs
 from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis, Vote, Votes
 from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
@@ -168,7 +169,8 @@ class Branch:
 
     def reads(self, variable: str) -> bool:
         """Return whether a precondition reads a variable."""
-        return any(variable in term.variables() for _, term in self.conditions)
+        cells = self.observer.services.cells
+        return any(variable in with_inputs(term.variables(), cells) for _, term in self.conditions)
 
     @property
     def is_occupied(self) -> bool:
@@ -357,7 +359,8 @@ class Branch:
     def _condition_cells(self) -> list[Cell]:
         """The variables of the preconditions; jobs need them after all preconditions were added."""
         names = {name for _, term in self.conditions for name in term.variables()}
-        return [self.observer.services.cells[name] for name in sorted(names)]
+        cells = self.observer.services.cells
+        return [cells[name] for name in sorted(with_inputs(names, cells))]
 
     def _stamp_s(self) -> float:
         return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s

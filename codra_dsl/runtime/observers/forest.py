@@ -9,7 +9,7 @@ read the age of the variable.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock, Timer
@@ -19,6 +19,7 @@ from codra_dsl.runtime.observers.observer import Observer, ObserverModel
 from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.perception import described
 from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.derived import derived_cells_among, with_inputs
 
 MAX_ROUNDS = 100
 """The largest number of rounds at one instant. If feedback still causes changes then, the next round has to wait."""
@@ -35,7 +36,7 @@ class Forest:
         models: Sequence[ObserverModel],
         services: ObserverServices,
         clock: Clock,
-        commit: Callable[[Reading[Value]], None],
+        commit: Callable[[Iterable[Reading[Value]]], None],
         on_stop: Callable[[Observer], None],
     ) -> None:
         """Build all trees.
@@ -44,10 +45,11 @@ class Forest:
             models: the observers.
             services: the part of the context manager that observers use.
             clock: real or simulated time.
-            commit: called after each round, with each reading that observers wrote in this round.
+            commit: called after each round, with the readings that observers wrote in this round.
             on_stop: called for each observer that has stopped.
         """
         self._clock = clock
+        self._cells = services.cells
         self._event_writer: EventWriter = services.event_writer
         self._commit = commit
         self._on_stop = on_stop
@@ -75,6 +77,10 @@ class Forest:
         self._supplier_names_by_observer = {
             name: self._supplier_names(observer) for name, observer in self._observers.items()
         }
+        self._derived_readers: dict[str, list[str]] = {}
+        for cell in derived_cells_among(self._cells, self._cells):
+            for name in with_inputs((cell.reading.name,), self._cells):
+                self._derived_readers.setdefault(name, [name]).append(cell.reading.name)
         self._names_to_tick: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round_timer: Timer | None = None
@@ -103,16 +109,20 @@ class Forest:
     def declare(self, variable: str) -> None:
         """Start the observers for a variable that enters C_E(t) (P1, Algorithm 1).
 
+        For a derived variable, these are the observers of its inputs.
+
         If the variable has `refresh: on_event`, its observer may run already because other observers need the variable.
         Then the declaration can make the variable due, so the observer is ticked.
         """
-        self._activation.declare(variable)
-        if variable in self._observers_by_need and variable in self._observer_by_variable:
-            self.request_tick(self._observer_by_variable[variable])
+        for name in self._observed_inputs(variable):
+            self._activation.declare(name)
+            if name in self._observers_by_need:
+                self.request_tick(self._observer_by_variable[name])
 
     def withdraw(self, variable: str) -> None:
         """Stop the observers that are no longer needed when a variable leaves C_E(t)."""
-        self._activation.withdraw(variable)
+        for name in self._observed_inputs(variable):
+            self._activation.withdraw(name)
 
     def changed(self, variable: str, is_renewed: bool) -> None:
         """Tick the readers of a variable whose present reading or history has changed.
@@ -138,7 +148,7 @@ class Forest:
         visited_variables, pending_variables = {variable}, [variable]
         while pending_variables:
             name = pending_variables.pop()
-            if name in declarations:
+            if any(reader in declarations for reader in self._derived_readers.get(name, (name,))):
                 return True
             branches = [
                 branch
@@ -153,6 +163,10 @@ class Forest:
             visited_variables |= due_variables
             pending_variables.extend(due_variables)
         return False
+
+    def _observed_inputs(self, variable: str) -> list[str]:
+        """Return a variable if an observer identifies it; of a derived variable, its inputs that have observers."""
+        return sorted(name for name in with_inputs((variable,), self._cells) if name in self._observer_by_variable)
 
     def look_again(self) -> None:
         """Tick the running observers that have variables with `refresh: on_event`, because they may be due now."""
@@ -194,8 +208,7 @@ class Forest:
             )
             names, self._names_to_tick = sorted(names_with_suppliers, key=self._position_by_name.__getitem__), set()
             now_s = self._clock.now_s()
-            for reading in [reading for name in names for reading in self._tick(self._observers[name], now_s)]:
-                self._commit(reading)
+            self._commit([reading for name in names for reading in self._tick(self._observers[name], now_s)])
         return False
 
     def _tick(self, observer: Observer, now_s: float) -> list[Reading[Value]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import reduce
 from operator import and_, or_
@@ -18,6 +18,7 @@ from codra_dsl.runtime.observers.services import ObserverServices
 from codra_dsl.runtime.observers.ticking import tick
 from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.values.conditions_held import ContextNow, ObservabilityMonitor
+from codra_dsl.runtime.values.derived import with_inputs
 from codra_dsl.runtime.values.model import Algorithm
 
 __all__ = ["Branch", "Observer", "ObserverModel"]
@@ -90,8 +91,11 @@ class Observer:
         return tuple(self._branches)
 
     def needs(self) -> tuple[str, ...]:
-        """Return C_Oi, the context-variables that the observer reads (P1, Equation 7), sorted."""
-        return tuple(sorted({name for term in self._terms() for name in term.variables()}))
+        """Return C_Oi, the context-variables that the observer reads (P1, Equation 7), sorted.
+
+        The inputs of derived variables are included.
+        """
+        return tuple(sorted(with_inputs(self._names_in(self._terms()), self.services.cells)))
 
     def watched_variables(self) -> tuple[str, ...]:
         """Return the variables whose changes cause a tick.
@@ -105,7 +109,7 @@ class Observer:
 
         Newer evidence for them may matter even if the value stays the same.
         """
-        return tuple(sorted({name for term in self._age_sensitive_terms for name in term.variables()}))
+        return tuple(sorted(self._names_in(self._age_sensitive_terms)))
 
     def observability_condition(self, variable: str) -> Term | None:
         """Return the condition under which a variable can be observed: all preconditions of one of its algorithms hold.
@@ -232,6 +236,10 @@ class Observer:
         return min(instants, default=None)
 
     # Internal
+
+    @staticmethod
+    def _names_in(terms: Iterable[Term]) -> set[str]:
+        return {name for term in terms for name in term.variables()}
 
     def _terms(self) -> list[Term]:
         return [term for branch in self._branches for _, term in branch.conditions]

@@ -8,8 +8,10 @@ from dataclasses import replace
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.journal import EventWriter, Kind
+from codra_dsl.runtime.observers.derivations import Derivations
 from codra_dsl.runtime.values.cell import FOREVER_S, Cell, Override, Reading, Reason
-from codra_dsl.runtime.values.declarations import MAIN, OPERATOR
+from codra_dsl.runtime.values.declarations import DERIVED, MAIN, OPERATOR
+from codra_dsl.runtime.values.derived import DerivedCell
 from codra_dsl.runtime.values.model import VariableModel
 
 
@@ -20,6 +22,7 @@ class Store:
         mirror: called with each reading before it is stored, for variables that are attributes in the knowledge graph.
         mirror_override: called, for these variables, with each change of an override or of the reading beneath it, and
             with None at its end.
+        derivations: keeps the derived variables up to date.
     """
 
     def __init__(
@@ -39,7 +42,9 @@ class Store:
                 name of the variable, and whether the variable only has newer evidence for the same value.
         """
         self.variables: Mapping[str, VariableModel] = {variable.name: variable for variable in variables}
-        self.cells: Mapping[str, Cell] = {name: Cell(name, model.history) for name, model in self.variables.items()}
+        self.cells: dict[str, Cell] = {}
+        self.cells |= {name: _create_cell(model, self.cells) for name, model in self.variables.items()}
+        self.derivations = Derivations(self.cells, clock, self.write)
         self._clock = clock
         self._event_writer = event_writer
         self._on_change = on_change
@@ -50,7 +55,13 @@ class Store:
 
     def reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable now. Any thread may call this, without the lock."""
-        return self.cells[name].reading.at(self._clock.now_s())
+        return self.cells[name].now(self._clock.now_s())
+
+    def write_all(self, readings: Iterable[Reading[Value]]) -> None:
+        """Store readings that are identified together."""
+        with self.derivations.together():
+            for reading in readings:
+                self.write(reading)
 
     def history(self, name: str) -> tuple[Reading[Value], ...]:
         """Return the readings of a variable, ordered by their evidence; while it lasts, an override is the last one."""
@@ -81,6 +92,7 @@ class Store:
         if is_present and reading.expires_s != FOREVER_S and name not in self._expiring_names:
             self._watch_expiry(reading)
         self._on_change(name, is_present and before.content == reading.content and _is_same_state(before, reading))
+        self.derivations.note_change(name)
 
     def make_unknown(self, name: str, reason: Reason, detail: str, source: str) -> None:
         """Make a variable unknown from now on."""
@@ -127,6 +139,7 @@ class Store:
         self._event_writer.write(Kind.OVERRIDE, name, "begun", **override_details)
         self._override_timers[name] = self._clock.call_at(until_s, lambda: self.end_override(name, "expired"))
         self._on_change(name, False)
+        self.derivations.note_change(name)
 
     def end_override(self, name: str, what: str) -> None:
         """End the override of a variable, if there is one; the variable has the reading of its sources again.
@@ -140,10 +153,11 @@ class Store:
         if not cell.end_override(now_s):
             return
         self._mirror_override(name)
-        reading = self._observed(name)
+        reading = self.reading(name)
         reading_details = {"value": reading.content, "reason": reading.reason, "source": reading.source}
         self._event_writer.write(Kind.OVERRIDE, name, what, **reading_details)
         self._on_change(name, False)
+        self.derivations.note_change(name)
 
     def _mirror_override(self, name: str) -> None:
         """Pass the override of a variable, or None, on to the knowledge graph."""
@@ -163,7 +177,8 @@ class Store:
         return self.cells[name].observed.at(self._clock.now_s())
 
     def _watch_expiry(self, reading: Reading[Value]) -> None:
-        if reading.expires_s != FOREVER_S and reading.name not in self._expiring_names:
+        is_derived = reading.source == DERIVED  # it is derived again when an input expires
+        if reading.expires_s != FOREVER_S and reading.name not in self._expiring_names and not is_derived:
             self._expiring_names.add(reading.name)
             self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
 
@@ -176,8 +191,15 @@ class Store:
                 self._mirror_override(name)
             self._event_writer.write_reading(self._clock.now_s(), cell.observed, True)
             self._on_change(name, False)
+            self.derivations.note_change(name)
         else:
             self._watch_expiry(cell.observed)
+
+
+def _create_cell(model: VariableModel, cells: Mapping[str, Cell]) -> Cell:
+    if model.derived is None:
+        return Cell(model.name, model.history)
+    return DerivedCell(model.name, model.history, model.derived, model.type, cells)
 
 
 def _is_same_state(before: Reading[Value], reading: Reading[Value]) -> bool:

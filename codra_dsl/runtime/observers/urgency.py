@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import IntEnum
 
 from codra_dsl.runtime.values.declarations import Declarations
@@ -20,17 +20,24 @@ class Urgency(IntEnum):
 class Urgencies:
     """The most urgent need that each observer serves, directly or through observers that read its variables."""
 
-    def __init__(self, identifies: Mapping[str, Sequence[str]], needs: Mapping[str, Sequence[str]]) -> None:
+    def __init__(
+        self,
+        identifies: Mapping[str, Sequence[str]],
+        needs: Mapping[str, Sequence[str]],
+        with_inputs: Callable[[Iterable[str]], Iterable[str]],
+    ) -> None:
         """Build the relation between observers.
 
         Args:
             identifies: the variables of each observer.
             needs: the variables that each observer reads (P1, Equation 7).
+            with_inputs: adds the inputs of the derived variables among some variables.
         """
         self._observer_by_variable = {
             variable: name for name, variables in identifies.items() for variable in variables
         }
         self._needs = needs
+        self._with_inputs = with_inputs
         self._awaited_variables: dict[int, tuple[str, ...]] = {}
         self._urgency_by_observer: dict[str, Urgency] = {}
         self._wait_version = 0
@@ -69,7 +76,7 @@ class Urgencies:
 
         An observer that already has an urgency keeps it, because the most urgent needs are given first.
         """
-        pending_variables = list(variables)
+        pending_variables = sorted(self._with_inputs(variables))
         while pending_variables:
             observer = self._observer_by_variable.get(pending_variables.pop())
             if observer is not None and observer not in self._urgency_by_observer:

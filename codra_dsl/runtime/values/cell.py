@@ -255,6 +255,24 @@ class Cell:
         Returns:
             Whether the added reading is now the present reading of the sources.
         """
+        self._append(reading)
+        if reading.evidence_s < self.observed.evidence_s:
+            return False
+        self.replace_observed(reading)
+        return True
+
+    def replace_observed(self, reading: Reading[Value]) -> None:
+        """Replace the present reading of the sources; an override goes on to hide it."""
+        present_reading = self.reading
+        is_hidden = isinstance(present_reading, Override)
+        self.reading = replace(present_reading, beneath=reading) if is_hidden else reading
+
+    def now(self, now_s: float) -> Reading[Value]:
+        """Return the present reading as it is now."""
+        return self.reading.at(now_s)
+
+    def _append(self, reading: Reading[Value]) -> None:
+        """Add a reading to the history."""
         if reading.evidence_s < reading.identified_s:
             self.late_reading_count += 1
         if not self._readings or reading.evidence_s >= self._readings[-1].evidence_s:
@@ -266,16 +284,6 @@ class Cell:
         ):
             del self._readings[0]
             self._has_dropped_readings = True
-        present_reading = self.reading
-        if isinstance(present_reading, Override):
-            is_present = reading.evidence_s >= present_reading.beneath.evidence_s
-            if is_present:
-                self.reading = replace(present_reading, beneath=reading)
-            return is_present
-        if reading.evidence_s < present_reading.evidence_s:
-            return False
-        self.reading = reading
-        return True
 
     def pin(self, instant_s: float) -> None:
         """Keep the readings that cover the time since an instant, because evidence that is being taken needs them."""
@@ -295,11 +303,11 @@ class Cell:
 
     def expire(self, now_s: float) -> bool:
         """Make the reading of the sources unknown if it is no longer valid; return whether it became unknown."""
-        hiding_reading, observed = self.reading, self.observed
+        observed = self.observed
         reading = observed.at(now_s)
         if reading is observed:
             return False
-        self.reading = replace(hiding_reading, beneath=reading) if isinstance(hiding_reading, Override) else reading
+        self.replace_observed(reading)
         return True
 
     def begin_override(self, override: Override) -> None:
@@ -329,8 +337,12 @@ class Cell:
 
         This is the override at the instant, or the reading of the sources.
         """
-        span = next((span for span in reversed(self._override_spans) if span.covers(instant_s)), None)
-        return self.observed_at(instant_s) if span is None else span.override
+        return self.override_at(instant_s) or self.observed_at(instant_s)
+
+    def override_at(self, instant_s: float) -> Override | None:
+        """Return the override at an instant; None if there was none."""
+        spans = reversed(self._override_spans)
+        return next((span.override for span in spans if span.covers(instant_s)), None)
 
     def observed_at(self, instant_s: float) -> Reading[Value]:
         """Return the reading of the sources at an instant, according to what is known today.
@@ -347,9 +359,18 @@ class Cell:
     def complete_from_s(self) -> float:
         """Return the instant since which the history is complete."""
         complete_from_s = self._readings[0].evidence_s if self._has_dropped_readings else BEFORE_ALL_S
+        return max(complete_from_s, self._overrides_complete_from_s)
+
+    @property
+    def _overrides_complete_from_s(self) -> float:
         if len(self._override_spans) < self._max_readings:
-            return complete_from_s
-        return max(complete_from_s, self._override_spans[0].override.evidence_s)
+            return BEFORE_ALL_S
+        return self._override_spans[0].override.evidence_s
+
+    @property
+    def was_overridden(self) -> bool:
+        """Return whether there is or was an override."""
+        return bool(self._override_spans)
 
     def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:
         """Return the readings of the sources whose evidence was taken in (start, end], in order."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from codra_dsl.logic import Term, Value, age, choose, first_of, known, literal, maximum, minimum, value
 from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.values.derived import first_known
 from codra_dsl.runtime.values.hysteresis import between, confirmed
 
 _FUNCTIONS: Mapping[str, Callable[..., Term]] = {
@@ -17,6 +18,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Term]] = {
     "between": between,
     "choose": choose,
     "confirmed": confirmed,
+    "first_known": first_known,
     "first_of": first_of,
     "known": known,
     "literal": literal,
@@ -168,6 +170,8 @@ def _format_node(node: ast.expr) -> str:
             return f"{function}({name})"
         case ast.Call(func=ast.Name(id="choose"), args=[then, condition, otherwise]):
             return f"{_format_operand(then)} if {_format_operand(condition)} else {_format_operand(otherwise)}"
+        case ast.Call(func=ast.Name(id="first_known"), args=[term, otherwise]):
+            return f"{_format_operand(term)} else {_format_operand(otherwise)}"
         case ast.Call(func=ast.Name(id="first_of"), args=arguments):
             cases = [case.elts for case in arguments if isinstance(case, ast.Tuple)]
             return ", ".join(f"{_format_node(case[0])}: {_format_node(case[1])}" for case in cases)
@@ -205,6 +209,8 @@ def _format_logical_operand(node: ast.expr, symbol: type[ast.operator]) -> str:
 
 def _format_operand(node: ast.expr) -> str:
     is_compound = isinstance(node, (ast.BinOp, ast.Compare)) or (
-        isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("choose", "between")
+        isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id in ("choose", "between", "first_known")
     )
     return f"({_format_node(node)})" if is_compound else _format_node(node)

@@ -7,6 +7,7 @@ and an explanation can use the parts of a condition.
 from __future__ import annotations
 
 from codra_dsl.logic import Scope, Term, Value, age, choose, first_of, known, literal, maximum, minimum, value
+from codra_dsl.runtime.values.derived import first_known
 from codra_dsl.runtime.values.hysteresis import between, confirmed
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "between",
     "choose",
     "confirmed",
+    "first_known",
     "first_of",
     "known",
     "literal",

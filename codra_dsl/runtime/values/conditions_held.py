@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from codra_dsl.logic import Term, Value, reads_ages
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Override, Reading
+from codra_dsl.runtime.values.derived import DerivedCell, derived_cells_among, with_inputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +26,13 @@ class ContextNow:
     def value(self, name: str) -> Value | None:
         """Return the present value of a variable, or None if it is unknown."""
         reading = self.cells[name].reading
-        # every condition reads values here
-        return reading.content if self.now_s < reading.expires_s else reading.at(self.now_s).content
+        if self.now_s >= reading.expires_s:
+            return self.cells[name].now(self.now_s).content
+        return reading.content  # every condition reads values here
 
     def age_s(self, name: str) -> float | None:
         """Return the age of a variable's evidence, or None if the variable is unknown."""
-        reading = self.cells[name].reading.at(self.now_s)
+        reading = self.cells[name].now(self.now_s)
         return reading.age_s(self.now_s) if reading.known else None
 
 
@@ -50,7 +52,11 @@ class ContextAt:
     def _reading(self, name: str) -> Reading[Value]:
         if self.substitute_reading is not None and self.substitute_reading.name == name:
             return self.substitute_reading
-        return self.cells[name].at(self.instant_s)
+        cell = self.cells[name]
+        if isinstance(cell, DerivedCell):
+            override = cell.override_at(self.instant_s)
+            return override or cell.derive_from(self._reading, self.instant_s)
+        return cell.at(self.instant_s)
 
     def value(self, name: str) -> Value | None:
         """Return the value of a variable at the instant, or None if it was unknown."""
@@ -68,6 +74,28 @@ def has_held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float
     If the histories no longer cover all of this time, the condition counts as broken, so the evidence does not count.
     """
     return complete_from_s(term, cells) <= start_s and first_loss_s(term, cells, start_s, end_s) is None
+
+
+def _reads(term: Term, cells: Mapping[str, Cell]) -> tuple[frozenset[str], bool]:
+    """Return the variables whose readings determine a condition, and whether the condition depends on an age.
+
+    The inputs of derived variables take the place of these variables, because histories have only evidence. A derived
+    variable that was overridden is returned as well.
+    """
+    names, has_ages = term.reads
+    if not any(isinstance(cells[name], DerivedCell) for name in names):  # most conditions
+        return names, has_ages
+    derived_cells = derived_cells_among(names, cells)
+    derived_names = {cell.reading.name for cell in derived_cells if not cell.was_overridden}
+    has_ages = has_ages or any(reads_ages(cell.term) for cell in derived_cells)
+    return with_inputs(names, cells) - derived_names, has_ages
+
+
+def _flips_s(term: Term, context: ContextAt) -> float | None:
+    """Return in how many seconds a comparison with an age next changes, also in derived variables; None if never."""
+    terms = (term, *(cell.term for cell in derived_cells_among(term.variables(), context.cells)))
+    waits_s = (part.flips_s(context) for part in terms)
+    return min((wait_s for wait_s in waits_s if wait_s is not None), default=None)
 
 
 def _covers_interval(cell: Cell, start_s: float, end_s: float) -> bool:
@@ -88,7 +116,7 @@ def first_loss_s(
 
     `has_held_before` states whether the condition is assumed to hold just before `start_s`.
     """
-    names, has_ages = term.reads
+    names, has_ages = _reads(term, cells)
     if not has_ages and all(_covers_interval(cells[name], start_s, end_s) for name in names):
         return start_s if has_held_before and not term.holds(ContextNow(cells, end_s)) else None
     for context in _contexts_of_changes(term, cells, start_s, end_s):
@@ -101,13 +129,13 @@ def first_loss_s(
 
 def complete_from_s(term: Term, cells: Mapping[str, Cell]) -> float:
     """Return the instant since which the histories of all variables that a condition reads are complete."""
-    return max((cells[name].complete_from_s for name in term.variables()), default=BEFORE_ALL_S)
+    return max((cells[name].complete_from_s for name in _reads(term, cells)[0]), default=BEFORE_ALL_S)
 
 
 def _contexts_of_changes(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> Iterator[ContextAt]:
     """Yield, in order, the context at each instant at which the value of a condition can change."""
-    has_ages = reads_ages(term)
-    names = sorted(term.variables())
+    read_names, has_ages = _reads(term, cells)
+    names = sorted(read_names)
     changes = [
         change
         for name in names
@@ -150,7 +178,7 @@ def _contexts_of_age_changes(
 ) -> Iterator[ContextAt]:
     """Yield the context whenever, between two instants, the result of a comparison with an age changes."""
     instant_s = start_s
-    while (wait_s := term.flips_s(ContextAt(cells, instant_s))) is not None and instant_s + wait_s < end_s:
+    while (wait_s := _flips_s(term, ContextAt(cells, instant_s))) is not None and instant_s + wait_s < end_s:
         instant_s += wait_s
         yield ContextAt(cells, instant_s)
 
@@ -163,7 +191,6 @@ class ObservabilityMonitor:
 
     def __init__(self, term: Term) -> None:
         self._term = term
-        self._names = sorted(term.variables())
         self._checked_evidence: tuple[float, str, int] | None = None
         self._checked_until_s = BEFORE_ALL_S
         self._has_held_at_check = False
@@ -178,7 +205,11 @@ class ObservabilityMonitor:
                 value from another writer is lost only if the condition has held and then fails.
             now_s: the present instant.
         """
-        evidence = (reading.evidence_s, reading.source, sum(cells[name].late_reading_count for name in self._names))
+        evidence = (
+            reading.evidence_s,
+            reading.source,
+            sum(cells[name].late_reading_count for name in _reads(self._term, cells)[0]),
+        )
         # late readings change the past, so their number is a part of this key: when it changes, the time since the
         # evidence is checked again, so that the result does not depend on the instants of the checks
         if self._checked_evidence != evidence:

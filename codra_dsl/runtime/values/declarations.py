@@ -20,6 +20,9 @@ OPERATOR = "operator"
 POSES = "the knowledge graph"
 """The source of a variable that follows from poses; no agent can have this name."""
 
+DERIVED = "other context-variables"
+"""The source of derived variables; no agent can have this name."""
+
 _EXPECTATION_PREFIX = "expected"
 _SKILL_PREFIX = "skill "
 

@@ -198,7 +198,10 @@ class VariableModel:
         when_unobservable: whether the last value is kept when a precondition fails or a result is rejected.
         refresh: whether the variable is observed periodically, or after events.
         history: the largest number of readings that `ContextManager.history` returns.
-        pose_condition: if the variable follows from poses, its condition over `distance` and `in_view`; otherwise None.
+        pose_condition: if the variable follows from the knowledge graph, its condition over `distance` and `in_view`,
+            its distance, or the number of matches of a path; otherwise None.
+        resolution_m: the step to which a distance is rounded.
+        derived: if the variable is derived, the expression over its inputs; otherwise None.
     """
 
     name: str
@@ -210,6 +213,13 @@ class VariableModel:
     refresh: Literal["periodic", "on_event"] = "periodic"
     history: int = 100
     pose_condition: Term | None = field(default=None, compare=False)
+    resolution_m: float | None = None
+    derived: Term | None = field(default=None, compare=False)
+
+    @property
+    def is_computed(self) -> bool:
+        """Return whether the value follows from the graph or from other variables, so that nobody writes it."""
+        return self.pose_condition is not None or self.derived is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

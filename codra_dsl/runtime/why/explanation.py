@@ -17,7 +17,7 @@ from codra_dsl.runtime.why.adaptation import adaptation_lines, explain_course
 from codra_dsl.runtime.why.knowledge import explain_knowledge, pose_edges_between
 from codra_dsl.runtime.why.story import job_text, override_text, story
 from codra_dsl.runtime.why.unmet_conditions import find_solution
-from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
+from codra_dsl.runtime.why.values import Condition, Derivation, Look, MissingChange, Way, Why
 
 LatestEventsAt = Callable[[float], LatestEventsView]
 """Returns the latest events up to an instant."""
@@ -178,6 +178,7 @@ class _Explanation:
             why,
             story=tuple(story(name, reading, context.latest_events, self._summary)),
             look=look,
+            derivation=self._derivation(name, context, (*path, name)),
             poses=poses,
             ways=ways if not reading.known or (is_asked and all(way.blocked_by for way in ways)) else (),
             missing=tuple(self._missing(name, context, ways)) if is_asked else (),
@@ -233,6 +234,22 @@ class _Explanation:
             ),
             place=rule.place,
         )
+
+    def _derivation(self, name: str, context: _PastContext, path: tuple[str, ...]) -> Derivation | None:
+        """Return the expression and the inputs of a derived variable."""
+        rule = self._summary.find_derivation(name)
+        if rule is None:
+            return None
+        is_known = context.reading(name).known
+        inputs = (self.why(need, context.at_s, path) for need in self._inputs(rule, context, is_known=is_known))
+        return Derivation(rule=rule.text, inputs=tuple(inputs), place=rule.place)
+
+    @staticmethod
+    def _inputs(rule: Rule, context: _PastContext, *, is_known: bool) -> list[str]:
+        """Return the inputs of an expression, or only the unknown ones if the value is unknown because of them."""
+        names = sorted(rule.term.variables())
+        unknown_names = [name for name in names if not context.reading(name).known]
+        return unknown_names if unknown_names and not is_known else names
 
     def _poses(self, name: str, context: _PastContext) -> tuple[Why, ...]:
         """Explain the edges whose poses determine a variable."""
@@ -296,6 +313,15 @@ class _Explanation:
         These are the change that the observer of the variable needs, and the changes that one of its algorithms needs:
         the algorithm that needs the fewest changes.
         """
+        rule = self._summary.find_derivation(name)
+        if rule is not None:
+            is_known = context.reading(name).known
+            for need in () if is_known else self._inputs(rule, context, is_known=is_known):
+                algorithms = self._summary.find_algorithms(need)
+                yield from self._missing(
+                    need, context, tuple(self._way(algorithm, context, (name,)) for algorithm in algorithms)
+                )
+            return
         observer = self._summary.find_observer(name)
         if observer is None:
             if not context.observed_reading(name).known and POSES not in self._summary.variables[name].sources:

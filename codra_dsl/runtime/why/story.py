@@ -10,7 +10,7 @@ from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.values.declarations import POSES
+from codra_dsl.runtime.values.declarations import DERIVED, POSES
 from codra_dsl.runtime.why.values import duration_text, instant_text, value_text
 
 MAIN = "main_execution"
@@ -46,11 +46,18 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
             f"identified at {instant_text(reading.identified_s)} "
             f"from evidence taken at {instant_text(reading.evidence_s)}"
         )
+    elif reading.source == DERIVED:
+        yield (
+            f"derived at {instant_text(reading.identified_s)} "
+            f"from evidence taken at {instant_text(reading.evidence_s)} or later"
+        )
     elif reading.source == POSES:
         learned_text = (
             "" if reading.evidence_s == reading.identified_s else f", learned at {instant_text(reading.identified_s)}"
         )
-        yield f"determined by poses since {instant_text(reading.evidence_s)}{learned_text}"
+        is_counted = reading.name.startswith(("count(", "exists("))
+        origin = "counted in the knowledge graph" if is_counted else "determined by poses"
+        yield f"{origin} since {instant_text(reading.evidence_s)}{learned_text}"
     else:
         writer_text = reading.source if reading.source == MAIN else f"agent {reading.source}"
         old_evidence_text = f", from evidence taken at {instant_text(reading.evidence_s)}"
@@ -64,7 +71,7 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEventsView, sum
     name, since_text = reading.name, instant_text(reading.identified_s) if reading.identified_s > -math.inf else ""
     last_value_event = latest_events.last_value_events.get(name)
     match reading.reason:
-        case _ if reading.source == POSES:
+        case _ if reading.source in (POSES, DERIVED):
             yield f"unknown from {since_text} on: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(summary.variables[name].sources)

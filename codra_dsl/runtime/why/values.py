@@ -112,6 +112,21 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Derivation:
+    """The expression of a derived variable, and its inputs.
+
+    Attributes:
+        rule: the expression.
+        inputs: the explanations of the inputs; for an unknown variable, of those inputs that are unknown.
+        place: the place of the expression in the spec.
+    """
+
+    rule: str
+    inputs: tuple[Why, ...]
+    place: Place | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Why:
     """The explanation of a variable at an instant; `str()` returns it as readable text.
 
@@ -123,6 +138,7 @@ class Why:
         story: the history of the reading, in sentences.
         conditions: for the preview of a skill, the conditions that do not hold, and the variables that are unknown.
         look: the job that produced the value; None if no job did.
+        derivation: the expression and the inputs of a derived variable; None for other variables.
         poses: the explanations of the edges whose poses determine the value; empty if there are none.
         ways: the algorithms that identify the variable, by rank; empty if other sources write it.
         missing: the changes without which the variable cannot be observed at that instant; a known variable can have
@@ -138,6 +154,7 @@ class Why:
     story: tuple[str, ...] = ()
     conditions: tuple[Condition, ...] = ()
     look: Look | None = None
+    derivation: Derivation | None = None
     poses: tuple[Why, ...] = ()
     ways: tuple[Way, ...] = ()
     missing: tuple[MissingChange, ...] = ()
@@ -170,6 +187,8 @@ def _lines_of(why: Why) -> Iterator[str]:
         yield from _indented(_lines_of_condition(condition))
     if why.look is not None:
         yield from _indented(_lines_of_look(why.look))
+    if why.derivation is not None:
+        yield from _indented(_lines_of_derivation(why.derivation))
     for pose in why.poses:
         yield from _indented(_lines_of(pose))
     for way in why.ways:
@@ -188,6 +207,12 @@ def _lines_of_look(look: Look) -> Iterator[str]:
     yield f"{_INDENT}by the rule: {look.rule}{_place_text(look.place)}"
     for condition in look.under:
         yield from _indented(_lines_of_condition(condition))
+
+
+def _lines_of_derivation(derivation: Derivation) -> Iterator[str]:
+    yield f"by the rule: {derivation.rule}{_place_text(derivation.place)}"
+    for why in derivation.inputs:
+        yield from _indented(_lines_of(why))
 
 
 def _lines_of_way(way: Way) -> Iterator[str]:

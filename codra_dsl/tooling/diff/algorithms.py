@@ -123,16 +123,17 @@ def compare_observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
         [*_conditions_with_pose_comparisons(algorithm.observable_when), *_given_conditions(algorithm)]
         for algorithm in scope.values
     )
-    yield from guard_comparer(_context_types)(scope, key, *guards)
+    yield from guard_comparer(context_types)(scope, key, *guards)
 
 
 def compare_preview_conditions(scope: Scope, _: str, old: Sequence[Condition], new: Any) -> Iterator[Change]:
     """Yield a change if the guard that the conditions of a preview form together has changed."""
     guards = ([*_conditions_with_pose_comparisons(conditions)] for conditions in (old, new))
-    yield from guard_comparer(_context_types)(scope, "preview", *guards)
+    yield from guard_comparer(context_types)(scope, "preview", *guards)
 
 
-def _context_types(scope: Scope, _: object) -> Types:
+def context_types(scope: Scope, _: object) -> Types:
+    """Return the types of all variables in both versions."""
     return joined_types(*(dict(_names_and_types(side)) for side in scope.pair.sides))
 
 

@@ -16,7 +16,6 @@ from codra_dsl.tooling.diff.comparers import (
     compare_nothing,
     compare_rate,
     compare_requesters,
-    compare_variable_writers,
     compare_writers,
     growth_comparer,
     guard_comparer,
@@ -26,7 +25,7 @@ from codra_dsl.tooling.diff.comparers import (
     type_comparer,
 )
 from codra_dsl.tooling.diff.observers import compare_observers, compare_resources
-from codra_dsl.tooling.diff.variables import compare_variables
+from codra_dsl.tooling.diff.variables import compare_derivation, compare_sources, compare_variables
 from codra_dsl.tooling.diff.walk import (
     Comparer,
     ComparerTable,
@@ -81,7 +80,9 @@ FIELD_COMPARERS: ComparerTable = {
     },
     model.Variable: {
         "type": type_comparer(),
-        "sources": compare_variable_writers,
+        "sources": compare_sources,
+        "derived": compare_derivation,
+        "resolution_m": equality_comparer(),
         "states_validity": compare_nothing,
         "when_unobservable": order_comparer(
             (Category.WEAKER, "the last value is kept when it can no longer be observed"),

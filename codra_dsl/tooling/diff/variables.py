@@ -7,10 +7,14 @@ from typing import Any
 
 from codra_dsl.generation.build_plan.names import camel_case, entry_names
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.model import Kind, Variable
+from codra_dsl.language.expression import Fallback, walk
+from codra_dsl.language.model import Condition, Kind, Reference, Variable
+from codra_dsl.tooling.diff.algorithms import context_types
 from codra_dsl.tooling.diff.changes import Category, Change
+from codra_dsl.tooling.diff.comparers import compare_variable_writers
+from codra_dsl.tooling.diff.guards import is_equal, normal_text
 from codra_dsl.tooling.diff.version import Pair, Side
-from codra_dsl.tooling.diff.walk import Scope, Wording, element_comparer
+from codra_dsl.tooling.diff.walk import Scope, Wording, element_comparer, text_of
 
 
 def compare_variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Variable]) -> Iterator[Change]:
@@ -18,6 +22,33 @@ def compare_variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequ
     yield from element_comparer("context", "context-variable", _find_successor)(scope, key, old, new)
     yield from _compare_producers(scope)
     yield from _compare_aliases(scope)
+
+
+def compare_sources(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
+    """Yield the changes of the writers of a variable; nobody writes a derived variable."""
+    if not any(variable.derived for variable in scope.values):
+        yield from compare_variable_writers(scope, key, old, new)
+
+
+def compare_derivation(scope: Scope, key: str, old: Condition | None, new: Condition | None) -> Iterator[Change]:
+    """Yield a change if a variable is derived in another way."""
+    if old is None and new is None:
+        return
+    if old is None or new is None:
+        message = "it follows from other variables now" if old is None else "it no longer follows from other variables"
+        yield scope.make_change(Category.REDEFINED, key, message, *(text_of(side) for side in (old, new)))
+    elif not _is_same_derivation(scope, old, new):
+        message = "the value is computed in another way"
+        yield scope.make_change(Category.REDEFINED, key, message, old.text, new.text)
+
+
+def _is_same_derivation(scope: Scope, old: Condition, new: Condition) -> bool:
+    """Return whether two expressions have the same text, or are conditions that always have the same value."""
+    if old.tree is None or new.tree is None or normal_text(old.tree) == normal_text(new.tree):
+        return old.tree is not None or new.tree is None
+    is_condition = all(variable.type.kind is Kind.BOOL for variable in scope.values)
+    has_fallback = any(isinstance(part, Fallback) for tree in (old.tree, new.tree) for part in walk(tree))
+    return is_condition and not has_fallback and is_equal(old.tree, new.tree, context_types(scope, None))
 
 
 def _find_successor(pair: Pair, old: Variable) -> str | None:

@@ -29,6 +29,7 @@ _KEY_OF_FIELD = {
     "origins": "from",
     "parameters": "with",
     "rate": "rate_of",
+    "resolution_m": "resolution",
     "sources": "source",
     "targets": "to",
     "values": "with",

@@ -102,6 +102,7 @@ EDGE_LOOKS: Mapping[EdgeKind, EdgeLook] = {
     EdgeKind.SETS: EdgeLook(colour="#b5541c", style="solid", head="normal", sentence="A sets B"),
     EdgeKind.ANALYSES: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A computes B"),
     EdgeKind.ADAPTS: EdgeLook(colour="#777777", style="dashed", head="open", sentence="A carries out B"),
+    EdgeKind.DERIVES: EdgeLook(colour="#1f5fa8", style="bold", head="open", sentence="B is derived from A"),
 }
 
 FRAME_TEXT = "an observer with its algorithms and variables"

@@ -63,6 +63,7 @@ _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.SETS: "-->",
     EdgeKind.ANALYSES: "-.->",
     EdgeKind.ADAPTS: "-.->",
+    EdgeKind.DERIVES: "-->",
 }
 
 

@@ -98,6 +98,7 @@ class CheckedSpec:
             reads as well, has a condition that holds if it is known.
         poses: a mapping from the name of each variable that is computed from poses to the Python expression of its
             comparison.
+        derived: the expression of each derived variable.
         knowledge: the checked knowledge; None if the spec declares no knowledge.
         mape: the checked loops; None if the spec declares no loops.
     """
@@ -110,5 +111,11 @@ class CheckedSpec:
     expectations: Mapping[str, tuple[CheckedExpectation, ...]] = field(default_factory=dict)
     previews: Mapping[str, tuple[CheckedCondition, ...]] = field(default_factory=dict)
     poses: Mapping[str, str] = field(default_factory=dict)
+    derived: Mapping[str, CheckedCondition] = field(default_factory=dict)
     knowledge: CheckedKnowledge | None = None
     mape: CheckedMape | None = None
+
+    @property
+    def expressions_of_variables(self) -> Mapping[str, str]:
+        """The Python expression of each variable that is computed from the graph or derived from other variables."""
+        return {**self.poses, **{name: condition.python for name, condition in self.derived.items()}}

@@ -21,6 +21,7 @@ from codra_dsl.language.model import (
     Parameter,
     Skill,
     Spec,
+    Variable,
 )
 
 
@@ -38,6 +39,7 @@ class Role(StrEnum):
     AFTER = "after"
     VALUE = "value"
     OTHERWISE = "otherwise"
+    DERIVED = "derived"
     ALWAYS = "always"
 
 
@@ -47,7 +49,7 @@ KNOWLEDGE_ROLES = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
 LOOP_ROLES = frozenset({Role.VALUE, Role.OTHERWISE, Role.ALWAYS})
 """The roles of conditions in adaptations."""
 
-CONTEXT_ROLES = frozenset({Role.OBSERVABLE_WHEN, Role.PREVIEW, *KNOWLEDGE_ROLES, *LOOP_ROLES})
+CONTEXT_ROLES = frozenset({Role.OBSERVABLE_WHEN, Role.PREVIEW, Role.DERIVED, *KNOWLEDGE_ROLES, *LOOP_ROLES})
 """The roles of conditions that read context."""
 
 
@@ -115,6 +117,7 @@ def sites(spec: Spec) -> Iterator[Site]:
     """Yield every condition of a spec that could be parsed, except patterns that are paths."""
     site_finder = _SiteFinder()
     sites_of_elements = (
+        *map(site_finder.sites_of_variable, spec.context),
         *map(site_finder.sites_of_algorithm, spec.perception),
         *map(site_finder.sites_of_skill, spec.skills),
         *map(site_finder.sites_of_agent, spec.agents),
@@ -128,6 +131,12 @@ class _SiteFinder:
 
     def __init__(self) -> None:
         self._mentions: dict[int, tuple[tuple[Name, ...], tuple[Name, ...]]] = {}
+
+    def sites_of_variable(self, variable: Variable) -> list[Site | None]:
+        """Return the expression of a derived variable."""
+        if variable.derived is None:
+            return []
+        return [self._site(Role.DERIVED, ("context", variable.name), variable.derived, variable.name, Result.VALUE)]
 
     def sites_of_algorithm(self, algorithm: Algorithm) -> list[Site | None]:
         """Return the conditions of an algorithm."""

@@ -19,6 +19,7 @@ from codra_dsl.language.expression import (
     Call,
     Choice,
     Compare,
+    Fallback,
     In,
     Name,
     Negative,
@@ -228,6 +229,11 @@ def _choice(typed: Typed, unit: Unit) -> PythonExpression:
     return PythonExpression(f"choose({', '.join(texts)})")
 
 
+def _fallback(typed: Typed, unit: Unit) -> PythonExpression:
+    value, otherwise = typed.parts
+    return PythonExpression(f"first_known({_to_python(value, unit).text}, {_to_python(otherwise, unit).text})")
+
+
 def _call(typed: Typed, unit: Unit) -> PythonExpression:
     assert isinstance(typed.node, Call)
     function, arguments = typed.node.function, typed.node.arguments
@@ -253,5 +259,6 @@ _WRITERS: Mapping[type[Node], Callable[[Typed, Unit], PythonExpression]] = {
     Arithmetic: _arithmetic,
     Negative: _negative,
     Choice: _choice,
+    Fallback: _fallback,
     Call: _call,
 }

@@ -17,6 +17,7 @@ from codra_dsl.language.expression import (
     Choice,
     Compare,
     Comparison,
+    Fallback,
     In,
     Name,
     Negative,
@@ -216,9 +217,9 @@ class _Inference:
 
     def check_members(self, value: Typed, wanted_type: Type, owner: str) -> None:
         """Report each quoted text in a value that is not a member of the owner's enum."""
-        if isinstance(value.node, Choice):
+        if isinstance(value.node, Choice | Fallback):
             self.check_members(value.parts[0], wanted_type, owner)
-            self.check_members(value.parts[2], wanted_type, owner)
+            self.check_members(value.parts[-1], wanted_type, owner)
         elif isinstance(value.node, Text) and value.node.value not in wanted_type.values:
             nearest_member = suggest(value.node.value, wanted_type.values)
             member_texts = ", ".join(f'"{member}"' for member in wanted_type.values[:10])
@@ -405,6 +406,10 @@ class _Inference:
         then, condition, otherwise = self.infer(node.then), self.condition(node.condition), self.infer(node.otherwise)
         return Typed(node, self._common_type((then, otherwise)), (then, condition, otherwise))
 
+    def _fallback(self, node: Fallback) -> Typed:
+        operands = self.infer(node.value), self.infer(node.otherwise)
+        return Typed(node, self._common_type(operands), operands)
+
     def _call(self, node: Call) -> Typed:
         if node.function == "known":
             return self._known_or_age_call(node, BOOL)
@@ -474,5 +479,6 @@ _INFERENCE_METHODS: Mapping[type[Node], Callable[[_Inference, Any], Typed]] = {
     Arithmetic: _Inference._arithmetic,
     Negative: _Inference._negative,
     Choice: _Inference._choice,
+    Fallback: _Inference._fallback,
     Call: _Inference._call,
 }

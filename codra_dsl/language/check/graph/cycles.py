@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 from codra_dsl.language import graph
+from codra_dsl.language.check.graph.derivations import can_be_known
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.contradictions import (
@@ -25,7 +26,7 @@ from codra_dsl.language.check.solver.contradictions import (
 from codra_dsl.language.check.solver.satisfiable import can_hold, known_call
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
-from codra_dsl.language.model import Algorithm, Condition
+from codra_dsl.language.model import Algorithm, Condition, Variable
 
 MAX_COMBINED_NAMES = 8
 """The maximum number of unknown names in one condition. With more names, the condition is assumed to wait for each."""
@@ -39,7 +40,7 @@ def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
     if spec_index.has_damage("perception", "identifies"):
         return
     search = _Search(spec_index, faults)
-    search.run(spec_index.algorithms)
+    search.run(search.producers)
     while search.blocked:
         never_running_names = [name for name in search.blocked if not search.could_run(name)]
         if never_running_names:
@@ -56,8 +57,8 @@ def cycles(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic
 
 def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
     """Return, for each algorithm, the variables on a cycle of needs that the algorithm reads without waiting."""
-    needs = {
-        name: [need for producer in producers for need in spec_index.needs[producer]]
+    needs = dict(spec_index.derived_inputs) | {
+        name: tuple(need for producer in producers for need in spec_index.needs[producer])
         for name, producers in spec_index.producers.items()
     }
     components = graph.strong_components(_drop_acyclic_names(needs))
@@ -133,21 +134,45 @@ def _sound_conditions(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[t
             yield condition, spelt_out(judgement.typed.node)
 
 
+_Producer = Algorithm | Variable
+"""An algorithm, or a derived variable."""
+
+
+def _needs(spec_index: SpecIndex, producer: _Producer) -> tuple[str, ...]:
+    if isinstance(producer, Variable):
+        return spec_index.derived_inputs[producer.name]
+    return spec_index.needs[producer.name]
+
+
+def _identified_names(producer: _Producer) -> list[str]:
+    if isinstance(producer, Variable):
+        return [producer.name]
+    return [entry.variable.name for entry in producer.identifies]
+
+
 class _Search:
     """The search for the fixed point: the variables found to be knowable, and the algorithms that are still blocked."""
 
     def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
         self._spec_index = spec_index
         self._faults = faults
+        derivations = [spec_index.variables[name] for name in spec_index.derived_inputs]
+        self.producers: dict[str, _Producer] = {
+            **spec_index.algorithms,
+            **{f"derived {variable.name}": variable for variable in derivations},  # no algorithm can have this name
+        }
         self._knowable_names = {name for name in spec_index.variables if self._has_other_source(name)}
         self._readers: dict[str, list[str]] = {}
-        for name, needs in spec_index.needs.items():
-            for need in needs:
+        for name, producer in self.producers.items():
+            for need in _needs(spec_index, producer):
                 self._readers.setdefault(need, []).append(name)
-        self.blocked: dict[str, Algorithm] = {}
+        self.blocked: dict[str, _Producer] = {}
 
     def _has_other_source(self, name: str) -> bool:
         """Return whether a variable may have writers other than its algorithms. If this is undecided, return True."""
+        derived = self._spec_index.variables[name].derived
+        if derived is not None:
+            return derived.tree is None
         has_others = any(source.name != OBSERVER for source in self._spec_index.variables[name].sources)
         is_sound = self._faults.is_sound("context", name) and self._spec_index.is_readable("context", name, "source")
         return has_others or name not in self._spec_index.producers or not is_sound
@@ -157,12 +182,12 @@ class _Search:
         pending_names = list(names)[::-1]
         while pending_names:
             name = pending_names.pop()
-            algorithm = self._spec_index.algorithms[name]
-            if self._can_run(algorithm):
+            producer = self.producers[name]
+            if self._can_run(producer):
                 self.blocked.pop(name, None)
-                pending_names.extend(self._mark_knowable(entry.variable.name for entry in algorithm.identifies))
+                pending_names.extend(self._mark_knowable(_identified_names(producer)))
             else:
-                self.blocked[name] = algorithm
+                self.blocked[name] = producer
 
     def assume_knowable(self, names: Iterable[str]) -> None:
         """Assume that variables are knowable, so that the search continues after a reported cycle."""
@@ -171,27 +196,33 @@ class _Search:
     def assume_running(self, names: Iterable[str]) -> None:
         """Assume that algorithms can run, so that the search continues after a reported problem."""
         for name in names:
-            algorithm = self.blocked.pop(name)
-            self.assume_knowable([entry.variable.name for entry in algorithm.identifies])
+            self.assume_knowable(_identified_names(self.blocked.pop(name)))
 
     def could_run(self, name: str) -> bool:
         """Return whether an algorithm could run if all variables were knowable."""
-        return _hold(self._spec_index, tuple(_requirements(self._spec_index, self.blocked[name])), frozenset())
+        producer = self.blocked[name]
+        return isinstance(producer, Variable) or _hold(
+            self._spec_index, tuple(_requirements(self._spec_index, producer)), frozenset()
+        )
 
     def awaited_names(self) -> Mapping[str, tuple[str, ...]]:
         """Return a mapping from each variable that is not knowable to the variables that it waits for."""
         awaited_names: dict[str, list[str]] = {}
-        for algorithm in self.blocked.values():
-            blocking_names = self.blocking_names(algorithm)
-            for entry in algorithm.identifies:
-                if entry.variable.name not in self._knowable_names:
-                    awaited_names.setdefault(entry.variable.name, []).extend(blocking_names)
+        for producer in self.blocked.values():
+            blocking_names = self.blocking_names(producer)
+            for name in _identified_names(producer):
+                if name not in self._knowable_names:
+                    awaited_names.setdefault(name, []).extend(blocking_names)
         return {name: tuple(dict.fromkeys(needs)) for name, needs in awaited_names.items()}
 
-    def blocking_names(self, algorithm: Algorithm) -> tuple[str, ...]:
-        """Return the variables that block an algorithm: if some of these were knowable, the algorithm could run."""
-        requirements = tuple(_requirements(self._spec_index, algorithm))
-        unknown_names = self._unknown_names(algorithm)
+    def blocking_names(self, producer: _Producer) -> tuple[str, ...]:
+        """Return the variables that block a producer: if some of these were knowable, the producer could run."""
+        unknown_names = self._unknown_names(producer)
+        if isinstance(producer, Variable):
+            inputs = self._spec_index.derived_inputs
+            derived_names = [name for name in inputs[producer.name] if name in unknown_names and name in inputs]
+            return tuple(derived_names or (name for name in inputs[producer.name] if name in unknown_names))
+        requirements = tuple(_requirements(self._spec_index, producer))
         unmet_requirements = [
             requirement for requirement in requirements if not _hold(self._spec_index, (requirement,), unknown_names)
         ]
@@ -218,14 +249,18 @@ class _Search:
             if any(not truth and truths[known_names | {name}] for known_names, truth in truths.items())
         ]
 
-    def _can_run(self, algorithm: Algorithm) -> bool:
+    def _can_run(self, algorithm: _Producer) -> bool:
         unknown_names = self._unknown_names(algorithm)
+        if isinstance(algorithm, Variable):
+            # derived variables are computed in order, so each of them waits for all derived variables that it reads
+            is_in_order = unknown_names.isdisjoint(self._spec_index.derived_inputs)
+            return is_in_order and algorithm.derived is not None and can_be_known(algorithm.derived.tree, unknown_names)
         if not unknown_names and all(type(condition.tree) is Name for condition in algorithm.observable_when):
             return True  # the common case: all needed variables are knowable
         return _hold(self._spec_index, tuple(_requirements(self._spec_index, algorithm)), unknown_names)
 
-    def _unknown_names(self, algorithm: Algorithm) -> frozenset[str]:
-        needs, variables = self._spec_index.needs[algorithm.name], self._spec_index.variables
+    def _unknown_names(self, producer: _Producer) -> frozenset[str]:
+        needs, variables = _needs(self._spec_index, producer), self._spec_index.variables
         return frozenset(name for name in needs if name not in self._knowable_names and name in variables)
 
     def _mark_knowable(self, names: Iterable[str]) -> list[str]:
@@ -272,9 +307,12 @@ def _cycle_finding(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]
         message = f"context-variable '{path[0]}' waits for itself: {cycle_text}"
         example_condition = f"not known({path[0]}) or age({path[0]}) > 10 s"
         help = f"identify it with an algorithm that does not wait for it, e.g. with the condition '{example_condition}'"
+        help = "write an expression that does not read it" if path[0] in spec_index.derived_inputs else help
     else:
         message = f"context-variables wait for each other: {cycle_text}"
         help = "identify one of these variables without the others, or name another writer of it under 'source'"
+        if all(name in spec_index.derived_inputs for name in path):
+            help = "write one of these expressions without the others"
     return finding(
         "cycle",
         message,
@@ -287,6 +325,10 @@ def _cycle_finding(spec_index: SpecIndex, search: _Search, path: tuple[str, ...]
 
 def _cycle_edge(spec_index: SpecIndex, search: _Search, name: str, need: str) -> Related:
     """Return the reason why a variable waits for another variable, with the place of the cause."""
+    derived = spec_index.variables[name].derived
+    if derived is not None and derived.tree is not None:
+        mention = next(mention for mention in names_in(derived.tree) if mention.name == need)
+        return Related(f"'{name}' needs '{need}': it is derived from '{need}'", derived.place_of(mention))
     algorithms = [spec_index.algorithms[producer] for producer in spec_index.producers[name]]
     algorithm = next(producer for producer in algorithms if need in search.blocking_names(producer))
     place, reason = _place_of_need(algorithm, need)
@@ -337,7 +379,9 @@ def _waiting_algorithms(spec_index: SpecIndex, search: _Search, algorithm: Algor
     others = [
         other
         for other in search.blocked.values()
-        if other is not algorithm and identified_names & set(spec_index.needs[other.name])
+        if isinstance(other, Algorithm)
+        and other is not algorithm
+        and identified_names & set(spec_index.needs[other.name])
     ]
     for other in others[:MAX_WAITING_ALGORITHMS]:
         need = next((need for need in search.blocking_names(other) if need in identified_names), None)

@@ -52,7 +52,7 @@ def variables_without_observer_source(spec_index: SpecIndex, faults: FaultyEleme
         variable = spec_index.variables.get(name)
         if variable is None or not variable.sources or not faults.is_sound("context", name):
             continue
-        if not spec_index.is_readable("context", name, "source"):
+        if variable.derived is not None or not spec_index.is_readable("context", name, "source"):
             continue
         if OBSERVER not in (source.name for source in variable.sources):
             algorithm = spec_index.algorithms[producers[0]]

@@ -332,7 +332,8 @@ class DeclaredGraph:
 
     def _stated_writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
         if element.section == "context":
-            return tuple(_writer(source) for source in self.variables[element.name].sources)
+            variable = self.variables[element.name]
+            return tuple(_writer(source) for source in variable.sources) if variable.derived is None else ()
         if element.section == "tasks":
             return (_writer(self.tasks[element.name].by),)
         declaration = self.types.get(element.name) if element.section == "types" else self.edges.get(element.name)

@@ -79,7 +79,7 @@ def resource_mentions(spec_index: SpecIndex, *, declared: Collection[str] = ()) 
 def source_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of a source, executor or requester that must be an agent."""
     for variable in spec_index.spec.context:
-        for source in variable.sources if variable.pose_condition is None else ():
+        for source in variable.sources if not variable.is_computed else ():
             if source.name not in (OBSERVER, MAIN_EXECUTION):
                 yield mention_of(source, "context", variable.name, "source")
     for writer, section, name in _writers(spec_index):

@@ -39,6 +39,7 @@ RULES = rules(
     ("CDR3142", "unknown-part", _ERROR),
     ("CDR3143", "two-adaptations", _ERROR),
     ("CDR3144", "foreign-parameter", _ERROR),
+    ("CDR3151", "written-derived-variable", _ERROR),
     ("CDR4101", "not-a-condition", _ERROR),
     ("CDR4102", "wrong-operand", _ERROR),
     ("CDR4103", "mismatched-types", _ERROR),
@@ -59,6 +60,8 @@ RULES = rules(
     ("CDR4133", "unfit-output", _ERROR),
     ("CDR4134", "unfit-rate", _ERROR),
     ("CDR4135", "senseless-filter", _ERROR),
+    ("CDR4151", "missing-resolution", _ERROR),
+    ("CDR4152", "constant-derivation", _ERROR),
     ("CDR5101", "cycle", _ERROR),
     ("CDR5102", "never-runs", _ERROR),
     ("CDR5121", "two-parents", _ERROR),
@@ -102,6 +105,7 @@ RULES = rules(
     ("CDR7131", "uncovered-rate", _ERROR),
     ("CDR7141", "repeated-preview", _WARNING),
     ("CDR7142", "known-in-preview", _WARNING),
+    ("CDR7151", "ineffective-resolution", _WARNING),
     # CDR8101 to CDR8105 were used before; a code is never reused
 )
 """All rules by name."""

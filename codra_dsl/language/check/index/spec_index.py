@@ -11,6 +11,7 @@ from typing import TypeVar
 from codra_dsl.language import graph
 from codra_dsl.language.behavior_trees.named import ReadResult
 from codra_dsl.language.check.conditions.conditions import (
+    CONTEXT_ROLES,
     KNOWLEDGE_ROLES,
     LOOP_ROLES,
     Judgement,
@@ -24,9 +25,9 @@ from codra_dsl.language.check.conditions.types import Type, Types, declared_type
 from codra_dsl.language.check.index.corrections import Corrections
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.parsed_rules import ParsedRules
-from codra_dsl.language.check.index.words import NOUNS
+from codra_dsl.language.check.index.words import NOUNS, texts_of
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.expression import Name, Text, names_in, walk
+from codra_dsl.language.expression import Name, Text, names_in, variables_in, walk
 from codra_dsl.language.load.schema.misspelt_names import Vocabulary
 from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import (
@@ -259,7 +260,7 @@ class SpecIndex:
     @cached_property
     def vocabulary(self) -> Vocabulary:
         """The words of all declared names and texts of the spec."""
-        return Vocabulary(_texts(self.spec))
+        return Vocabulary(texts_of(self.spec))
 
     @cached_property
     def used_values(self) -> Mapping[str, frozenset[str]]:
@@ -332,9 +333,15 @@ class SpecIndex:
         return {name: tuple(dict.fromkeys(names)) for name, names in names_by_algorithm.items()}
 
     @cached_property
+    def derived_inputs(self) -> Mapping[str, tuple[str, ...]]:
+        """For each derived variable, the variables that its expression reads, without repetitions."""
+        derivations = ((variable.name, variable.derived) for variable in self.variables.values())
+        return {name: variables_in(derived.tree) for name, derived in derivations if derived is not None}
+
+    @cached_property
     def tree_variables(self) -> Mapping[str, tuple[str, ...]]:
-        """For each variable with algorithms, all variables that its tree identifies or needs."""
-        names_in_force: dict[str, tuple[str, ...]] = {}
+        """For each variable with algorithms, all variables that its tree identifies or needs; the inputs of others."""
+        names_in_force = {name: (name, *inputs) for name, inputs in self.derived_inputs.items()}
         for group in self.groups:
             needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
             names_in_force |= dict.fromkeys(group.variables, (*group.variables, *needs))
@@ -348,10 +355,11 @@ class SpecIndex:
     @cached_property
     def decisions(self) -> tuple[str, ...]:
         """The variables that decisions are based on. Algorithm 2 of P1 starts from these variables (line 3)."""
+        observed_names = self.producers.keys() | self.derived_inputs.keys()
         if not self.spec.skills:
-            return tuple(name for name in self.variables if name in self.producers)
+            return tuple(name for name in self.variables if name in observed_names)
         names = [name for skill in self.spec.skills for name in watched_variables(skill)]
-        names += sorted(name for name in self.variables_read_by_loops | self.waking_variables if name in self.producers)
+        names += sorted((self.variables_read_by_loops | self.waking_variables) & observed_names)
         return tuple(name for name in dict.fromkeys(names) if name in self.variables)
 
     @cached_property
@@ -452,15 +460,16 @@ class SpecIndex:
         tree = site.condition.tree
         assert tree is not None
         wanted = self.wanted_type(site)
-        if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES):
-            readable_types = self.returned_types[site.owner[1]]
-        elif site.role in KNOWLEDGE_ROLES:
+        readable_types: Types
+        if site.role in KNOWLEDGE_ROLES:
             context_types, name_type = self.context_types, self.declared_graph.name_type
             readable_types = {name.name: context_types.get(name.name, name_type(name.name)) for name in site.names}
+        elif site.role in CONTEXT_ROLES:
+            readable_types = self.context_types
         elif site.role is Role.MONITOR and site.variable is not None:
             readable_types = {site.variable: wanted}
         else:
-            readable_types = self.context_types
+            readable_types = self.returned_types[site.owner[1]]
         types = (id(readable_types.get(name.name)) for name in site.names)
         key = (id(tree), site.role, site.result, id(wanted), *types)
         sound_judgement = sound_judgements.get(key)
@@ -484,17 +493,3 @@ def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
     for element in elements:
         elements_by_name.setdefault(element.name, element)
     return elements_by_name
-
-
-def _texts(spec: Spec) -> Iterator[str]:
-    for variable in spec.context:
-        yield from (variable.name, variable.label, variable.description, *variable.type.values)
-    for algorithm in spec.perception:
-        yield from (algorithm.name, algorithm.call, *(name for name, _ in algorithm.parameters))
-        yield from (text for _, text in algorithm.parameters if isinstance(text, str))
-        for returned in algorithm.returns:
-            yield from (returned.name, *returned.type.values)
-    yield from (skill.name for skill in spec.skills)
-    yield from (setting.name for setting in spec.observers)
-    yield from (resource.name for resource in spec.resources)
-    yield from (agent.name for agent in spec.agents)

@@ -1,8 +1,10 @@
-"""The nouns for the kinds of elements in messages."""
+"""The nouns for the kinds of elements in messages, and the words that a spec declares."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+
+from codra_dsl.language.model import Spec
 
 NOUNS: Mapping[str, str] = {
     "context": "a context-variable",
@@ -41,3 +43,18 @@ USERS: Mapping[str, str] = {
     "loops": "loop",
 }
 """For each section, the noun for its elements, to be followed by a name."""
+
+
+def texts_of(spec: Spec) -> Iterator[str]:
+    """Yield the declared names and texts of a spec."""
+    for variable in spec.context:
+        yield from (variable.name, variable.label, variable.description, *variable.type.values)
+    for algorithm in spec.perception:
+        yield from (algorithm.name, algorithm.call, *(name for name, _ in algorithm.parameters))
+        yield from (text for _, text in algorithm.parameters if isinstance(text, str))
+        for returned in algorithm.returns:
+            yield from (returned.name, *returned.type.values)
+    yield from (skill.name for skill in spec.skills)
+    yield from (setting.name for setting in spec.observers)
+    yield from (resource.name for resource in spec.resources)
+    yield from (agent.name for agent in spec.agents)

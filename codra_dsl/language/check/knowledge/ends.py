@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
-from codra_dsl.language.check.knowledge.mentions import Step, names_in_pattern, patterns, steps
+from codra_dsl.language.check.knowledge.mentions import Step, names_in_pattern, paths, patterns, steps
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression import reads_of
@@ -16,18 +16,19 @@ from codra_dsl.language.units import convert, parse_unit
 
 
 def wrong_ends(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """An edge in a pattern connects nodes that the declaration of the edge allows."""
+    """An edge in a path connects nodes that the declaration of the edge allows."""
     if not is_knowledge_checkable(spec_index, faults):
         return
     declared_graph = spec_index.declared_graph
-    for pattern in patterns(spec_index):
-        for step in steps(pattern):
+    for path in paths(spec_index):
+        for step in steps(path):
             if step.link.edge in STATES and declared_graph.task_of(step.origin, step.link.edge, step.target) is None:
                 yield from _state_without_task_findings(declared_graph, step)
             elif step.link.edge not in STATES and not declared_graph.edges_between(
                 step.origin, step.link.edge, step.target
             ):
                 yield _wrong_ends_finding(declared_graph, step)
+    for pattern in patterns(spec_index):
         for name in names_in_pattern(pattern):
             function, _, camera = reads_of(name.name)
             kind = declared_graph.types.get(declared_graph.type_of(camera)) if function == "in_view" else None

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.mentions import Mention, mention_of, user_of
 from codra_dsl.language.check.index.spec_index import SpecIndex
-from codra_dsl.language.expression import EdgeTerm, Name, Node, NodeTerm, Path, names_in, reads_of, walk
-from codra_dsl.language.model import Agent, AgentRule, Condition, PoseCondition
+from codra_dsl.language.expression import Count, EdgeTerm, Name, Node, NodeTerm, Path, names_in, reads_of, walk
+from codra_dsl.language.model import Agent, AgentRule, Condition, PoseCondition, Variable
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,29 @@ class Pattern:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """An edge of a path in a pattern, with the nodes at its ends."""
+class CountedPath:
+    """A path that a derived variable counts."""
 
-    pattern: Pattern
+    variable: Variable
+    condition: Condition
+    tree: Path
+
+    @property
+    def path(self) -> str:
+        """Return the path of the key that contains the counted path."""
+        return f"context.{self.variable.name}.derived"
+
+    @property
+    def user(self) -> str:
+        """Return the variable's name in messages."""
+        return user_of("context", self.variable.name)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """An edge of a path, with the nodes at its ends."""
+
+    pattern: Pattern | CountedPath
     origin: NodeTerm
     link: EdgeTerm
     target: NodeTerm
@@ -53,6 +72,21 @@ def patterns(spec_index: SpecIndex) -> Iterator[Pattern]:
     """Yield every pattern that could be parsed."""
     for agent in spec_index.spec.agents:
         yield from patterns_of(agent)
+
+
+def counted_paths(spec_index: SpecIndex) -> Iterator[CountedPath]:
+    """Yield every path that a derived variable counts."""
+    for variable in spec_index.spec.context:
+        tree = None if variable.derived is None else variable.derived.tree
+        for name in () if tree is None else names_in(tree):
+            if isinstance(name.pose_comparison, Count) and variable.derived is not None:
+                yield CountedPath(variable, variable.derived, name.pose_comparison.path)
+
+
+def paths(spec_index: SpecIndex) -> Iterator[Pattern | CountedPath]:
+    """Yield every pattern that is a path, and every counted path."""
+    yield from (pattern for pattern in patterns(spec_index) if isinstance(pattern.tree, Path))
+    yield from counted_paths(spec_index)
 
 
 def patterns_of(agent: Agent) -> Iterator[Pattern]:
@@ -75,7 +109,7 @@ def patterns_in(agent: Agent, rule: AgentRule) -> Iterator[Pattern]:
         )
 
 
-def steps(pattern: Pattern) -> Iterator[Step]:
+def steps(pattern: Pattern | CountedPath) -> Iterator[Step]:
     """Yield the edges of a pattern that is a path; nothing for a condition."""
     if isinstance(pattern.tree, Path):
         yield from (Step(pattern, *step) for step in pattern.tree.steps())
@@ -87,20 +121,20 @@ def names_in_pattern(pattern: Pattern) -> Iterator[Name]:
         yield from (part for part in walk(pattern.tree) if isinstance(part, Name))
 
 
-def mention_in_pattern(pattern: Pattern, name: str, part: Node) -> Mention:
+def mention_in_pattern(pattern: Pattern | CountedPath, name: str, part: Node) -> Mention:
     """Return the mention of a name in a pattern."""
     return Mention(name, pattern.condition.place_of(part), pattern.user, pattern.path)
 
 
 def type_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every name in patterns that can only be the name of a type."""
-    for pattern in patterns(spec_index):
+    for pattern in paths(spec_index):
         for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
             if term.type:
                 yield mention_in_pattern(pattern, term.type, _type_position(pattern, term))
 
 
-def _type_position(pattern: Pattern, term: NodeTerm) -> Node:
+def _type_position(pattern: Pattern | CountedPath, term: NodeTerm) -> Node:
     """Return a node with the position of the type in `some TYPE as NAME`."""
     term_text = pattern.condition.text[term.start : term.end]
     start = term.start + term_text.index(term.type, len("some"))
@@ -118,10 +152,11 @@ def node_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     for task in spec_index.spec.tasks:
         if task.origin.name:
             yield mention_of(task.origin, "tasks", task.name, "from")
-    for pattern in patterns(spec_index):
-        for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
+    for path in paths(spec_index):
+        for term in path.tree.terms if isinstance(path.tree, Path) else ():
             if term.name:
-                yield mention_in_pattern(pattern, term.name, term)
+                yield mention_in_pattern(path, term.name, term)
+    for pattern in patterns(spec_index):
         for name in names_in_pattern(pattern):
             function, first, second = reads_of(name.name)
             if function:
@@ -149,8 +184,8 @@ def end_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
 
 
 def edge_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
-    """Yield every name of an edge in a pattern."""
-    for pattern in patterns(spec_index):
+    """Yield every name of an edge in a path."""
+    for pattern in paths(spec_index):
         for step in steps(pattern):
             start = step.link.start + pattern.condition.text[step.link.start : step.link.end].index(step.link.edge)
             yield mention_in_pattern(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))

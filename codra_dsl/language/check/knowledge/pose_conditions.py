@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from codra_dsl.language.check.conditions.lowering import to_python
-from codra_dsl.language.check.conditions.types import Problem, Typed, infer_condition
+from codra_dsl.language.check.conditions.lowering import python_text, to_python
+from codra_dsl.language.check.conditions.types import Problem, Typed, infer, infer_condition
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.mentions import user_of
 from codra_dsl.language.check.index.rules import finding
@@ -16,8 +16,9 @@ from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.knowledge.construction import python_over_knowledge
 from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable
 from codra_dsl.language.diagnostics import Diagnostic
-from codra_dsl.language.expression import Name, names_in, reads_of
+from codra_dsl.language.expression import Count, Name, names_in, reads_of
 from codra_dsl.language.model import PoseCondition
+from codra_dsl.language.units import ONE
 
 
 def wrong_pose_comparisons(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
@@ -47,17 +48,25 @@ POSE_CONDITION_CHECKS = (wrong_pose_comparisons, wrong_pose_operands)
 
 
 def pose_condition_texts(spec_index: SpecIndex) -> dict[str, str]:
-    """Return a mapping from variables that are computed from poses to their comparisons as Python text.
+    """Return a mapping from variables that the graph determines to their values as Python text.
 
     The spec must have no errors.
     """
     return {
-        variable.name: python_over_knowledge(
-            spec_index.declared_graph, to_python(_infer_pose_condition(spec_index, variable.pose_condition)[0])
-        )
+        variable.name: _python(spec_index, variable.pose_condition)
         for variable in spec_index.spec.context
         if variable.pose_condition is not None
     }
+
+
+def _python(spec_index: SpecIndex, pose_condition: PoseCondition) -> str:
+    tree = pose_condition.tree
+    if isinstance(tree, Count):
+        count = f"value({python_text(f'count({tree.path})')})"
+        return count if tree.function == "count" else f"{count} > 0"
+    typed, _ = _infer_pose_condition(spec_index, pose_condition)
+    unit = ONE if typed.type is None else typed.type.unit
+    return python_over_knowledge(spec_index.declared_graph, to_python(typed, unit))
 
 
 def _operand_findings(declared_graph: DeclaredGraph, pose_condition: PoseCondition, name: Name) -> Iterator[Diagnostic]:
@@ -76,8 +85,11 @@ def _operand_findings(declared_graph: DeclaredGraph, pose_condition: PoseConditi
 
 
 def _infer_pose_condition(spec_index: SpecIndex, pose_condition: PoseCondition) -> tuple[Typed, tuple[Problem, ...]]:
+    if isinstance(pose_condition.tree, Count):  # checked like the paths of patterns
+        return Typed(pose_condition.tree, None), ()
     types = {name.name: spec_index.declared_graph.name_type(name.name) for name in names_in(pose_condition.tree)}
-    return infer_condition(pose_condition.tree, types, reads_context=True)
+    is_number = isinstance(pose_condition.tree, Name)
+    return (infer if is_number else infer_condition)(pose_condition.tree, types, reads_context=True)
 
 
 def _location_text(pose_condition: PoseCondition) -> str:

@@ -193,6 +193,7 @@ def unfit_parameters(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
             )
         if (
             variable is None
+            or variable.derived is not None
             or not faults.is_sound("context", name)
             or not spec_index.is_readable("context", name, "source")
         ):

@@ -47,6 +47,8 @@ def unreached_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
                 message += ": it gets no observer"
             else:
                 help = f"its source writes the variable, but no observer uses it: {help}"
+            if variable.derived is not None:
+                help = "name it under 'preview' or 'monitor'"
             help += ", or remove it"
             yield finding("unreached-variable", message, variable.place, path=f"context.{name}", help=help)
 
@@ -128,6 +130,7 @@ def _unidentified_variables(
         variable = spec_index.variables.get(name)
         if (
             variable is None
+            or variable.derived is not None
             or not variable.sources
             or name in spec_index.producers
             or variable.pose_condition is not None

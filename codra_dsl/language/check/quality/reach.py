@@ -24,7 +24,9 @@ def can_judge_reach(spec_index: SpecIndex) -> bool:
 
     This is possible if a skill is declared, and nothing that could need an element is damaged.
     """
-    is_damaged = any(spec_index.has_damage(section, *keys) for section, keys in _KEYS_OF_NEEDS.items())
+    is_damaged = any(spec_index.has_damage(section, *keys) for section, keys in _KEYS_OF_NEEDS.items()) or any(
+        variable.derived is not None and variable.derived.tree is None for variable in spec_index.spec.context
+    )
     return (
         bool(spec_index.spec.skills)
         and spec_index.parsed_rules.is_fully_parsed

@@ -114,7 +114,7 @@ def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algo
 
 def _goes_stale(spec_index: SpecIndex, variable: Variable) -> bool:
     """Return whether a variable becomes unknown by itself. If this cannot be decided, return True."""
-    if variable.states_validity or variable.pose_condition is not None:  # a comparison of poses expires with the poses
+    if variable.states_validity or variable.is_computed:  # such a value expires with its inputs
         return True
     forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(spec_index, variable)
     return forgets or not (_has_other_source(variable) or variable.name in spec_index.producers)

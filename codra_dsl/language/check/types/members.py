@@ -12,7 +12,7 @@ from codra_dsl.language.check.index.spec_index import MAX_SUGGESTIONS, SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.check.solver.values import own_comparisons
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, replacement_fix, suggest
-from codra_dsl.language.expression import Choice, Name, Node, Text, walk
+from codra_dsl.language.expression import Choice, Fallback, Name, Node, Text, walk
 from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 from codra_dsl.language.model import Kind, Members, ValueType
 
@@ -176,28 +176,28 @@ def _mentions_in_condition(spec_index: SpecIndex, site: Site) -> Iterator[tuple[
 
 
 def _shared_enum_members(
-    spec_index: SpecIndex, site: Site, returned_key: Key, leaf: Name
+    spec_index: SpecIndex, site: Site, read_key: Key, leaf: Name
 ) -> Iterator[tuple[Key, str, Node]]:
-    """Yield the members of both enums if a returned enum becomes the value of a context-variable.
+    """Yield the members of both enums if a returned enum, or another variable, becomes the value of a variable.
 
     Each member of one enum is yielded as a mention for the other enum.
     """
     variable = spec_index.variables.get(site.variable or "")
-    algorithm = spec_index.algorithms[site.owner[1]]
-    returned_value = next((value for value in algorithm.returns if value.name == leaf.name), None)
-    if (
-        variable is not None
-        and returned_value is not None
-        and returned_value.type.kind is variable.type.kind is Kind.ENUM
-    ):
-        yield from ((("context", variable.name), member, leaf) for member in returned_value.type.values)
-        yield from ((returned_key, member, leaf) for member in variable.type.values)
+    algorithm = spec_index.algorithms.get(site.owner[1]) if site.owner[0] == "perception" else None
+    readable_values = spec_index.spec.context if algorithm is None else algorithm.returns
+    read_value = next((readable for readable in readable_values if readable.name == leaf.name), None)
+    if variable is not None and read_value is not None and read_value.type.kind is variable.type.kind is Kind.ENUM:
+        yield from ((("context", variable.name), member, leaf) for member in read_value.type.values)
+        yield from ((read_key, member, leaf) for member in variable.type.values)
 
 
 def _leaves(node: Node) -> Iterator[Node]:
-    """Yield the expressions that can give the value: the node itself or, for a choice, its two alternatives."""
+    """Yield the expressions that can give the value: the node itself, or the alternatives of a choice or fallback."""
     if isinstance(node, Choice):
         yield from _leaves(node.then)
+        yield from _leaves(node.otherwise)
+    elif isinstance(node, Fallback):
+        yield from _leaves(node.value)
         yield from _leaves(node.otherwise)
     else:
         yield node

@@ -11,6 +11,7 @@ from typing import Any
 from codra_dsl.language.expression import parse_over_context
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.conditions import read_condition, read_conditions, untorn_items
+from codra_dsl.language.load.elements.derivations import read_derivation
 from codra_dsl.language.load.elements.loops import read_rate, read_terms
 from codra_dsl.language.load.elements.monitor import read_expectation
 from codra_dsl.language.load.elements.preview import read_preview
@@ -20,6 +21,7 @@ from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader, entries
 from codra_dsl.language.model import (
     ALGORITHM_SETTINGS,
+    DERIVED,
     FOREVER_S,
     Access,
     Algorithm,
@@ -31,6 +33,7 @@ from codra_dsl.language.model import (
     Literal,
     Members,
     ObserverSetting,
+    Reference,
     Refresh,
     Resource,
     Returned,
@@ -52,13 +55,14 @@ _CONFIRM = re.compile(r"([0-9]{1,9})\s+of\s+([0-9]{1,9})")
 
 def build_variable(reader: Reader) -> Variable:
     """Return a context-variable."""
+    derived, resolution_m = read_derivation(reader)
     return Variable(
         name=reader.subject.name,
         type=read_type(reader, reader.node),
         place=reader.place,
         label=reader.text("label", reader.subject.name),
         description=reader.text("description", ""),
-        sources=reader.references("source"),
+        sources=reader.references("source") if derived is None else (Reference(name=DERIVED, place=derived.place),),
         valid_for_s=reader.duration_s("valid_for", FOREVER_S, most="forever"),
         states_validity="valid_for" in reader.node.entries,
         when_unobservable=reader.choice("when_unobservable", WhenUnobservable.KEEP),
@@ -67,6 +71,8 @@ def build_variable(reader: Reader) -> Variable:
         node=reader.text("of", "context"),
         terms=read_terms(reader) if "terms" in reader.node.entries else (),
         rate=read_rate(reader),
+        derived=derived,
+        resolution_m=resolution_m,
         places=reader.places(),
     )
 

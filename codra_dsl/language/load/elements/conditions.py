@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 
-from codra_dsl.language.expression import Node, SyntaxProblem, names_in, parse, parse_over_context
+from codra_dsl.language.expression import Node, SyntaxProblem, names_in, parse, parse_derivation, parse_over_context
 from codra_dsl.language.load.yaml.fixes import trap_fix
 from codra_dsl.language.load.yaml.nodes import Letters, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader, Suspect
@@ -111,7 +111,11 @@ def _cached_tree_over_context(text: str) -> Node | SyntaxProblem:
     return _parse_over_context_cached(text) if len(text) <= MAX_CACHED_LENGTH else parse_over_context(text)
 
 
-_CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {parse: _cached_tree, parse_over_context: _cached_tree_over_context}
+_CACHED_GRAMMARS: Mapping[Grammar, Grammar] = {
+    parse: _cached_tree,
+    parse_over_context: _cached_tree_over_context,
+    parse_derivation: parse_derivation,
+}
 
 
 def _end_of_split_item(sequence: SequenceNode, index: int) -> int | None:

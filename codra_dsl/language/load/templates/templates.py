@@ -67,6 +67,7 @@ _WORD_CHARACTER = re.compile(r"[\w$).]")
 _TEXT_KEYS = frozenset({"label", "description"})
 _CONDITION_KEYS = frozenset(
     {
+        ("context", "derived"),
         ("perception", "observable_when"),
         ("perception", "accept_when"),
         ("perception", "identifies"),

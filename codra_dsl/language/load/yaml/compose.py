@@ -46,7 +46,10 @@ _MAX_PIECES = 50
 """The maximum number of entries of a mapping that may be pieces of one condition."""
 
 CONDITION_KEYS = frozenset(
-    {"observable_when", "accept_when", "identifies", "preview", "monitor", "wakes", "before", "during", "after"}
+    {
+        *("observable_when", "accept_when", "identifies", "preview", "monitor", "wakes", "before", "during", "after"),
+        "derived",
+    }
 )
 
 _STYLES = {"": Style.PLAIN, None: Style.PLAIN} | {style.value: style for style in Style}

@@ -1,0 +1,151 @@
+"""Expressions of derived variables: conditions and values over context, poses and paths of the knowledge graph.
+
+A derived variable reads only context-variables. So a distance, `in_view`, a count of paths, and a comparison with poses
+each become one name in the syntax tree, the name of an implicit context-variable.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from codra_dsl.language.expression.parser import parse
+from codra_dsl.language.expression.patterns import Count, Path, parse_path
+from codra_dsl.language.expression.poses import (
+    comparison_name,
+    map_parts,
+    mask_pose_functions,
+    reads_of,
+    restore_names,
+)
+from codra_dsl.language.expression.tokens import ExpressionError, SyntaxProblem
+from codra_dsl.language.expression.tree import Call, Compare, Fallback, In, Name, Node, names_in, walk
+
+COUNTS = ("count", "exists")
+"""Functions of derived variables. Their argument is a path of the knowledge graph."""
+
+_TEXT = r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'"""
+_COUNT = re.compile(
+    rf"""(?:{_TEXT})
+    | \b(?P<function>{"|".join(COUNTS)})\ *\((?P<path>[^()]*)(?P<end>\)?)""",
+    re.VERBOSE | re.DOTALL | re.ASCII,
+)
+_WORD = re.compile(r"\w+", re.ASCII)
+
+
+def parse_derivation(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a derived variable's expression, or the problem of an invalid text. Never raises."""
+    try:
+        masked_text, counts = _mask_counts(text)
+        masked_text, pose_names = mask_pose_functions(masked_text)
+        tree = parse(masked_text, allows_fallback=True)
+        if isinstance(tree, SyntaxProblem):
+            return _with_written_names(tree, text, masked_text, (*counts, *pose_names))
+        return _with_implicit_names(restore_names(tree, pose_names), counts)
+    except ExpressionError as error:
+        return error.problem
+
+
+def with_resolution(tree: Node, resolution_text: str) -> Node:
+    """Return an expression in which the names of distances state the step to which the distances are rounded."""
+    if isinstance(tree, Name):
+        return replace(tree, name=f"{tree.name} to {resolution_text}") if is_distance(tree) else tree
+    return map_parts(tree, lambda part: with_resolution(part, resolution_text))
+
+
+def distances_in(tree: Node) -> Iterator[Name]:
+    """Yield the distances whose numbers an expression reads. Distances in comparisons with poses are left out."""
+    return (name for name in names_in(tree) if is_distance(name))
+
+
+def is_distance(name: Name) -> bool:
+    """Return whether a name stands for the number of a distance."""
+    return isinstance(name.pose_comparison, Name) and reads_of(name.pose_comparison.name)[0] == "distance"
+
+
+def _with_written_names(problem: SyntaxProblem, text: str, masked_text: str, offsets: Iterable[int]) -> SyntaxProblem:
+    """Return a problem whose message shows functions of the graph as they are written."""
+    message = problem.message
+    for offset in offsets:
+        mask = _WORD.match(masked_text, offset)
+        message = message if mask is None else message.replace(mask[0], text[offset : mask.end()])
+    return replace(problem, message=message)
+
+
+def _mask_counts(text: str) -> tuple[str, dict[int, Count]]:
+    """Return the text with a plain name in place of each count, and a mapping from offsets to the counts."""
+    counts: dict[int, Count] = {}
+    masked_text = text
+    for match in _COUNT.finditer(text):
+        if match["function"] is None:
+            continue
+        start, end = match.span()
+        if not match["end"] or not match["path"].strip():
+            help_text = f"write {match['function']}(some TYPE -EDGE-> NODE)"
+            raise ExpressionError(f"{match['function']}() takes a path of the knowledge graph", start, end, help_text)
+        path = _parse_path(match["path"], match.start("path"))
+        counts[start] = Count(start=start, end=end, function=match["function"], path=path)
+        masked_text = masked_text[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked_text[end:]
+    return masked_text, counts
+
+
+def _parse_path(text: str, offset: int) -> Path:
+    try:
+        path = parse_path(text)
+    except ExpressionError as error:
+        problem = error.problem
+        raise ExpressionError(problem.message, problem.start + offset, problem.end + offset, problem.help) from error
+    if path.negated:
+        help_text = "remove 'not', and write 'not exists(PATH)' or 'count(PATH) == 0'"
+        start = path.start + offset
+        raise ExpressionError("'not' cannot be in a counted path", start, start + len("not"), help_text)
+    return _moved(path, offset)
+
+
+def _moved(path: Path, offset: int) -> Path:
+    """Return a path whose parts have offsets in the complete expression."""
+    return replace(
+        path,
+        start=path.start + offset,
+        end=path.end + offset,
+        terms=tuple(replace(term, start=term.start + offset, end=term.end + offset) for term in path.terms),
+        links=tuple(replace(link, start=link.start + offset, end=link.end + offset) for link in path.links),
+    )
+
+
+def _with_implicit_names(part: Node, counts: dict[int, Count]) -> Node:
+    """Return a part of an expression in which everything that the graph determines is the name of a variable.
+
+    Raises:
+        ExpressionError: if the part uses the age of something that the graph determines.
+    """
+    if isinstance(part, Call) and part.function == "age" and _is_of_graph(part.arguments[0], counts):
+        help_text = "remove age(): what is too old in the knowledge graph is unknown"
+        raise ExpressionError("age() needs the name of a context-variable", part.start, part.end, help_text)
+    if isinstance(part, Compare | In | Call) and _reads_only_poses(part, counts):
+        return comparison_name(part)
+    if isinstance(part, Name):
+        return _implicit_name(part, counts)
+    return map_parts(part, lambda inner_part: _with_implicit_names(inner_part, counts))
+
+
+def _implicit_name(name: Name, counts: dict[int, Count]) -> Name:
+    if name.start in counts and name.name.startswith(COUNTS):
+        count = counts[name.start]
+        return replace(name, name=f"{count.function}({count.path})", pose_comparison=count)
+    return replace(name, pose_comparison=name) if reads_of(name.name)[0] else name
+
+
+def _is_of_graph(name: Node, counts: dict[int, Count]) -> bool:
+    return isinstance(name, Name) and (name.start in counts or bool(reads_of(name.name)[0]))
+
+
+def _reads_only_poses(part: Compare | In | Call, counts: dict[int, Count]) -> bool:
+    """Return whether a part is true or false, and follows from poses and literals alone."""
+    is_truth = isinstance(part, Compare | In) or part.function == "known"
+    names = names_in(part)
+    has_other_reads = any(isinstance(inner_part, Fallback) for inner_part in walk(part)) or any(
+        name.start in counts or not reads_of(name.name)[0] for name in names
+    )
+    return is_truth and bool(names) and not has_other_reads

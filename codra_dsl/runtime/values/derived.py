@@ -1,0 +1,237 @@
+"""Derived variables: their values, evidence and reasons follow from other variables, their inputs.
+
+A derived variable has no observer and nobody writes it. Its present reading is computed again whenever an input
+changes. Its past follows from the histories of its inputs: evidence is taken at different instants, so the readings of
+a derived variable in the order of their evidence would say nothing about the past.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+from codra_dsl.logic import Choice, Conjunction, Disjunction, Operand, Scope, Term, Value, literal
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Cell, Reading, Reason, known_reading
+from codra_dsl.runtime.values.declarations import DERIVED
+from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
+
+ReadingOf = Callable[[str], Reading[Any]]
+"""Returns the reading of an input at one instant."""
+
+TimeOf = Callable[[Reading[Any]], float]
+"""Returns an instant of a reading."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Fallback(Term):
+    """The value of `term` while it is known, otherwise the value of `otherwise`."""
+
+    term: Term
+    otherwise: Term
+
+    def parts(self) -> tuple[Term, ...]:
+        """Return both operands."""
+        return (self.term, self.otherwise)
+
+    def evaluate(self, scope: Scope) -> Value | None:
+        """Return the first known value; None if both are unknown."""
+        current_value = self.term.evaluate(scope)
+        return self.otherwise.evaluate(scope) if current_value is None else current_value
+
+    def __repr__(self) -> str:
+        return f"first_known({self.term!r}, {self.otherwise!r})"
+
+
+def first_known(term: Operand, otherwise: Operand) -> Term:
+    """Return `term` while it is known, and `otherwise` while it is unknown."""
+    operands = (operand if isinstance(operand, Term) else literal(operand) for operand in (term, otherwise))
+    return Fallback(*operands)
+
+
+@dataclass(frozen=True, slots=True)
+class _InputScope:
+    """The inputs of a derived variable at one instant."""
+
+    reading_of: ReadingOf
+    now_s: float
+
+    def value(self, name: str) -> Value | None:
+        content: Value | None = self.reading_of(name).content
+        return content
+
+    def age_s(self, name: str) -> float | None:
+        reading = self.reading_of(name)
+        return reading.age_s(self.now_s) if reading.known else None
+
+
+class DerivedCell(Cell):
+    """The cell of a derived variable.
+
+    Attributes:
+        term: the expression.
+        inputs: the variables that the expression reads, in the order of the expression.
+    """
+
+    __slots__ = ("_cells", "_type", "inputs", "term")
+
+    def __init__(self, name: str, history: int, term: Term, value_type: ValueType, cells: Mapping[str, Cell]) -> None:
+        """Create a cell that is unknown until `derive` is called.
+
+        Args:
+            name: the variable.
+            history: the largest number of readings that `history` returns.
+            term: the expression.
+            value_type: the type of the variable.
+            cells: the cells of all variables; it may be filled later.
+        """
+        super().__init__(name, history)
+        self.term = term
+        self.inputs = tuple(dict.fromkeys(_names_in(term)))
+        self._type = value_type
+        self._cells = cells
+
+    def write(self, reading: Reading[Value]) -> bool:
+        """Add a reading, which is now the present one, even if its evidence is older than that of the last one."""
+        self._append(reading)
+        self.replace_observed(reading)
+        return True
+
+    def now(self, now_s: float) -> Reading[Value]:
+        """Return the reading at the present instant, even if its inputs have just expired."""
+        return self.reading if now_s < self.reading.expires_s else self.derive(now_s)
+
+    def observed_at(self, instant_s: float) -> Reading[Value]:
+        """Return the reading without overrides at an instant, according to what is known today about the inputs."""
+        return self.derive_from(lambda name: self._cells[name].at(instant_s), instant_s)
+
+    def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:  # noqa: ARG002
+        """Return no readings: the past follows from the inputs."""
+        return ()
+
+    @property
+    def complete_from_s(self) -> float:
+        """Return the instant since which all overrides are known; the histories of the inputs state the rest."""
+        return self._overrides_complete_from_s
+
+    def derive(self, now_s: float) -> Reading[Value]:
+        """Return the reading that follows from the present readings of the inputs."""
+        reading = self.derive_from(lambda name: self._cells[name].now(now_s), now_s)
+        before = self.observed
+        if reading.reason is not None and before.reason is not None and before.evidence_s > BEFORE_ALL_S:
+            return replace(reading, evidence_s=before.evidence_s, start_s=before.start_s)  # unknown since then
+        return reading
+
+    def derive_from(self, reading_of: ReadingOf, now_s: float) -> Reading[Value]:
+        """Return the reading that follows from some readings of the inputs at an instant.
+
+        The evidence is that of the oldest input that decides the value. The reading expires when it must be derived
+        again although no input has new evidence.
+        """
+        scope = _InputScope(cache(reading_of), now_s)
+        raw_value = self.term.evaluate(scope)
+        try:
+            content = None if raw_value is None else self._type.convert(raw_value)
+        except NotOfTypeError as error:
+            return self._unknown_reading(Reason.FAILED, str(error), scope)
+        if content is None:
+            unknown_readings = [scope.reading_of(name) for name in _unknown_inputs(self.term, scope)]
+            reason = next((reading.reason for reading in unknown_readings), None) or Reason.REJECTED
+            detail = ", ".join(f"{reading.name} is unknown ({reading.reason})" for reading in unknown_readings)
+            return self._unknown_reading(reason, detail or "the expression has no value", scope)
+        evidence_s = min(_deciding_s(self.term, scope, _evidence_s), now_s)
+        start_s = min(_deciding_s(self.term, scope, _start_s), evidence_s)
+        reading = known_reading(self.reading.name, content, evidence_s, start_s, now_s, FOREVER_S, DERIVED)
+        return replace(reading, expires_s=self._next_change_s(scope))
+
+    def _unknown_reading(self, reason: Reason, detail: str, scope: _InputScope) -> Reading[Value]:
+        return Reading(
+            name=self.reading.name,
+            reason=reason,
+            detail=detail,
+            evidence_s=scope.now_s,
+            start_s=scope.now_s,
+            identified_s=scope.now_s,
+            expires_s=self._next_change_s(scope),
+            source=DERIVED,
+        )
+
+    def _next_change_s(self, scope: _InputScope) -> float:
+        """Return when the reading can next change although no input has new evidence; infinite if never."""
+        expiries_s = [scope.reading_of(name).expires_s for name in self.inputs]
+        wait_s = self.term.flips_s(scope)
+        return min([*expiries_s, math.inf if wait_s is None else scope.now_s + wait_s])
+
+
+def derived_cells_among(names: Iterable[str], cells: Mapping[str, Cell]) -> list[DerivedCell]:
+    """Return the cells of the derived variables among some variables and their inputs, without repetitions."""
+    found_cells: dict[str, DerivedCell] = {}
+    pending_names = list(names)
+    while pending_names:
+        name = pending_names.pop()
+        cell = cells.get(name)
+        if isinstance(cell, DerivedCell) and name not in found_cells:
+            found_cells[name] = cell
+            pending_names.extend(cell.inputs)
+    return list(found_cells.values())
+
+
+def with_inputs(names: Iterable[str], cells: Mapping[str, Cell]) -> frozenset[str]:
+    """Return some variables, with all inputs of those that are derived."""
+    all_names = frozenset(names)
+    return all_names.union(*(cell.inputs for cell in derived_cells_among(all_names, cells)))
+
+
+def _names_in(term: Term) -> Iterator[str]:
+    """Yield the names that a term reads, in the order of the term."""
+    for part in term.walk():
+        if not part.parts():
+            yield from part.variables()
+
+
+def _unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
+    """Return the inputs because of which a term is unknown, in the order of the term."""
+    if term.evaluate(scope) is not None:
+        return ()
+    if not term.parts():
+        return tuple(term.variables())
+    return tuple(dict.fromkeys(name for part in term.parts() for name in _unknown_inputs(part, scope)))
+
+
+def _deciding_s(term: Term, scope: _InputScope, time_of: TimeOf) -> float:
+    """Return the oldest instant among the inputs that decide the value of a term; infinite if no input decides it.
+
+    If each of several operands alone decides the value, the operand with the newest evidence decides it.
+    """
+    match term:
+        case Conjunction(terms=terms) | Disjunction(terms=terms):
+            decisive = isinstance(term, Disjunction)
+            decisive_terms = [operand for operand in terms if operand.evaluate(scope) is decisive]
+            if decisive_terms:
+                return max(_deciding_s(operand, scope, time_of) for operand in decisive_terms)
+        case Choice(then=then, condition=condition, otherwise=otherwise):
+            truth = condition.evaluate(scope)
+            if truth is not None:
+                return min(_deciding_s(part, scope, time_of) for part in (condition, then if truth else otherwise))
+            return min(_deciding_s(part, scope, time_of) for part in (then, otherwise))
+        case Fallback(term=value) if value.evaluate(scope) is not None:
+            return _deciding_s(value, scope, time_of)
+    if term.parts():
+        return min(_deciding_s(part, scope, time_of) for part in term.parts())
+    return min((time_of(scope.reading_of(name)) for name in term.variables()), default=math.inf)
+
+
+def _evidence_s(reading: Reading[Any]) -> float:
+    """Return the instant of the evidence; for an unknown input, the instant since which it is unknown."""
+    return reading.evidence_s if reading.known else _unknown_since_s(reading)
+
+
+def _start_s(reading: Reading[Any]) -> float:
+    return reading.start_s if reading.known else _unknown_since_s(reading)
+
+
+def _unknown_since_s(reading: Reading[Any]) -> float:
+    """Return since when an input is unknown; infinite if it was unknown from the beginning of the run."""
+    return reading.identified_s if reading.identified_s > BEFORE_ALL_S else math.inf
