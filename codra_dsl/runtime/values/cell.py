@@ -264,8 +264,10 @@ class Cell:
     def replace_observed(self, reading: Reading[Value]) -> None:
         """Replace the present reading of the sources; an override goes on to hide it."""
         present_reading = self.reading
-        is_hidden = isinstance(present_reading, Override)
-        self.reading = replace(present_reading, beneath=reading) if is_hidden else reading
+        if isinstance(present_reading, Override):
+            self.reading = replace(present_reading, beneath=reading)
+        else:
+            self.reading = reading
 
     def now(self, now_s: float) -> Reading[Value]:
         """Return the present reading as it is now."""
