@@ -32,7 +32,7 @@ _COMMANDS = {
     "shadow": "codra_dsl.cli.shadow:shadow_command",
     "why": "codra_dsl.cli.why:why_command",
     "replay": "codra_dsl.cli.replay:replay_command",
-    "override": "codra_dsl.cli.override:override_command",
+    "override": "codra_dsl.cli.running.override:override_command",
     "journal": "codra_dsl.cli.journal:journal_commands",
 }
 """The commands in the order in which the help lists them."""

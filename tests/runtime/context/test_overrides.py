@@ -180,6 +180,14 @@ def test_subscribers_and_waiting_conditions_see_the_beginning_and_the_end_of_an_
     assert readings == [(0.0, True, "main_execution"), (1.0, False, "operator"), (5.0, True, "main_execution")]
 
 
+def test_an_expectation_is_judged_by_an_override_and_the_outcome_names_the_operator() -> None:
+    with started(Door()) as (codra, clock), codra.skill("open_door") as skill, skill.acting():
+        clock.sleep(0.1)
+        codra.override("open", True, for_s=1.0, reason="seen by eye")
+        (event,) = codra.record.of(Kind.EXPECTATION, "open")
+    assert (event.what, event.details["source"], event.details["detail"]) == ("met", "operator", "seen by eye")
+
+
 def test_the_history_ends_with_the_override_while_it_lasts() -> None:
     with started(Door()) as (codra, clock):
         clock.sleep(1.0)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.runtime import ContextManager, Reason, SimClock
 from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.values.conditions import value
 from tests.runtime.knowledge import bay
 from tests.runtime.knowledge.manager import manager
 
@@ -62,6 +63,20 @@ def test_an_agent_that_follows_an_attribute_sees_the_beginning_and_the_end_of_an
         codra.override("light", True, for_s=2.0, reason="lamp broken")
         clock.sleep(5.0)
     assert contents == [(0.0, False), (1.0, True), (3.0, False)]
+
+
+def test_an_override_wakes_an_agent_whose_pattern_reads_the_attribute() -> None:
+    clock, calls_s = SimClock(), list[float]()
+    with manager(clock) as codra:
+        codra.agent("navigation").set("charge", 50.0)
+        codra.knowledge.subscribe(lambda _: calls_s.append(clock.now_s()), value("battery.charge") < 10.0)
+        clock.sleep(2.0)
+        codra.override("charge", 5.0, for_s=3.0, reason="the gauge is wrong")
+        assert codra.knowledge.wait_for(value("battery.charge") < 10.0, timeout_s=0.0)
+        clock.sleep(0.0)
+        assert calls_s == [2.0]
+        assert codra.knowledge.wait_for(value("battery.charge") > 10.0, timeout_s=9.0)
+        assert clock.now_s() == 5.0
 
 
 def test_a_comparison_with_poses_can_be_overridden_and_follows_the_poses_afterwards() -> None:
