@@ -80,7 +80,8 @@ class Recording:
             kinds: the kinds of events that the journal has.
             events: the events, in order.
         """
-        self.kinds = frozenset(kinds)
+        # Every replay needs the events of jobs. So a journal without them is the journal of a run without jobs.
+        self.kinds = frozenset({*kinds, Kind.JOB})
         self.on_job_event: Callable[[Event], None] = lambda _: None
         self.on_decision: Callable[[Event], None] = lambda _: None
         self.calls: dict[int, list[Event]] = {}
