@@ -285,6 +285,62 @@ def test_a_replay_can_be_read_by_programs(project: Path, tmp_path: Path) -> None
     ]
 
 
+def test_after_a_difference_the_decisions_are_counted(project: Path, tmp_path: Path) -> None:
+    elsewhere = copied(project, tmp_path)
+    (elsewhere / "specs/door.yaml").write_text(SPEC.replace("angle > 30 deg", "angle > 80 deg"))
+    text, data = (
+        codra("replay", "run.mcap", "--spec", "specs/door.yaml", *arguments, cwd=elsewhere).stdout
+        for arguments in ((), ("--format", "json", "--to", "4.2"))
+    )
+
+    assert text.splitlines()[4:] == [
+        "decisions: context would have answered 1 of 1; in the run, context answered 1",
+        "  door_open: 1 of 1, in the run 1 (1 answered with another value)",
+    ]
+    counts = {"decisions": 1, "recorded": 1, "replayed": 1, "gained": 0, "lost": 0, "other_value": 1}
+    result = json.loads(data)
+    assert result["decisions"] == {"door_open": {**counts, "unknown": 0, "assumed": 0}}
+    assert (result["missing_looks"], result["skipped_inputs"], result["ended_because"]) == ({}, {}, "")
+
+
+def test_a_replay_of_a_range_of_time_counts_only_events_of_this_range(project: Path) -> None:
+    process = codra("replay", "run.mcap", "--from", "2.0", "--to", "+2.5 s", cwd=project)
+    shown = codra("journal", "show", "run.mcap", "--from", "2.0", "--to", "+2.5 s", cwd=project)
+
+    assert process.returncode == 0
+    assert process.stdout.startswith(f"equal: {len(shown.stdout.splitlines())} events\n")
+
+
+def test_events_of_a_range_are_shown_as_json_lines(project: Path) -> None:
+    process = codra("journal", "show", "run.mcap", "--kind", "variable", "--to", "1 s", "--format", "json", cwd=project)
+
+    assert [json.loads(line) for line in process.stdout.splitlines()] == [
+        {
+            "kind": "variable",
+            "instant_s": 1.0,
+            "name": "light_level",
+            "what": "identified",
+            "value": 300.0,
+            "detail": "",
+            "evidence_s": 1.0,
+            "source": "house",
+            "present": True,
+        }
+    ]
+
+
+@pytest.mark.parametrize("command", [("replay",), ("journal", "show")])
+def test_an_empty_range_of_time_is_a_usage_error(project: Path, command: tuple[str, ...]) -> None:
+    for arguments, message in (
+        (("--from", "3", "--to", "2"), "Invalid value for --to: '2' is before --from"),
+        (("--to", "-1"), "Invalid value for --to: '-1' is before the start of the run"),
+        (("--from", "soon"), "Invalid value for --from: 'soon' is not an instant"),
+    ):
+        process = codra(*command, "run.mcap", *arguments, cwd=project)
+        assert process.returncode == 2
+        assert message in process.stderr.replace("\n", " ")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

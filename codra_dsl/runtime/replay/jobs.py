@@ -13,6 +13,7 @@ from codra_dsl.runtime.clock import Clock, Outcome, Timer, Work
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.perception import Failure, Function, Interval, Job, Result
 from codra_dsl.runtime.replay.looks import Looks, OpenLook, recorded_look
+from codra_dsl.runtime.replay.undetermined import NOT_RECORDED
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
 
@@ -207,8 +208,9 @@ class ReplayedJobs:
     def _outcome(self, key: JobKey) -> Result | Failure:
         event = self._end_events.pop(key, None)
         if event is None or event.what == "failed":
-            message = "" if event is None else str(event.details.get("message", ""))
-            return Failure(Reason.FAILED, message)  # there is no event if the run no longer needed the result
+            # there is no event if the run no longer needed the result
+            message = NOT_RECORDED if event is None else str(event.details.get("message", ""))
+            return Failure(Reason.FAILED, message)
         values = event.details.get("values", {})
         return Result({name: values.get(name) for name in self._result_names[key[0]]})
 

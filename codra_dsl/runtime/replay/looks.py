@@ -17,11 +17,8 @@ from typing import Any
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.perception import Failure, Interval, Result
-from codra_dsl.runtime.replay.undetermined import Undetermined
+from codra_dsl.runtime.replay.undetermined import NOT_RECORDED, Undetermined
 from codra_dsl.runtime.values.cell import Reason
-
-NOT_RECORDED = "not recorded: the run did not look at this time"
-"""The message of a look whose result the run does not have."""
 
 Outcome = Result | Failure
 
@@ -74,7 +71,7 @@ class Looks:
         self._undetermined = undetermined
         self._periods_s = periods_s
         self._recorded_starts_s: dict[str, dict[int, float]] = defaultdict(dict)
-        self._last_looks: dict[str, RecordedLook] = {}
+        self._repeated_indices: dict[str, set[int]] = defaultdict(set)
         self._open_looks: dict[str, OpenLook] = {}
 
     def add_recorded_start(self, event: Event) -> None:
@@ -82,9 +79,16 @@ class Looks:
         self._recorded_starts_s[event.name][int(event.details["index"])] = event.instant_s
 
     def recorded_index(self, algorithm: str, instant_s: float) -> int | None:
-        """Return the number of the recorded look that begins at an instant; None if there is none."""
-        starts_s = self._recorded_starts_s[algorithm].items()
-        return next((index for index, start_s in starts_s if abs(start_s - instant_s) <= PUNCTUALITY_TOLERANCE_S), None)
+        """Return the number of the recorded look that begins at an instant, and that no look of the replay repeats yet.
+
+        Return None if there is none.
+        """
+        indices = (
+            index
+            for index, start_s in self._recorded_starts_s[algorithm].items()
+            if abs(start_s - instant_s) <= PUNCTUALITY_TOLERANCE_S and index not in self._repeated_indices[algorithm]
+        )
+        return next(indices, None)
 
     def recorded_start_s(self, algorithm: str, index: int) -> float:
         """Return when a recorded look began; negative infinity if it began before the first difference."""
@@ -102,13 +106,12 @@ class Looks:
     def begin(self, look: OpenLook) -> None:
         """Begin a look of the replay."""
         self._open_looks[look.algorithm] = look
-        last_look = self._last_looks.get(look.algorithm)
-        if look.index is None:
+        if look.index is not None:
+            self._repeated_indices[look.algorithm].add(look.index)
+        else:
             self._undetermined.begin_shifted_look(look.algorithm)
             period_s = self._periods_s.get(look.algorithm, 0.0)
             self._clock.call_at(self._clock.now_s() + period_s, lambda: self._miss(look))
-        elif last_look is not None and last_look.index == look.index:  # the recorded look took no time
-            self._end_later(look, last_look)
 
     def cancel(self, algorithm: str) -> None:
         """End the function of a look whose job was cancelled, or has timed out."""
@@ -120,7 +123,7 @@ class Looks:
     def end_recorded(self, algorithm: str, recorded_look: RecordedLook) -> None:
         """Handle the end of a recorded look: it may end the open look of the algorithm."""
         self._recorded_starts_s[algorithm].pop(recorded_look.index, None)
-        self._last_looks[algorithm] = recorded_look
+        self._repeated_indices[algorithm].discard(recorded_look.index)
         look = self._open_looks.get(algorithm)
         if look is None:
             return
@@ -134,9 +137,6 @@ class Looks:
     def _miss(self, look: OpenLook) -> None:
         if not look.is_over:
             self._undetermined.miss_look(look.algorithm)
-
-    def _end_later(self, look: OpenLook, recorded_look: RecordedLook) -> None:
-        self._clock.call_at(self._clock.now_s(), lambda: self._end_with(look, recorded_look))
 
     def _end_with(self, look: OpenLook, recorded_look: RecordedLook) -> None:
         failure = Failure(Reason.FAILED, NOT_RECORDED)

@@ -76,6 +76,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     summary = header.summary if comparison.spec_summary is None else comparison.spec_summary
     undetermined = Undetermined(summary)
     parts.player.on_decision = count_decision(decisions, undetermined)
+    comparison.on_event = undetermined.add_missing_result
     comparison.check_completeness(_play(parts, recording, comparison, show_progress))
     ended_because, skipped_inputs = "", Counter[str]()
     if comparison.difference is not None:

@@ -20,6 +20,9 @@ from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.values.declarations import MAIN
 from codra_dsl.runtime.values.hysteresis import DebouncedCondition, Hysteresis
 
+NOT_RECORDED = "not recorded: the run did not look at this time, or did not need the result"
+"""The message of a look whose result the run does not have."""
+
 
 class Undetermined:
     """The undetermined and the assumed variables at the present instant of a replay.
@@ -67,6 +70,11 @@ class Undetermined:
         self._overdue_algorithms.discard(algorithm)
         if not is_shifted:
             self._shifted_algorithms.discard(algorithm)
+
+    def add_missing_result(self, event: Event) -> None:
+        """Handle an event before the first difference, which may be the lack of a result that the run did not need."""
+        if event.kind is Kind.JOB and event.what == "failed" and event.details["message"] == NOT_RECORDED:
+            self.end_look(event.name, is_known=False, is_shifted=False)
 
     def miss_look_of_main_execution(self, variable: str) -> None:
         """Handle an own look of the main execution that the run did not make."""

@@ -17,10 +17,10 @@ from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.replay.decision_counts import DecisionComparison
 from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
-from codra_dsl.runtime.replay.looks import NOT_RECORDED, Looks
+from codra_dsl.runtime.replay.looks import Looks
 from codra_dsl.runtime.replay.player import Player, is_waiting
 from codra_dsl.runtime.replay.recording import Recording
-from codra_dsl.runtime.replay.undetermined import Undetermined
+from codra_dsl.runtime.replay.undetermined import NOT_RECORDED, Undetermined
 
 MAX_STEPS_BETWEEN_INPUTS = 50_000
 """A replay ends after this many steps without an input, because a forged journal could let it run forever."""
@@ -94,18 +94,18 @@ class WhatIf:
     # Time
 
     def _run_until(self, instant_s: float) -> None:
+        ended_before_s = instant_s - PUNCTUALITY_TOLERANCE_S  # an input at the end of a wait may still bring the answer
         for _ in range(MAX_STEPS_BETWEEN_INPUTS):
             deadline_s = min(map(self._deadline_s, self._waiting_numbers), default=float("inf"))
             next_event_s = self._clock.next_event_s()
-            # an input at the very end of a wait may still bring the answer
-            if next_event_s > instant_s and deadline_s >= instant_s - PUNCTUALITY_TOLERANCE_S:
+            if next_event_s > instant_s and deadline_s >= ended_before_s:
                 self._clock.advance(instant_s)
                 return
             if next_event_s <= deadline_s:
                 self._clock.step()
             else:
                 self._clock.advance(deadline_s)
-            self._resume_waiting_decisions()
+            self._resume_waiting_decisions(min(self._clock.now_s(), ended_before_s))
         raise DivergedError(f"it has made {MAX_STEPS_BETWEEN_INPUTS} steps since the last input of the run")
 
     def _deadline_s(self, number: int) -> float:
@@ -149,16 +149,17 @@ class WhatIf:
         else:
             self._miss_look_if_answered(number)
 
-    def _resume_waiting_decisions(self) -> None:
+    def _resume_waiting_decisions(self, until_s: float) -> None:
+        """Resume the decisions that context can answer now, and those whose waits have ended by an instant."""
         for number in sorted(self._waiting_numbers):
             decision, now_s = self._player.decisions[number], self._clock.now_s()
-            if self._player.is_met(decision, now_s) or now_s >= self._deadline_s(number):
+            if self._player.is_met(decision, now_s) or self._deadline_s(number) <= until_s:
                 self._waiting_numbers.discard(number)
                 self._player.resume(number)
                 self._miss_look_if_answered(number)
 
     def _end_recorded_wait(self, number: int) -> None:
-        self._resume_waiting_decisions()
+        self._resume_waiting_decisions(self._clock.now_s())
         if number in self._player.decisions and number not in self._waiting_numbers:
             self._miss_look_if_answered(number)
 
