@@ -94,15 +94,34 @@ def test_a_site_given_without_its_spec_is_an_error(project: Path) -> None:
     )
 
 
-def test_a_comment_in_a_site_silences_a_finding_and_a_fix_changes_the_site(project: Path) -> None:
+def test_comments_in_sites_silence_findings(project: Path) -> None:
     short = HALL_1.replace("20 s}", "100 ms}  # codra: ignore[CDR7108] the door is slow here")
+    before = codra("lint", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    (project / "sites/hall_1.yaml").write_text(HALL_1.replace("20 s", "100 ms"))
+    reported = codra("lint", "specs", "--site", "sites/hall_1.yaml", "--format", "concise", cwd=project)
     (project / "sites/hall_1.yaml").write_text(short)
-    silenced = codra("lint", "specs", "--site", "sites/hall_1.yaml", cwd=project)
-    (project / "sites/hall_2.yaml").write_text("codra: 1\noverlays: door\ncontext:\n  door_open: {valid_for: 10s}\n")
-    codra("lint", "specs", "sites", "--fix", cwd=project)
+    silenced = codra("lint", "specs", "sites", cwd=project)
 
-    assert (silenced.returncode, silenced.stdout) == (0, "")
-    assert (project / "sites/hall_2.yaml").exists()
+    assert (before.stdout, silenced.stdout) == ("", "")
+    assert reported.stdout.startswith("sites/hall_1.yaml:4:26: warning[CDR7108]")
+
+
+def test_a_comment_for_the_spec_alone_is_not_called_unused_at_a_site(project: Path) -> None:
+    comment = "  # codra: ignore[CDR7108] the door is slow"
+    slow = DOOR.replace("valid_for: 10 s}", f"valid_for: 100 ms}}{comment}")
+    (project / "specs/door.yaml").write_text(slow)
+    at_site = codra("lint", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    with_sites = codra("lint", "specs", "sites", cwd=project)
+
+    assert (at_site.stdout, with_sites.stdout) == ("", "")
+
+
+def test_a_safe_fix_changes_the_file_of_the_site(project: Path) -> None:
+    (project / "sites/hall_1.yaml").write_text(f"overlays: door\n{HALL_1.partition('door' + chr(10))[2]}")
+    process = codra("lint", "specs", "sites", "--fix", cwd=project)
+
+    assert (process.returncode, process.stderr) == (0, "fixed 1; no findings left\n")
+    assert (project / "sites/hall_1.yaml").read_text() == HALL_1
 
 
 def test_diff_shows_what_a_site_changes_and_how_two_sites_differ(project: Path) -> None:

@@ -349,6 +349,14 @@ def test_a_key_that_a_site_cannot_state_is_an_error_in_the_site(
     assert [(file, number) for _, file, number in related(finding)] == [("specs/door.yaml", line)]
 
 
+def test_the_unsaved_text_of_a_site_replaces_its_file(tmp_path: Path) -> None:
+    root = project(tmp_path, site_of("context: {light: {valid_for: 2 min}}\n"))
+    texts = {SITE: site_of("context: {lihgt: {valid_for: 2 min}}\n").encode()}
+    findings = lint_paths([root / "specs", root / "sites"], root, texts).diagnostics
+
+    assert [finding.message for finding in findings] == ["spec 'door' has no context-variable 'lihgt'"]
+
+
 def test_a_parameter_in_a_site_is_refused(tmp_path: Path) -> None:
     findings = findings_of(tmp_path, "context: {light: {label: $(instance)}}\n")
 
