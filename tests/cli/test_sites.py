@@ -7,12 +7,57 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.projects import run_program
 from tests.cli.test_commands import codra
 from tests.test_compiler import DOOR
 
 HALL_1 = "codra: 1\noverlays: door\ncontext:\n  door_open: {valid_for: 20 s}\n"
 HALL_2 = "codra: 1\noverlays: door\nperception:\n  measure_door:\n    identifies: {door_open: gap > 60 cm}\n"
 GATE = DOOR.replace("door", "gate")
+LIT = """\
+codra: 1
+name: room
+agents: {house: {}}
+context:
+  light: {type: float, unit: lux, source: house, valid_for: 1 min}
+  room_empty: {type: bool}
+resources: {camera: {}}
+perception:
+  look:
+    call: room_world:look
+    uses: {camera: read}
+    returns: {people: {type: int}}
+    observable_when: [light > 20 lux]
+    identifies: {room_empty: people == 0}
+skills: {clean: {preview: [room_empty]}}
+"""
+DARK_SITE = """\
+codra: 1
+overlays: room
+perception: {look: {observable_when: [light > 80 lux]}}
+resources: {camera: {call: room_world:Camera, with: {people: 0}}}
+"""
+ROOM_WORLD = """\
+class Camera:
+    def __init__(self, people):
+        self.people = people
+
+
+def look(*, camera, job):
+    return {"people": camera.people}
+"""
+PROGRAM = """\
+from codra_dsl.runtime import Journal, SimClock
+from generated_dark import room
+
+clock = SimClock()
+with room.start(clock=clock, resources={}, record=Journal("run.mcap")) as codra:
+    codra.declare("room_empty")
+    for light in (30.0, 90.0):
+        codra.agent("house").set("light", light)
+        clock.sleep(3)
+        print(codra.get("room_empty").known)
+"""
 
 
 @pytest.fixture
@@ -165,3 +210,23 @@ def test_the_graph_of_a_site_has_its_values(project: Path) -> None:
 
     assert "door/skill/pass_door" in alone.stdout
     assert alone.stdout != at_site.stdout
+
+
+def test_a_run_at_a_site_is_explained_and_replayed_with_the_values_of_the_site(project: Path) -> None:
+    files = {
+        "specs/room.yaml": LIT,
+        "sites/dark.yaml": DARK_SITE,
+        "room_world.py": ROOM_WORLD,
+        "program.py": PROGRAM,
+    }
+    for name, text in files.items():
+        (project / name).write_text(text)
+    codra("compile", "specs/room.yaml", "--site", "sites/dark.yaml", cwd=project)
+    printed = run_program(project, "program.py")
+    why = codra("why", "room_empty", "--journal", "run.mcap", "--at", "2", cwd=project)
+    replay = codra("replay", "run.mcap", "--package", "generated_dark/room", cwd=project)
+
+    assert printed == "False\nTrue\n"
+    assert "light > 80 lux does not hold  [sites/dark.yaml:3 (replaces specs/room.yaml:13)]" in why.stdout
+    assert "perception look cannot look  [specs/room.yaml:9 (changed at sites/dark.yaml:3)]" in why.stdout
+    assert (replay.returncode, replay.stdout.partition(":")[0]) == (0, "equal")
