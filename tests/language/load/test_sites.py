@@ -266,6 +266,16 @@ def test_a_spec_at_a_site_means_the_same_as_the_spec_with_the_values_written_int
             "did you mean 'gain'?",
         ),
         (
+            "perception: {look_at_north: {with: {gain: 3}}}",
+            "perception algorithm 'look_at_$(instance)' has no 'with'",
+            "a site adds nothing to the spec, which has 'call', 'uses', 'timeout'",
+        ),
+        (
+            "perception: {measure: {returns: {distance: {range: [0, 3]}, angle: {type: float}}}}",
+            "perception algorithm 'measure' has no 'angle' under 'returns'",
+            "a site adds nothing to the spec, which has 'distance'",
+        ),
+        (
             "resources: {hand: {call: hands:Hand}}",
             "spec 'door' has no resource 'hand'",
             "a site adds nothing to the spec, which has 'camera', 'arm'",
@@ -423,8 +433,13 @@ def test_places_in_a_site_are_exact_for_every_style_of_text(condition: str, end:
 
 
 def test_a_node_declared_by_its_type_alone_gets_the_keys_of_the_site(tmp_path: Path) -> None:
-    spec = SPEC + "knowledge: {types: {robot: {}, hall: {}}, nodes: {world: hall, robbie: robot}}\n"
-    root = project(tmp_path, site_of("knowledge: {nodes: {robbie: {label: Robbie of hall 2}}}\n"), spec)
+    spec = (
+        SPEC
+        + "knowledge: {types: {robot: {attributes: {speed: {type: int, source: main_execution}}}, hall: {}}, nodes: {world: hall, robbie: robot}}\n"
+    )
+    root = project(
+        tmp_path, site_of("knowledge: {nodes: {robbie: {label: Robbie of hall 2, with: {speed: 2}}}}\n"), spec
+    )
     loaded, _ = load_spec(root / "specs/door.yaml", root, site=root / SITE)
     assert loaded is not None
 
