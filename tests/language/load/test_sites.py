@@ -433,13 +433,13 @@ def test_places_in_a_site_are_exact_for_every_style_of_text(condition: str, end:
 
 
 def test_a_node_declared_by_its_type_alone_gets_the_keys_of_the_site(tmp_path: Path) -> None:
-    spec = (
-        SPEC
-        + "knowledge: {types: {robot: {attributes: {speed: {type: int, source: main_execution}}}, hall: {}}, nodes: {world: hall, robbie: robot}}\n"
+    spec = SPEC + (
+        "knowledge:\n"
+        "  types: {robot: {attributes: {speed: {type: int, source: main_execution}}}, hall: {}}\n"
+        "  nodes: {world: hall, robbie: robot}\n"
     )
-    root = project(
-        tmp_path, site_of("knowledge: {nodes: {robbie: {label: Robbie of hall 2, with: {speed: 2}}}}\n"), spec
-    )
+    keys = "knowledge: {nodes: {robbie: {label: Robbie of hall 2, with: {speed: 2}}}}\n"
+    root = project(tmp_path, site_of(keys), spec)
     loaded, _ = load_spec(root / "specs/door.yaml", root, site=root / SITE)
     assert loaded is not None
 
