@@ -361,7 +361,9 @@ def _triage(request: _Request, specs: Sequence[_Spec], timings: Timings) -> Plan
     with timings.stage("triage"):
         files_with_comments = (*files, *_part_files(request.files), *tree_files)
         sources = read_sources(files_with_comments, request.paths, request.root, request.texts)
-        triaged_diagnostics = triage(diagnostics, settings, sources)
+        # A comment may silence a finding that only the spec without the site has.
+        has_all_findings = not request.applies_sites
+        triaged_diagnostics = triage(diagnostics, settings, sources, has_all_findings=has_all_findings)
 
     plans = [spec.build_plan for spec in specs if spec.build_plan is not None]
     return Planned(

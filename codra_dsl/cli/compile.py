@@ -47,7 +47,7 @@ OutOption = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="The folder for the packages.  [default: generated, in the project's root or else in the current folder]",
+        help="The folder for the packages.  [default: generated, or generated_SITE, in the project's root]",
         show_default=False,
     ),
 ]

@@ -7,12 +7,57 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.projects import run_program
 from tests.cli.test_commands import codra
 from tests.test_compiler import DOOR
 
 HALL_1 = "codra: 1\noverlays: door\ncontext:\n  door_open: {valid_for: 20 s}\n"
 HALL_2 = "codra: 1\noverlays: door\nperception:\n  measure_door:\n    identifies: {door_open: gap > 60 cm}\n"
 GATE = DOOR.replace("door", "gate")
+LIT = """\
+codra: 1
+name: room
+agents: {house: {}}
+context:
+  light: {type: float, unit: lux, source: house, valid_for: 1 min}
+  room_empty: {type: bool}
+resources: {camera: {}}
+perception:
+  look:
+    call: room_world:look
+    uses: {camera: read}
+    returns: {people: {type: int}}
+    observable_when: [light > 20 lux]
+    identifies: {room_empty: people == 0}
+skills: {clean: {preview: [room_empty]}}
+"""
+DARK_SITE = """\
+codra: 1
+overlays: room
+perception: {look: {observable_when: [light > 80 lux]}}
+resources: {camera: {call: room_world:Camera, with: {people: 0}}}
+"""
+ROOM_WORLD = """\
+class Camera:
+    def __init__(self, people):
+        self.people = people
+
+
+def look(*, camera, job):
+    return {"people": camera.people}
+"""
+PROGRAM = """\
+from codra_dsl.runtime import Journal, SimClock
+from generated_dark import room
+
+clock = SimClock()
+with room.start(clock=clock, resources={}, record=Journal("run.mcap")) as codra:
+    codra.declare("room_empty")
+    for light in (30.0, 90.0):
+        codra.agent("house").set("light", light)
+        clock.sleep(3)
+        print(codra.get("room_empty").known)
+"""
 
 
 @pytest.fixture
@@ -94,15 +139,34 @@ def test_a_site_given_without_its_spec_is_an_error(project: Path) -> None:
     )
 
 
-def test_a_comment_in_a_site_silences_a_finding_and_a_fix_changes_the_site(project: Path) -> None:
+def test_comments_in_sites_silence_findings(project: Path) -> None:
     short = HALL_1.replace("20 s}", "100 ms}  # codra: ignore[CDR7108] the door is slow here")
+    before = codra("lint", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    (project / "sites/hall_1.yaml").write_text(HALL_1.replace("20 s", "100 ms"))
+    reported = codra("lint", "specs", "--site", "sites/hall_1.yaml", "--format", "concise", cwd=project)
     (project / "sites/hall_1.yaml").write_text(short)
-    silenced = codra("lint", "specs", "--site", "sites/hall_1.yaml", cwd=project)
-    (project / "sites/hall_2.yaml").write_text("codra: 1\noverlays: door\ncontext:\n  door_open: {valid_for: 10s}\n")
-    codra("lint", "specs", "sites", "--fix", cwd=project)
+    silenced = codra("lint", "specs", "sites", cwd=project)
 
-    assert (silenced.returncode, silenced.stdout) == (0, "")
-    assert (project / "sites/hall_2.yaml").exists()
+    assert (before.stdout, silenced.stdout) == ("", "")
+    assert reported.stdout.startswith("sites/hall_1.yaml:4:26: warning[CDR7108]")
+
+
+def test_a_comment_for_the_spec_alone_is_not_called_unused_at_a_site(project: Path) -> None:
+    comment = "  # codra: ignore[CDR7108] the door is slow"
+    slow = DOOR.replace("valid_for: 10 s}", f"valid_for: 100 ms}}{comment}")
+    (project / "specs/door.yaml").write_text(slow)
+    at_site = codra("lint", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    with_sites = codra("lint", "specs", "sites", cwd=project)
+
+    assert (at_site.stdout, with_sites.stdout) == ("", "")
+
+
+def test_a_safe_fix_changes_the_file_of_the_site(project: Path) -> None:
+    (project / "sites/hall_1.yaml").write_text(f"overlays: door\n{HALL_1.partition('door' + chr(10))[2]}")
+    process = codra("lint", "specs", "sites", "--fix", cwd=project)
+
+    assert (process.returncode, process.stderr) == (0, "fixed 1; no findings left\n")
+    assert (project / "sites/hall_1.yaml").read_text() == HALL_1
 
 
 def test_diff_shows_what_a_site_changes_and_how_two_sites_differ(project: Path) -> None:
@@ -146,3 +210,23 @@ def test_the_graph_of_a_site_has_its_values(project: Path) -> None:
 
     assert "door/skill/pass_door" in alone.stdout
     assert alone.stdout != at_site.stdout
+
+
+def test_a_run_at_a_site_is_explained_and_replayed_with_the_values_of_the_site(project: Path) -> None:
+    files = {
+        "specs/room.yaml": LIT,
+        "sites/dark.yaml": DARK_SITE,
+        "room_world.py": ROOM_WORLD,
+        "program.py": PROGRAM,
+    }
+    for name, text in files.items():
+        (project / name).write_text(text)
+    codra("compile", "specs/room.yaml", "--site", "sites/dark.yaml", cwd=project)
+    printed = run_program(project, "program.py")
+    why = codra("why", "room_empty", "--journal", "run.mcap", "--at", "2", cwd=project)
+    replay = codra("replay", "run.mcap", "--package", "generated_dark/room", cwd=project)
+
+    assert printed == "False\nTrue\n"
+    assert "light > 80 lux does not hold  [sites/dark.yaml:3 (replaces specs/room.yaml:13)]" in why.stdout
+    assert "perception look cannot look  [specs/room.yaml:9 (changed at sites/dark.yaml:3)]" in why.stdout
+    assert (replay.returncode, replay.stdout.partition(":")[0]) == (0, "equal")

@@ -217,19 +217,21 @@ class _Suppressions:
             yield _create_finding("unused-suppression", message, code.span, help, fix)
 
 
-def triage(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sources) -> tuple[Diagnostic, ...]:
+def triage(
+    diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sources, *, has_all_findings: bool = True
+) -> tuple[Diagnostic, ...]:
     """Return findings in file order, with the findings about suppression comments.
 
     Comments are applied before settings, so that no setting affects whether a comment is used. While an error is
     left, later checks may not have run, so no comment is reported as unused. The same is true if the analysis of
-    conditions stopped, even if a comment silences the finding about this.
+    conditions stopped, even if a comment silences the finding about this, and if `has_all_findings` is false.
     """
     suppressions = _Suppressions(sources)
     diagnostics = tuple(diagnostics)
     remaining_findings = [
         finding for diagnostic in diagnostics for finding in suppressions.remaining_findings(diagnostic)
     ]
-    is_complete = not (
+    is_complete = has_all_findings and not (
         any(diagnostic.rule.severity is Severity.ERROR for diagnostic in remaining_findings)
         or any(diagnostic.rule.name == _UNDECIDED_RULE for diagnostic in diagnostics)
     )

@@ -266,6 +266,16 @@ def test_a_spec_at_a_site_means_the_same_as_the_spec_with_the_values_written_int
             "did you mean 'gain'?",
         ),
         (
+            "perception: {look_at_north: {with: {gain: 3}}}",
+            "perception algorithm 'look_at_$(instance)' has no 'with'",
+            "a site adds nothing to the spec, which has 'call', 'uses', 'timeout'",
+        ),
+        (
+            "perception: {measure: {returns: {distance: {range: [0, 3]}, angle: {type: float}}}}",
+            "perception algorithm 'measure' has no 'angle' under 'returns'",
+            "a site adds nothing to the spec, which has 'distance'",
+        ),
+        (
             "resources: {hand: {call: hands:Hand}}",
             "spec 'door' has no resource 'hand'",
             "a site adds nothing to the spec, which has 'camera', 'arm'",
@@ -349,6 +359,14 @@ def test_a_key_that_a_site_cannot_state_is_an_error_in_the_site(
     assert [(file, number) for _, file, number in related(finding)] == [("specs/door.yaml", line)]
 
 
+def test_the_unsaved_text_of_a_site_replaces_its_file(tmp_path: Path) -> None:
+    root = project(tmp_path, site_of("context: {light: {valid_for: 2 min}}\n"))
+    texts = {SITE: site_of("context: {lihgt: {valid_for: 2 min}}\n").encode()}
+    findings = lint_paths([root / "specs", root / "sites"], root, texts).diagnostics
+
+    assert [finding.message for finding in findings] == ["spec 'door' has no context-variable 'lihgt'"]
+
+
 def test_a_parameter_in_a_site_is_refused(tmp_path: Path) -> None:
     findings = findings_of(tmp_path, "context: {light: {label: $(instance)}}\n")
 
@@ -415,8 +433,13 @@ def test_places_in_a_site_are_exact_for_every_style_of_text(condition: str, end:
 
 
 def test_a_node_declared_by_its_type_alone_gets_the_keys_of_the_site(tmp_path: Path) -> None:
-    spec = SPEC + "knowledge: {types: {robot: {}, hall: {}}, nodes: {world: hall, robbie: robot}}\n"
-    root = project(tmp_path, site_of("knowledge: {nodes: {robbie: {label: Robbie of hall 2}}}\n"), spec)
+    spec = SPEC + (
+        "knowledge:\n"
+        "  types: {robot: {attributes: {speed: {type: int, source: main_execution}}}, hall: {}}\n"
+        "  nodes: {world: hall, robbie: robot}\n"
+    )
+    keys = "knowledge: {nodes: {robbie: {label: Robbie of hall 2, with: {speed: 2}}}}\n"
+    root = project(tmp_path, site_of(keys), spec)
     loaded, _ = load_spec(root / "specs/door.yaml", root, site=root / SITE)
     assert loaded is not None
 

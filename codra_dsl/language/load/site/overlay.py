@@ -16,6 +16,7 @@ from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import NOUNS, Subject
 from codra_dsl.language.load.yaml.reader import KEYS_OF_MAPPINGS, entries
+from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.language.model import Replacement
 
 Element = tuple[Subject, YamlNode]
@@ -58,8 +59,7 @@ class Overlay:
         return self._applied[address]
 
     def _overlaid(self, subject: Subject, node: YamlNode, key: ScalarNode, value: YamlNode) -> Element:
-        spec_source = subject.origin.source
-        source = self._sources.setdefault(spec_source.file, join(spec_source, self.site.source))
+        source = self._joined_source(subject.origin.source)
         joined_subject = replace(subject, origin=joined_origin(subject.origin, source))
         site_key, site_value = shifted_scalar(key, source.site_start), shifted(value, source.site_start)
         if subject.section == "use" and isinstance(site_value, MappingNode):
@@ -68,6 +68,11 @@ class Overlay:
         if merged is site_value:
             self._record(joined_subject, (site_key, site_value), subject.origin.of(subject.key), ())
         return joined_subject, merged
+
+    def _joined_source(self, spec_source: Source) -> JoinedSource:
+        if spec_source.file not in self._sources:
+            self._sources[spec_source.file] = join(spec_source, self.site.source)
+        return self._sources[spec_source.file]
 
     def _merged(self, subject: Subject, node: YamlNode, value: YamlNode, steps: tuple[str, ...]) -> YamlNode:
         """Return a value of the spec with the values of the site; `steps` leads from the element to the value."""
@@ -94,13 +99,14 @@ class Overlay:
         """Return whether a site may state a value that the spec does not state; if not, report it.
 
         A key of the language has a default, which the site may replace. The entries of `with`, `returns` and the like
-        have names of their own, which must exist.
+        have names of their own, which must exist. The names under `with` of a node are those of its type's attributes.
         """
-        if not steps:
-            return subject.section == "use" or self._is_known_key(subject, key)
-        if steps[-1] not in KEYS_OF_MAPPINGS:
+        if subject.section == "use":
             return True
-        message = f"{subject} has no {shown(key.text)} under {shown('.'.join(steps))}"
+        key_of_element = (*steps, key.text)[0]
+        if subject.section == "nodes" or len(steps) > 1 or key_of_element not in KEYS_OF_MAPPINGS:
+            return bool(steps) or self._is_known_key(subject, key)
+        message = f"{subject} has no {shown(key.text)}{f' under {shown(steps[0])}' if steps else ''}"
         related = Related("declared here", subject.origin.of(subject.key))
         self._refuse(message, key, subject, node.entries, related)
         return False
