@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import jsonschema
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from codra_dsl.logic import Value
@@ -99,6 +100,7 @@ def test_values_from_old_evidence_are_unknown_if_the_preview_asks_for_newer_evid
 BOOLEANS = some.sampled_from([None, True, False])
 
 
+@settings(max_examples=20)
 @given(
     some.fixed_dictionaries(
         {
@@ -299,6 +301,55 @@ def test_a_run_with_previews_is_derived_again_byte_for_byte(tmp_path: Path) -> N
     assert (replayed.difference, replayed.derived[Kind.PREVIEW]) == (None, 5)
     assert (tmp_path / "run.again").read_bytes() == (tmp_path / "run.mcap").read_bytes()
     assert all(message_of(event) for event in events)
+
+
+STEPS = some.one_of(
+    some.tuples(some.just("sleep"), some.sampled_from([0.3, 1.0, 4.0])),
+    some.tuples(some.just("angle"), some.sampled_from([0.0, 1.0, None])),
+    some.tuples(some.just("preview"), some.sampled_from([0.0, 0.7, 5.0])),
+    some.tuples(some.just("look"), some.sampled_from([True, False, None])),
+    some.tuples(some.just("act"), some.just(None)),
+)
+
+
+def run_steps(path: Path, steps: list[tuple[str, object]]) -> list[str]:
+    """Run a robot at a door; return the answers to its previews."""
+    door, clock, answers = Door(angle_rad=1.0), SimClock(), []
+    with Manager(OBSERVED, clock=clock, resources={"door": door}, record=Journal(path)) as manager:
+        manager.set("localized", True)
+        manager.expect("pass_door")
+        for what, argument in steps:
+            match what, argument:
+                case "sleep", float(duration_s):
+                    clock.sleep(duration_s)
+                case "angle", float() | None as angle_rad:
+                    door.angle_rad = angle_rad
+                case "preview", float(wait_s):
+                    answers.append(str(manager.preview("pass_door", wait_up_to_s=wait_s, max_age_s=2.0)))
+                case "look", found:
+                    since_s = {"open": clock.now_s()}
+                    answers.append(str(manager.preview("pass_door", lambda _, found=found: found, since_s=since_s)))
+                case _:
+                    with manager.skill("pass_door") as skill, skill.acting():
+                        clock.sleep(0.5)
+                    manager.expect("pass_door")
+    return answers
+
+
+@settings(max_examples=8)
+@given(some.lists(STEPS, max_size=6))
+def test_any_sequence_of_previews_is_derived_again_and_recorded_with_its_answers(
+    steps: list[tuple[str, object]],
+) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "run.mcap")
+        answers = run_steps(path, steps)
+        header, events = read(path)
+        replayed = replay(header, events, OBSERVED, Manager, None)
+
+    outcomes = [event.details["outcome"] for event in events if event.kind is Kind.PREVIEW]
+    assert replayed.difference is None
+    assert outcomes == [answer.partition(":")[0] for answer in answers]
 
 
 def test_why_explains_a_preview_at_any_instant_of_a_journal(tmp_path: Path) -> None:
