@@ -124,6 +124,9 @@ def test_why_explains_a_derived_variable_by_its_inputs(ward: CompiledSpec) -> No
         assert why.derivation is not None
         assert [why_input.variable for why_input in why.derivation.inputs] == ["distance(robot, dock) < 2 m", "near"]
         assert "derived at 0 s from evidence taken at 0 s or later" in str(why)
+        codra.agent("tracker").graph.insert_node("ann", "person")
+        codra.agent("tracker").graph.insert_edge("ann", "close_to", "robot")
+        assert "count(some person -close_to-> robot) = 0" in [str(change) for change in codra.why("shelf").missing]
 
 
 def test_a_replay_derives_the_same_readings(ward: CompiledSpec, tmp_path: Path) -> None:
