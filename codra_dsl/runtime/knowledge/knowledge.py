@@ -227,11 +227,7 @@ class Knowledge:
         self.write_as(agent, operations_of(plain_operations))
 
     def write_as(self, agent: str, operations: Sequence[Operation]) -> None:
-        """Apply operations of an agent as one change, whether or not a handle of this agent is open.
-
-        Raises:
-            LookupError: if an operation fails; ValueError, TypeError, PermissionError and RuntimeError likewise.
-        """
+        """Apply operations of an agent as one change, also while its handle is not open; raise as `replay_operations`."""
 
         def apply_all(change_set: ChangeSet) -> None:
             for operation in operations:

@@ -81,7 +81,8 @@ class Store:
             expires_s = reading.evidence_s + self.variables[name].valid_for_s
             reading = reading if expires_s == FOREVER_S else replace(reading, expires_s=expires_s)
         if self.mirror is not None and self.variables[name].pose_condition is None:
-            self.mirror(reading)
+            # a derived variable is not stale when its reading expires: it is derived again, and may stay the same
+            self.mirror(replace(reading, expires_s=FOREVER_S) if reading.source == DERIVED else reading)
         cell = self.cells[name]
         before = cell.reading
         is_present = cell.write(reading)

@@ -134,6 +134,9 @@ def _reading_of_override(event: Event) -> Reading[Value]:
     )
 
 
+_MAX_TEXT_LENGTH = 20_000
+"""The length of a condition, in characters, from which on derived variables are not replaced by their expressions."""
+
 _COPIED_FIELDS = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
 
 
@@ -286,9 +289,10 @@ class _Explanation:
 
     def _changes_for_algorithm(self, algorithm: AlgorithmSummary, context: _PastContext) -> Iterator[MissingChange]:
         """Yield the changes that an algorithm needs before it can look."""
-        unmet_preconditions = [rule for rule in algorithm.preconditions if not rule.term.holds(context)]
+        preconditions = [self._with_expressions(rule) for rule in algorithm.preconditions]
+        unmet_preconditions = [rule for rule in preconditions if not rule.term.holds(context)]
         values = (
-            find_solution([rule.term for rule in algorithm.preconditions], context, self._summary.variables)
+            find_solution([rule.term for rule in preconditions], context, self._summary.variables)
             if unmet_preconditions
             else {}
         )
@@ -306,6 +310,18 @@ class _Explanation:
                 from_s=None if flips_s is None else context.at_s + flips_s,
                 place=rule.place,
             )
+
+    def _with_expressions(self, rule: Rule) -> Rule:
+        """Return a condition with expressions in place of derived variables: nobody can change these variables."""
+        text = rule.python_text
+        pending_names = sorted(rule.term.variables())
+        while pending_names and len(text) < _MAX_TEXT_LENGTH:
+            name = pending_names.pop()
+            derivation = self._summary.find_derivation(name) if name in self._summary.variables else None
+            if derivation is not None and f"value({name!r})" in text:
+                text = text.replace(f"value({name!r})", f"({derivation.python_text})")
+                pending_names.extend(sorted(derivation.term.variables()))
+        return rule if text == rule.python_text else replace(rule, python_text=text, source_text=rule.text)
 
     def _missing(self, name: str, context: _PastContext, ways: tuple[Way, ...]) -> Iterator[MissingChange]:
         """Yield the changes that are needed to observe a variable.

@@ -82,7 +82,9 @@ FIELD_COMPARERS: ComparerTable = {
         "type": type_comparer(),
         "sources": compare_sources,
         "derived": compare_derivation,
-        "resolution_m": equality_comparer(),
+        "resolution_m": equality_comparer(
+            show=lambda resolution_m: "none" if resolution_m is None else f"{resolution_m:g} m"
+        ),
         "states_validity": compare_nothing,
         "when_unobservable": order_comparer(
             (Category.WEAKER, "the last value is kept when it can no longer be observed"),

@@ -44,8 +44,10 @@ def compare_derivation(scope: Scope, key: str, old: Condition | None, new: Condi
 
 def _is_same_derivation(scope: Scope, old: Condition, new: Condition) -> bool:
     """Return whether two expressions have the same text, or are conditions that always have the same value."""
-    if old.tree is None or new.tree is None or normal_text(old.tree) == normal_text(new.tree):
-        return old.tree is not None or new.tree is None
+    if old.text == new.text or old.tree is None or new.tree is None:
+        return True  # a changed resolution is reported by itself
+    if normal_text(old.tree) == normal_text(new.tree):
+        return True
     is_condition = all(variable.type.kind is Kind.BOOL for variable in scope.values)
     has_fallback = any(isinstance(part, Fallback) for tree in (old.tree, new.tree) for part in walk(tree))
     return is_condition and not has_fallback and is_equal(old.tree, new.tree, context_types(scope, None))

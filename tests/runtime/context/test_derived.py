@@ -207,9 +207,28 @@ def test_a_derived_variable_agrees_with_its_expression_at_every_instant(
                     assert codra.get(name).content == readings[name].content == wanted, (name, readings)
                     if wanted is None:
                         assert names_an_unknown_input(readings[name], readings)
+                assert codra.running() == needed_observers(codra.declared(), trees)
                 assert readings["first"].content is None or readings["first"].evidence_s == newest_sufficient_s(
                     first, readings
                 )
+
+
+def needed_observers(declared: frozenset[str], trees: Mapping[str, Tree]) -> set[str]:
+    """Return the observers of the declared variables and of all inputs; none of them needs another observer."""
+    needed, pending = set[str](), list(declared)
+    while pending:
+        name = pending.pop()
+        needed.add(name)
+        pending.extend(names_of(trees[name]) if name in trees else [])
+    return {observer_name for observer_name, name in (("door", "seen_door"), ("shelf", "kept")) if name in needed}
+
+
+def names_of(tree: Tree) -> set[str]:
+    """Return the variables that an expression reads."""
+    word, *operands = tree
+    if word in ("value", "known", "young"):
+        return {operands[0]}
+    return set() if word == "constant" else set().union(*map(names_of, operands))
 
 
 def names_an_unknown_input(reading: Reading[Any], readings: Mapping[str, Reading[Any]]) -> bool:

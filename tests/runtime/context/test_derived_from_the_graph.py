@@ -25,6 +25,9 @@ agents:
   guard:
     wakes: [calm]
 context:
+  lamp: {type: bool, source: tracker, valid_for: 1 s}
+  sun: {type: bool, source: tracker, valid_for: 5 s}
+  bright: {type: bool, derived: lamp or sun}
   shelf: {type: bool, valid_for: 10 s, when_unobservable: forget}
   people: {type: int, range: [0, 3], derived: count(some person)}
   near: {type: int, derived: count(some person -close_to-> robot)}
@@ -106,15 +109,25 @@ def test_a_derived_variable_is_an_attribute_that_patterns_read(ward: CompiledSpe
         assert codra.knowledge.snapshot().get("context", "calm").content is False
 
 
+def test_the_graph_agrees_with_the_context_when_an_input_expires_that_does_not_decide(ward: CompiledSpec) -> None:
+    with started(ward) as codra:
+        codra.agent("tracker").set("lamp", True)
+        codra.clock.sleep(0.5)
+        codra.agent("tracker").set("sun", True)
+        for values in ((True, True), (True, True), (None, None)):
+            assert (codra.get("bright").content, codra.knowledge.snapshot().get("context", "bright").content) == values
+            codra.clock.sleep(2.5)
+
+
 def test_why_explains_a_derived_variable_by_its_inputs(ward: CompiledSpec) -> None:
     with started(ward) as codra:
         assert str(codra.why("calm")).splitlines() == [
-            "calm is unknown (never_observed) at 0 s  [ward.yaml:13]",
+            "calm is unknown (never_observed) at 0 s  [ward.yaml:16]",
             "  unknown from 0 s on: distance(robot, dock) < 2 m is unknown (never_observed)",
-            "  by the rule: near == 0 and distance(robot, dock) < 2 m  [ward.yaml:13]",
-            "    distance(robot, dock) < 2 m is unknown (never_observed) at 0 s  [ward.yaml:13]",
+            "  by the rule: near == 0 and distance(robot, dock) < 2 m  [ward.yaml:16]",
+            "    distance(robot, dock) < 2 m is unknown (never_observed) at 0 s  [ward.yaml:16]",
             "      unknown from 0 s on: the pose of 'dock' relative to 'robot' is unknown",
-            "      world -dock_pose-> dock is true at 0 s  [ward.yaml:22]",
+            "      world -dock_pose-> dock is true at 0 s  [ward.yaml:25]",
             "        present from the start, 0 s",
             "        placed at (5, 0, 0) m from the start, 0 s",
         ]
@@ -124,6 +137,9 @@ def test_why_explains_a_derived_variable_by_its_inputs(ward: CompiledSpec) -> No
         assert why.derivation is not None
         assert [why_input.variable for why_input in why.derivation.inputs] == ["distance(robot, dock) < 2 m", "near"]
         assert "derived at 0 s from evidence taken at 0 s or later" in str(why)
+        codra.agent("tracker").graph.insert_node("ann", "person")
+        codra.agent("tracker").graph.insert_edge("ann", "close_to", "robot")
+        assert "count(some person -close_to-> robot) = 0" in [str(change) for change in codra.why("shelf").missing]
 
 
 def test_a_replay_derives_the_same_readings(ward: CompiledSpec, tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ _STATE_SYNONYMS: Mapping[str, str] = {
 
 def unknown_types(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """Every type in a pattern is declared or has a node. The type of a node is no misspelling of a declared type."""
-    if not spec_index.spec.knows:
+    if not spec_index.spec.knows and not spec_index.spec.pose_conditions:
         return
     type_names = list(spec_index.declared_graph.types)  # without the type of tasks, which no node can have
     reported_names = set()
@@ -123,8 +123,8 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
 
 
 def unknown_edges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every edge in a pattern is declared, or is the state of a task."""
-    if not spec_index.spec.knows:
+    """Every edge in a path is declared, or is the state of a task."""
+    if not spec_index.spec.knows and not spec_index.spec.pose_conditions:
         return
     known_words = spec_index.declared_graph.edge_words
     is_damaged = spec_index.has_damage("edges", "label") or spec_index.has_damage("tasks")

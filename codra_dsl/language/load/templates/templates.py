@@ -68,11 +68,8 @@ _TEXT_KEYS = frozenset({"label", "description"})
 _CONDITION_KEYS = frozenset(
     {
         ("context", "derived"),
-        ("perception", "observable_when"),
-        ("perception", "accept_when"),
-        ("perception", "identifies"),
-        ("skills", "preview"),
-        ("skills", "monitor"),
+        *(("perception", key) for key in ("observable_when", "accept_when", "identifies")),
+        *(("skills", key) for key in ("preview", "monitor")),
         ("agents", "wakes"),
         ("agents", "rules"),
         ("metrics", "rules"),

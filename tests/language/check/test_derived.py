@@ -1,0 +1,66 @@
+"""Derived variables in checks and plans: cycles, worst cases, Algorithm 2, and the dependency graph."""
+
+from __future__ import annotations
+
+import pytest
+
+from codra_dsl.generation.algorithm2 import plan
+from codra_dsl.generation.build_plan.values import EdgeKind
+from codra_dsl.language.check.latency import worst_cases
+from tests.language.check.specs import check_sound_text, check_text
+
+SPEC = """\
+codra: 1
+name: ward
+context:
+  told: {type: bool, source: main_execution, valid_for: 10 s}
+  door: {type: bool, valid_for: 10 s}
+  lamp: {type: bool, valid_for: 10 s}
+  tray: {type: bool, valid_for: 10 s}
+  ready: {type: bool, derived: EXPRESSION}
+  calm: {type: bool, derived: ready and not lamp}
+perception:
+  look_at_door: {call: "ward.eyes:look", timeout: 2 s, returns: {seen: {type: bool}}, identifies: {door: seen}}
+  look_at_lamp: {call: "ward.eyes:look", timeout: 1 s, returns: {seen: {type: bool}}, identifies: {lamp: seen}}
+  look_at_tray:
+    call: ward.eyes:look
+    timeout: 4 s
+    observable_when: [CONDITION]
+    returns: {seen: {type: bool}}
+    identifies: {tray: seen}
+skills:
+  leave: {preview: [tray]}
+"""
+
+
+def spec_text(expression: str = "told and door", condition: str = "calm") -> str:
+    return SPEC.replace("EXPRESSION", expression).replace("CONDITION", condition)
+
+
+def test_algorithm_2_goes_on_with_the_inputs_without_a_tree() -> None:
+    build_plan = plan(check_sound_text(spec_text()))
+    assert [tree.name for tree in build_plan.forest] == ["look_at_lamp", "look_at_door", "look_at_tray"]
+    assert build_plan.in_force == ("tray", "calm", "lamp", "ready", "door", "told")
+    edges = [(edge.source.name, edge.target.name) for edge in build_plan.edges if edge.kind is EdgeKind.DERIVES]
+    assert edges == [("door", "ready"), ("lamp", "calm"), ("ready", "calm"), ("told", "ready")]
+
+
+def test_a_look_waits_for_the_looks_at_the_inputs() -> None:
+    assert worst_cases(check_sound_text(spec_text())) == {"door": 2.0, "lamp": 1.0, "tray": 6.0}
+
+
+@pytest.mark.parametrize("expression", ["tray or told", "tray if told else door", "tray else false", "known(tray)"])
+def test_a_variable_does_not_wait_for_an_input_without_which_it_can_be_known(expression: str) -> None:
+    text = spec_text(f'"{expression}"', "not ready")
+    assert [finding.rule.code for finding in check_text(text)[1] if finding.rule.name == "cycle"] == []
+
+
+@pytest.mark.parametrize("expression", ["tray", "not tray", "tray == told", "tray or tray"])
+def test_a_variable_waits_for_an_input_without_which_it_is_unknown(expression: str) -> None:
+    messages = [finding.message for finding in check_text(spec_text(expression, "not ready"))[1]]
+    assert "context-variables wait for each other: ready -> tray -> ready" in messages
+
+
+def test_derived_variables_that_read_each_other_are_a_cycle_even_if_each_can_be_known() -> None:
+    messages = [finding.message for finding in check_text(spec_text('"calm else told"'))[1]]
+    assert "context-variables wait for each other: calm -> ready -> calm" in messages
