@@ -227,13 +227,8 @@ class Knowledge:
         self.write_as(agent, operations_of(plain_operations))
 
     def write_as(self, agent: str, operations: Sequence[Operation]) -> None:
-        """Apply operations of an agent as one change, also while its handle is not open; raise as `replay_operations`."""
-
-        def apply_all(change_set: ChangeSet) -> None:
-            for operation in operations:
-                operation.apply(change_set)
-
-        self._write(agent, apply_all, operations)
+        """Apply operations of an agent as one change, with the errors of `replay_operations`."""
+        self._write(agent, lambda change_set: [operation.apply(change_set) for operation in operations], operations)
 
     def replay_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
         """Repeat a refusal from a journal."""

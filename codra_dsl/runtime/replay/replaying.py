@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -78,23 +77,19 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     parts.player.on_decision = count_decision(decisions, undetermined)
     comparison.on_event = undetermined.add_missing_result
     comparison.check_completeness(_play(parts, recording, comparison, show_progress))
-    ended_because, skipped_inputs = "", Counter[str]()
+    what_if = WhatIf(
+        player=parts.player,
+        clock=parts.clock,
+        jobs=parts.jobs,
+        recording=recording,
+        undetermined=undetermined,
+        decisions=decisions,
+        summary=summary,
+    )
+    ended_because = ""
     if comparison.difference is not None:
         comparison.on_event = undetermined.add_event
-        what_if = WhatIf(
-            player=parts.player,
-            clock=parts.clock,
-            jobs=parts.jobs,
-            recording=recording,
-            undetermined=undetermined,
-            decisions=decisions,
-            summary=summary,
-        )
-        try:
-            what_if.go_on(show_progress)
-        except DivergedError as error:
-            ended_because = str(error)
-        skipped_inputs = what_if.skipped_inputs
+        ended_because = _go_on(what_if, show_progress)
     recording.check()
     comparison.end()
     return Replayed(
@@ -104,9 +99,18 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         difference=_with_changes(comparison, header),
         decisions=decisions.counts(),
         missing_looks=dict(sorted(undetermined.missing_looks.items())),
-        skipped_inputs=dict(sorted(skipped_inputs.items())),
+        skipped_inputs=dict(sorted(what_if.skipped_inputs.items())),
         ended_because=ended_because,
     )
+
+
+def _go_on(what_if: WhatIf, progress: Callable[[float], None]) -> str:
+    """Go on after the first difference; return why the replay ended early, or an empty text."""
+    try:
+        what_if.go_on(progress)
+    except DivergedError as error:
+        return str(error)
+    return ""
 
 
 def knowledge_at(
