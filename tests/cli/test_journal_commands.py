@@ -172,8 +172,21 @@ def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
     assert "input" not in {line.split("  ")[1].split()[0] for line in all_of_it.stdout.splitlines()}
     refused = codra("journal", "show", "run.mcap", "--kind", "descision", cwd=project)
     assert refused.returncode == 2
-    kinds = "variable, override, observer, job, decision, declaration, expectation, knowledge, adaptation, input"
+    kinds = (
+        "variable, override, observer, job, decision, preview, declaration, expectation, knowledge, adaptation, input"
+    )
     assert f"'descision' is not a kind; choose from {kinds}" in " ".join(refused.stderr.split())
+
+
+def test_why_explains_the_preview_of_a_skill_and_suggests_its_name(project: Path) -> None:
+    explained = codra("why", "open_door", "--journal", "run.mcap", "--at", "4", cwd=project)
+    misspelt = codra("why", "opn_door", "--journal", "run.mcap", cwd=project)
+
+    assert explained.stdout.splitlines()[:2] == [
+        "open_door is unknown (invalidated) at 4 s  [specs/door.yaml:23]",
+        "  the preview is unknown: door_open (invalidated: open_door)",
+    ]
+    assert "did you mean 'open_door'?" in misspelt.stderr
 
 
 def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> None:
