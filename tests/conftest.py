@@ -20,6 +20,8 @@ from hypothesis.internal.conjecture import providers
 
 IN_CI = bool(os.environ.pop("CI", ""))  # removed so that tests behave the same everywhere; in CI the cache is not used
 
+FEWEST_EXAMPLES = 10
+
 # No deadline and no health check of durations: none of our tests measures its own time. No database: what is drawn
 # depends on the code and the seed only. An example that failed is kept in the code, as `@example(...)`.
 settings.register_profile(
@@ -51,9 +53,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--examples-factor",
         type=float,
-        default=1.0,
+        default=0.5,
         metavar="FACTOR",
-        help="let property tests try FACTOR times as many examples as their settings say",
+        help="let property tests try FACTOR times as many examples as their settings say, but at least ten",
     )
 
 
@@ -100,7 +102,8 @@ def _with_settings(item: Any) -> Any:
 def _multiply_examples(test: Any, factor: float) -> None:
     name = "settings" if hasattr(test, "settings") else "_hypothesis_internal_use_settings"
     own = getattr(test, name)
-    setattr(test, name, settings(own, max_examples=max(1, round(own.max_examples * factor))))
+    fewest = min(own.max_examples, FEWEST_EXAMPLES)
+    setattr(test, name, settings(own, max_examples=max(fewest, round(own.max_examples * factor))))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

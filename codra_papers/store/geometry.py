@@ -111,6 +111,13 @@ class Scene:
         self._centres = np.array([disc.centre_m for disc in disc_list], dtype=np.float64).reshape(-1, 2)
         self._radii = np.array([disc.radius_m for disc in disc_list], dtype=np.float64)
 
+    def with_obstacles(self, boxes: Iterable[Box], discs: Iterable[Disc]) -> Scene:
+        """Return a scene with further obstacles. Rays find all of them in one pass."""
+        further, scene = Scene(boxes, discs), Scene()
+        for name in Scene.__slots__:
+            setattr(scene, name, np.concatenate((getattr(self, name), getattr(further, name))))
+        return scene
+
     def ranges_m(self, eye_m: Point, bearings_rad: Floats, farthest_m: float) -> Floats:
         """Return the length of each ray until it hits an edge or a disc, at most `farthest_m`.
 
@@ -157,15 +164,16 @@ def _edge_ranges_m(eye: Floats, directions: Floats, starts: Floats, edges: Float
     """
     to_start = starts - eye
     is_facing = edges[:, 0] * to_start[:, 1] > edges[:, 1] * to_start[:, 0]
-    if not is_facing.any():
-        return np.full(len(directions), np.inf)
-    to_start, edges = to_start[is_facing], edges[is_facing]
-    cross = directions[:, :1] * edges[:, 1] - directions[:, 1:] * edges[:, 0]
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        t = (to_start[:, 0] * edges[:, 1] - to_start[:, 1] * edges[:, 0]) / cross
-        u = (to_start[:, 0] * directions[:, 1:] - to_start[:, 1] * directions[:, :1]) / cross
-        meets = (t >= 0.0) & (u >= 0.0) & (u <= 1.0)
-    lengths_m: Floats = np.where(meets, t, np.inf).min(axis=1)
+    lengths_m: Floats = np.full(len(directions), np.inf)
+    start_x, start_y = to_start[is_facing].T[:, :, None]
+    edge_x, edge_y = edges[is_facing].T[:, :, None]
+    direction_x, direction_y = directions.T
+    # t = numerators / cross and u = from_start / cross. The numerators are negative, so t >= 0 where cross < 0.
+    cross = edge_y * direction_x - edge_x * direction_y
+    from_start = start_x * direction_y - start_y * direction_x
+    edge, ray = np.nonzero((from_start <= 0.0) & (from_start >= cross) & (cross < 0.0))
+    numerators = (start_x * edge_y - start_y * edge_x)[:, 0]
+    np.minimum.at(lengths_m, ray, numerators[edge] / cross[edge, ray])
     return lengths_m
 
 

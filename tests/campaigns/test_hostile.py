@@ -7,7 +7,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
@@ -123,11 +124,11 @@ from tests.campaigns import test_hostile
 from tests.campaigns.hostile.reading import Kind
 from tests.campaigns.hostile.running import Campaign
 
-accept, read = test_hostile._accept, getattr(test_hostile, sys.argv[1])
-kinds = {"good": Kind(test_hostile._make_one, accept), "bad": Kind(test_hostile._make_one, read)}
-good, bad = Campaign(kinds, Path(sys.argv[2]), seed=1, keep=Path(sys.argv[3])).run(range(7, 9), workers=1)
-outcomes = [(outcome.answer.is_accepted, outcome.failure) for outcome in good.outcomes]
-print("\\n" + json.dumps([outcomes, [outcome.failure for outcome in bad.failures()]]))
+inputs, keep, *names = sys.argv[1:]
+kinds = {name: Kind(test_hostile._make_one, getattr(test_hostile, name)) for name in names}
+rows = Campaign(kinds, Path(inputs), seed=1, keep=Path(keep)).run(range(7, 9), workers=1)
+outcomes = {row.name: [(outcome.answer.is_accepted, outcome.failure) for outcome in row.outcomes] for row in rows}
+print("\\n" + json.dumps(outcomes))
 """
 
 
@@ -163,37 +164,54 @@ def _use_memory(_: Path) -> Answer:
     return Answer(is_accepted=(bytearray(b"x") * 400_000_000).isascii())
 
 
-@pytest.mark.parametrize(
-    ("read", "failure"),
-    [
-        (_raise, "ValueError"),
-        (_end_process, "the process ended: exit code 3"),
-        (_read_outside, "open '/etc/passwd'"),
-        (_write_elsewhere, "changed 'elsewhere'"),
-        (_start_process, "subprocess.Popen"),
-        (_fail_internally, "exit 70"),
-        (_use_memory, " MB"),
-    ],
-)
-def test_a_reader_that_breaks_a_promise_is_a_failure_and_its_input_is_kept(
-    read: Callable[[Path], Answer], failure: str, tmp_path: Path
-) -> None:
-    inputs, keep = tmp_path / "inputs", tmp_path / "keep"
-    inputs.mkdir()
-
-    process = as_text(run_python(("-c", CAMPAIGN, read.__name__, str(inputs), str(keep)), ROOT, ENVIRONMENT))
-
-    assert process.returncode == 0, process.stderr
-    good_outcomes, bad_failures = json.loads(process.stdout.splitlines()[-1])
-    assert good_outcomes == [[True, ""], [True, ""]]
-    assert [failure in bad_failure for bad_failure in bad_failures] == [True, True]
-    assert sorted(path.name for path in keep.iterdir()) == ["bad-1-7", "bad-1-8"]
-    assert (keep / "bad-1-7/input/spec.yaml").read_bytes() == b"codra: 1"
-
-
 def _make_one(_: Random) -> dict[str, bytes]:
     return {"spec.yaml": b"codra: 1"}
 
 
 def _accept(root: Path) -> Answer:
     return Answer(is_accepted=(root / "spec.yaml").read_bytes() == b"codra: 1")
+
+
+FAILURES: Mapping[Callable[[Path], Answer], str] = {
+    _raise: "ValueError",
+    _end_process: "the process ended: exit code 3",
+    _read_outside: "open '/etc/passwd'",
+    _write_elsewhere: "changed 'elsewhere'",
+    _start_process: "subprocess.Popen",
+    _fail_internally: "exit 70",
+    _use_memory: " MB",
+}
+"""What is reported of each reader that breaks a promise."""
+
+
+@dataclass(frozen=True)
+class ReadInputs:
+    """The outcomes of two inputs by reader: whether they were accepted, and the failure."""
+
+    outcomes: Mapping[str, list[tuple[bool, str]]]
+    keep: Path
+
+
+@pytest.fixture(scope="module")
+def read_inputs(tmp_path_factory: pytest.TempPathFactory) -> ReadInputs:
+    inputs, keep = (tmp_path_factory.mktemp(name) for name in ("inputs", "keep"))
+    names = [read.__name__ for read in (_accept, *FAILURES)]
+    process = as_text(run_python(("-c", CAMPAIGN, str(inputs), str(keep), *names), ROOT, ENVIRONMENT))
+    assert process.returncode == 0, process.stderr
+    return ReadInputs(json.loads(process.stdout.splitlines()[-1]), keep)
+
+
+def test_a_reader_that_keeps_its_promises_has_no_failure(read_inputs: ReadInputs) -> None:
+    assert read_inputs.outcomes["_accept"] == [[True, ""], [True, ""]]
+    assert not list(read_inputs.keep.glob("_accept*"))
+
+
+@pytest.mark.parametrize("read", FAILURES)
+def test_a_reader_that_breaks_a_promise_is_a_failure_and_its_input_is_kept(
+    read: Callable[[Path], Answer], read_inputs: ReadInputs
+) -> None:
+    name = read.__name__
+
+    assert [FAILURES[read] in failure for _, failure in read_inputs.outcomes[name]] == [True, True]
+    assert sorted(path.name for path in read_inputs.keep.glob(f"{name}-*")) == [f"{name}-1-7", f"{name}-1-8"]
+    assert (read_inputs.keep / f"{name}-1-7/input/spec.yaml").read_bytes() == b"codra: 1"

@@ -49,8 +49,8 @@ def scan(seed: int, state: StoreState, side: Side) -> Scan:
     mount = LASER_POSES[side]
     eye = Pose2D(*state.robot.at.point_at(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
     rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
-    obstacles = _moving_obstacles(state.people_m, state.containers_on_floor(), sees_wheels=side is Side.BACK)
-    ranges = _ranges_m(obstacles, eye, bearings, LASER_FARTHEST_M)
+    obstacles = _obstacles(state.people_m, state.containers_on_floor(), sees_wheels=side is Side.BACK)
+    ranges = obstacles.ranges_m(eye.point_m, bearings + eye.heading_rad, LASER_FARTHEST_M)
     entropy = (abs(seed), list(Side).index(side), state.step)
     random = default_rng(entropy if seed >= 0 else (*entropy, 1))  # `default_rng` takes no negative numbers
     noise = random.normal(0.0, LASER_NOISE_M, rays)
@@ -82,7 +82,7 @@ def visible_share(state: StoreState, shape: Box | Disc) -> float:
     rays = bearings + eye.heading_rad
     own_scene = Scene((), (shape,)) if isinstance(shape, Disc) else Scene((shape,))
     own_ranges_m = own_scene.ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 1.0)
-    others_m = _ranges_m(_other_objects(state, shape), eye, bearings, CAMERA_FARTHEST_M + 2.0)
+    others_m = _other_objects(state, shape).ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 2.0)
     return float((is_inside & (own_ranges_m < others_m)).mean())
 
 
@@ -103,23 +103,14 @@ def _waves(seed: int) -> list[list[tuple[float, float, float]]]:
 
 
 @lru_cache(maxsize=2)
-def _moving_obstacles(
+def _obstacles(
     people_m: tuple[tuple[str, Point], ...], containers: tuple[Container, ...], *, sees_wheels: bool
 ) -> Scene:
-    """Return the moving obstacles of a laser: people, and the frames or the wheels of containers."""
+    """Return the obstacles of a laser: shelves, walls, people, and the frames or the wheels of containers."""
     discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in people_m]
     if not sees_wheels:
-        return Scene([container.box() for container in containers], discs)
-    return Scene([], [*discs, *(wheel for container in containers for wheel in container.wheels())])
-
-
-def _ranges_m(moving_obstacles: Scene, eye: Pose2D, bearings_rad: Floats, farthest_m: float) -> Floats:
-    """Return the lengths of rays until they hit a shelf, a wall, or a moving obstacle; shape (rays,)."""
-    rays = bearings_rad + eye.heading_rad
-    ranges_m: Floats = np.minimum(
-        SHELL.ranges_m(eye.point_m, rays, farthest_m), moving_obstacles.ranges_m(eye.point_m, rays, farthest_m)
-    )
-    return ranges_m
+        return SHELL.with_obstacles([container.box() for container in containers], discs)
+    return SHELL.with_obstacles([], [*discs, *(wheel for container in containers for wheel in container.wheels())])
 
 
 def _camera_pose(state: StoreState) -> Pose2D:
@@ -143,7 +134,7 @@ def _bearings(eye: Pose2D, shape: Box | Disc) -> list[float]:
 def _other_objects(state: StoreState, shape: Box | Disc) -> Scene:
     boxes = [box for box in (container.box() for container in state.containers_on_floor()) if box != shape]
     discs = [disc for disc in (Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m) if disc != shape]
-    return Scene(boxes, discs)
+    return SHELL.with_obstacles(boxes, discs)
 
 
 def _sightings(seed: int, state: StoreState) -> Iterator[Sighting]:

@@ -26,6 +26,7 @@ from codra_dsl.cli.app import app
 from codra_dsl.tooling.installation import pip_install
 from codra_papers.experiments.campaign.registry import experiments
 from tests.cli.test_commands import DOOR, MISSPELT, MONITER, ROOT, codra, environment
+from tests.command_server import as_text, run_python
 
 CONSOLE_SCRIPT = Path(sys.executable).with_name("codra")
 TINY_EXPERIMENT = "tiny:EXPERIMENT"
@@ -128,7 +129,7 @@ def test_the_data_has_the_published_form(uninterrupted_project: Path) -> None:
     assert report["experiment"] == "tiny"
     assert report["command"] == "codra experiment tiny:EXPERIMENT --processes 2"
     assert report["seeds"] == [301, 302]
-    assert report["trials"]["seed 302"] == {"seed": 302, "duration_s": 8.0, "loops": 0, "error": None}
+    assert report["trials"]["seed 302"] == {"seed": 302, "duration_s": 4.0, "loops": 0, "error": None}
     assert list(report["results"]["frames"]) == ["seed 301", "seed 302"]
     assert not jsonschema.Draft202012Validator(schema).is_valid(report | {"more": 1})
 
@@ -346,7 +347,7 @@ def test_a_trial_alone_is_kept_and_no_report_is_written(project: Path) -> None:
     completed_process = codra("experiment", TINY_EXPERIMENT, "--trial", "seed 302", cwd=project)
 
     assert (completed_process.returncode, completed_process.stderr) == (0, "")
-    assert completed_process.stdout == "trial 'seed 302' (seed 302): 8.0 s, 0 loops\n"
+    assert completed_process.stdout == "trial 'seed 302' (seed 302): 4.0 s, 0 loops\n"
     assert [path.name for path in (project / "runs/tiny").iterdir()] == ["trials"]
     assert list(records(project)) == ["seed 302.json"]
 
@@ -364,18 +365,12 @@ def test_missing_perception_is_named(project: Path) -> None:
 
 def test_a_full_disk_is_reported_in_a_line(project: Path) -> None:
     limited_program = (
-        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
-        f"sys.argv = ['codra', 'experiment', '{TINY_EXPERIMENT}']\n"
-        "from codra_dsl.cli import main\nif __name__ == '__main__': main()"
+        "import os, resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "os.environ['PYTHONDONTWRITEBYTECODE'] = '1'\n"
+        f"sys.argv = ['codra', 'experiment', '{TINY_EXPERIMENT}', '--processes', '1']\n"
+        "from codra_dsl.cli import main\nmain()"
     )
-    completed_process = subprocess.run(
-        [sys.executable, "-B", "-c", limited_program],
-        cwd=project,
-        env=environment(),
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    completed_process = as_text(run_python(("-c", limited_program, "experiment"), project, environment()))
 
     assert (completed_process.returncode, completed_process.stdout) == (1, "")
     assert completed_process.stderr == (

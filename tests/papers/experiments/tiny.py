@@ -1,4 +1,4 @@
-"""A small experiment of a project's own: how many frames are rendered in eight seconds?"""
+"""A small experiment of a project's own: how many frames are rendered in four seconds?"""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def trials(settings: Settings) -> Sequence[Trial]:
             seed=seed,
             arms=(NEED, NAIVE),
             work=Loops(),
-            duration_s=8.0,
+            duration_s=4.0,
             frames_kept=1,
         )
         for seed in range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + settings.seeds)
@@ -45,5 +45,5 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
 
 
 EXPERIMENT = Experiment(
-    name="tiny", question="How many frames are rendered in eight seconds?", seeds=2, trials=trials, judge=judge
+    name="tiny", question="How many frames are rendered in four seconds?", seeds=2, trials=trials, judge=judge
 )

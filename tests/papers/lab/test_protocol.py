@@ -32,7 +32,7 @@ from tests.papers.lab.perception.placing import SteadyHand
 
 ROOT = Path(__file__).parents[3]
 CENTRIFUGE, PCR_CYCLER = "centrifuge", "pcr_cycler"
-SEEDS = range(201, 221)
+SEEDS = range(201, 213)
 Start = Callable[..., ContextManager[Any, Any]]
 
 
@@ -171,7 +171,7 @@ def test_without_observers_opening_and_closing_take_as_long_as_in_the_paper(
     """P1, section 4.2 and Table 3, by arithmetic. Tasks with a slip and a second try are left out."""
     runs_without_slip = [run[task] for run in runs if len(run[task].tasks_s) == 4]
 
-    assert len(runs_without_slip) >= 16
+    assert len(runs_without_slip) >= 9
     assert fmean(run_without_slip.total_s for run_without_slip in runs_without_slip) == pytest.approx(total_s, rel=0.05)
     assert fmean(sum(run_without_slip.tasks_s) for run_without_slip in runs_without_slip) == pytest.approx(
         perception_s, rel=0.05

@@ -27,13 +27,13 @@ def journals(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Long runs of the laboratory's spec, the kitchen's spec, random specs, a door, and a run in real time."""
     folder = tmp_path_factory.mktemp("journals")
     for number, module in enumerate((lab, kitchen, *(package(seed, folder / "specs") for seed in (5, 6, 7)))):
-        run_until(module, number, 120.0, folder / f"{number}.mcap").manager.close()
-    run_door(folder / "door.mcap", loops=60)
+        run_until(module, number, 60.0, folder / f"{number}.mcap").manager.close()
+    run_door(folder / "door.mcap", loops=30)
     model = unruly_forest(1)
     names = [name for observer in model.observers for name in observer.identifies]
     world = World({f"look_{name}_{rank}": unruly for name in names for rank in range(2)})
     with WallClock() as clock, journalled(model, world, folder / "real.mcap", clock, 1) as manager:
-        hammer(manager, clock, 1, clock.now_s() + 2.0)
+        hammer(manager, clock, 1, clock.now_s() + 1.0)
     return sorted(folder.glob("*.mcap"))
 
 

@@ -326,9 +326,10 @@ def test_an_added_observer_does_not_affect_the_others(need: str) -> None:
 def test_the_event_logs_of_two_processes_are_the_same() -> None:
     code = "from tests.runtime.observers.test_forest import lively, story; print(story(lively(), 5).text(), end='')"
     root = Path(__file__).parents[3]
+    text = story(lively(), 5).text()
     for hash_seed, zone in [("1", "UTC"), ("77", "Asia/Tokyo")]:
         env = {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": str(root), "TZ": zone}
         run = subprocess.run(
             [sys.executable, "-c", code], cwd=root, env=env, capture_output=True, text=True, check=True
         )
-        assert run.stdout == story(lively(), 5).text()
+        assert run.stdout == text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,11 @@ def events_of_story(seed: int, record: Journal | None = None, *, is_often_ticked
         return [event.as_json() for event in manager.record]
 
 
+@cache
+def events_of_seed(seed: int) -> list[str]:
+    return events_of_story(seed)
+
+
 def do_something(manager: Manager, clock: SimClock, chance: random.Random) -> None:
     draw, name = chance.random(), chance.choice(NAMES)
     if draw < 0.3:
@@ -138,20 +144,20 @@ def check(manager: Manager, clock: SimClock) -> None:
         assert evidence_s == sorted(evidence_s)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_known_values_are_valid_and_newer_than_the_last_change_and_the_run_replays(seed: int, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     events = events_of_story(seed, Journal(path))
-    assert events_of_story(seed) == events
+    assert events_of_seed(seed) == events
     header, recorded_events = read(path)
     assert replay(header, recorded_events, situation(seed), ContextManager[str, str], None).difference is None
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_ticking_by_change_gives_the_same_as_ticking_at_every_instant(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    by_change = by_subject(events_of_story(seed))
+    by_change = by_subject(events_of_seed(seed))
     monkeypatch.setattr(components_module, "Forest", EveryTree)
     monkeypatch.setattr(Observer, "_needs_another_tick", lambda _: True)
 

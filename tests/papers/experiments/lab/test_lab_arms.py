@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import ExitStack
+from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -63,6 +64,7 @@ def run_alone(run_settings: LabSettings) -> LabRun:
     return run_lab([Observers(arm=CONTEXT_DRIVEN, start=lab.start)], run_settings)
 
 
+@cache
 def short_run(expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabRun:
     return run_alone(settings(expect=expect, seed=seed))
 

@@ -66,7 +66,7 @@ def run_and_judge(experiment: Experiment, folder: Path, seeds: int = 2, duration
 
 @pytest.fixture(scope="module")
 def options(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    return run_and_judge(lab_options.EXPERIMENT, tmp_path_factory.mktemp("options"), duration_s=15.0)
+    return run_and_judge(lab_options.EXPERIMENT, tmp_path_factory.mktemp("options"), duration_s=8.0)
 
 
 @pytest.fixture(scope="module")
@@ -333,7 +333,7 @@ def test_a_number_is_scaled_in_its_condition_and_a_count_stays_an_integer() -> N
 
 
 def test_every_laboratory_is_compared_with_naive_observers_in_it(tmp_path: Path) -> None:
-    sensitivity = run_and_judge(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=10.0)
+    sensitivity = run_and_judge(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=4.0)
     names = {"as it is", *(variation.name for variation in lab_sensitivity.VARIATIONS)}
 
     assert set(sensitivity.document.results) == names

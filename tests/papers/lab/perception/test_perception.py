@@ -64,6 +64,14 @@ class Laboratory:
         self.now_s += 10.0
         put(self.world, quantity, value, at_s=self.now_s)
 
+    def begin_again(self) -> None:
+        """Close all lids and latches, draw back the hand, and switch on the light."""
+        for machine in MACHINES.values():
+            for joint in machine.joints:
+                self.turn(machine.name, joint.part, 0.0)
+        self.change(Quantity.REACH, 0.0)
+        self.change(Quantity.LIGHT, 1.0)
+
     def frame(self) -> Frame:
         return self.source.frame_at(self.now_s + 1.0)
 
@@ -74,11 +82,18 @@ class Laboratory:
         return {view.tag_id: view for view in self.geometry.tags_in_view(self.world.state(self.now_s + 1.0))}
 
 
-@pytest.fixture
-def lab() -> Iterator[Laboratory]:
+@pytest.fixture(scope="module")
+def shared_lab() -> Iterator[Laboratory]:
     laboratory = Laboratory()
     yield laboratory
     laboratory.source.close()
+
+
+@pytest.fixture
+def lab(shared_lab: Laboratory) -> Laboratory:
+    """Return the laboratory of all tests of this file in its first state: to begin to draw takes long."""
+    shared_lab.begin_again()
+    return shared_lab
 
 
 def ask(function: Callable[..., Mapping[str, Any]], machine: str, frame: Frame) -> Mapping[str, Any]:
