@@ -4,7 +4,6 @@ This package only parses text; `check` decides what a condition or a pattern mea
 """
 
 from codra_dsl.language.expression.derivations import (
-    COUNTS,
     distances_in,
     is_distance,
     parse_derivation,
@@ -39,7 +38,6 @@ from codra_dsl.language.expression.tree import (
 )
 
 __all__ = [
-    "COUNTS",
     "FUNCTIONS",
     "GEOMETRY",
     "MAX_DEPTH",
