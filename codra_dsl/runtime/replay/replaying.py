@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
@@ -30,6 +31,10 @@ Build = Callable[..., ContextManager[Any, Any]]
 
 def _show_nothing(_: float) -> None:
     """Show no progress."""
+
+
+def _show_since_start(progress: Callable[[float], None], start_s: float, now_s: float) -> None:
+    progress(now_s - start_s)
 
 
 def replay(  # noqa: PLR0917 - the parts of a journal and of a package
@@ -65,9 +70,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     def is_in_range(instant_s: float) -> bool:
         return instant_s >= from_s
 
-    def show_progress(now_s: float) -> None:
-        progress(now_s - header.start_s)
-
+    progress = partial(_show_since_start, progress, header.start_s)
     recording = events if isinstance(events, Recording) else Recording.of(events)
     comparison = Comparison(recording, copy, is_in_range)
     decisions = DecisionComparison(is_in_range)
@@ -77,7 +80,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     undetermined = Undetermined(summary)
     parts.player.on_decision = count_decision(decisions, undetermined)
     comparison.on_event = undetermined.add_missing_result
-    comparison.check_completeness(_play(parts, recording, comparison, show_progress))
+    comparison.check_completeness(_play(parts, recording, comparison, progress))
     ended_because, skipped_inputs = "", Counter[str]()
     if comparison.difference is not None:
         comparison.on_event = undetermined.add_event
@@ -90,11 +93,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
             decisions=decisions,
             summary=summary,
         )
-        try:
-            what_if.go_on(show_progress)
-        except DivergedError as error:
-            ended_because = str(error)
-        skipped_inputs = what_if.skipped_inputs
+        ended_because, skipped_inputs = what_if.go_on(progress), what_if.skipped_inputs
     recording.check()
     comparison.end()
     return Replayed(
