@@ -33,7 +33,7 @@ from codra_dsl.runtime.knowledge.context_link import ContextLink, RefusedWrite
 from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import subjects_of_patterns
-from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Verb, operations_of
+from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Verb
 from codra_dsl.runtime.knowledge.permissions import GRAPH_WRITER, Audit, Refusal
 from codra_dsl.runtime.knowledge.rule_execution import RuleError, RuleExecution
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
@@ -217,14 +217,6 @@ class Knowledge:
     def audit_refusal(self, agent: str, message: str) -> None:
         """Add a refused write of a context-variable to the audit; the context has already recorded this refusal."""
         self._audit.add(Refusal(instant_s=self._now_s(), agent=agent, why=message))
-
-    def replay_operations(self, agent: str, plain_operations: Iterable[list[Any]]) -> None:
-        """Repeat an agent's operations from a journal, as one change.
-
-        Raises:
-            LookupError: if an operation fails; ValueError, TypeError, PermissionError and RuntimeError likewise.
-        """
-        self.write_as(agent, operations_of(plain_operations))
 
     def write_as(self, agent: str, operations: Sequence[Operation]) -> None:
         """Apply operations of an agent as one change, with the errors of `replay_operations`."""

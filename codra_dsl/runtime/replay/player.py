@@ -20,6 +20,7 @@ from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.knowledge import ConflictError
 from codra_dsl.runtime.knowledge.context_link import RefusedWrite
+from codra_dsl.runtime.knowledge.operations import operations_of
 from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedJobs
 from codra_dsl.runtime.replay.recording import Recording
 
@@ -178,7 +179,8 @@ class Player:
                     self.on_decision(decision)
                 self._commands.conclude(decision, details.get("value"), details.get("raised"))
             case "graph":
-                self._manager.knowledge.replay_operations(event.name, parse_json(details["operations"]))
+                operations = operations_of(parse_json(details["operations"]))
+                self._manager.knowledge.write_as(event.name, operations)
             case "refused":
                 refused_write_fields = (
                     details["subject"],

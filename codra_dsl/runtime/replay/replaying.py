@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
@@ -29,6 +31,10 @@ Build = Callable[..., ContextManager[Any, Any]]
 
 def _show_nothing(_: float) -> None:
     """Show no progress."""
+
+
+def _show_since_start(progress: Callable[[float], None], start_s: float, now_s: float) -> None:
+    progress(now_s - start_s)
 
 
 def replay(  # noqa: PLR0917 - the parts of a journal and of a package
@@ -64,9 +70,7 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     def is_in_range(instant_s: float) -> bool:
         return instant_s >= from_s
 
-    def show_progress(now_s: float) -> None:
-        progress(now_s - header.start_s)
-
+    progress = partial(_show_since_start, progress, header.start_s)
     recording = events if isinstance(events, Recording) else Recording.of(events)
     comparison = Comparison(recording, copy, is_in_range)
     decisions = DecisionComparison(is_in_range)
@@ -76,20 +80,20 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     undetermined = Undetermined(summary)
     parts.player.on_decision = count_decision(decisions, undetermined)
     comparison.on_event = undetermined.add_missing_result
-    comparison.check_completeness(_play(parts, recording, comparison, show_progress))
-    what_if = WhatIf(
-        player=parts.player,
-        clock=parts.clock,
-        jobs=parts.jobs,
-        recording=recording,
-        undetermined=undetermined,
-        decisions=decisions,
-        summary=summary,
-    )
-    ended_because = ""
+    comparison.check_completeness(_play(parts, recording, comparison, progress))
+    ended_because, skipped_inputs = "", Counter[str]()
     if comparison.difference is not None:
         comparison.on_event = undetermined.add_event
-        ended_because = _go_on(what_if, show_progress)
+        what_if = WhatIf(
+            player=parts.player,
+            clock=parts.clock,
+            jobs=parts.jobs,
+            recording=recording,
+            undetermined=undetermined,
+            decisions=decisions,
+            summary=summary,
+        )
+        ended_because, skipped_inputs = what_if.go_on(progress), what_if.skipped_inputs
     recording.check()
     comparison.end()
     return Replayed(
@@ -99,18 +103,9 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         difference=_with_changes(comparison, header),
         decisions=decisions.counts(),
         missing_looks=dict(sorted(undetermined.missing_looks.items())),
-        skipped_inputs=dict(sorted(what_if.skipped_inputs.items())),
+        skipped_inputs=dict(sorted(skipped_inputs.items())),
         ended_because=ended_because,
     )
-
-
-def _go_on(what_if: WhatIf, progress: Callable[[float], None]) -> str:
-    """Go on after the first difference; return why the replay ended early, or an empty text."""
-    try:
-        what_if.go_on(progress)
-    except DivergedError as error:
-        return str(error)
-    return ""
 
 
 def knowledge_at(

@@ -60,12 +60,15 @@ class WhatIf:
         }
         self._waiting_numbers: set[int] = set()
 
-    def go_on(self, progress: Callable[[float], None]) -> None:
-        """Pass the remaining inputs.
+    def go_on(self, progress: Callable[[float], None]) -> str:
+        """Pass the remaining inputs; return why the replay ended before the journal, or an empty text."""
+        try:
+            self._pass_all(progress)
+        except DivergedError as error:
+            return str(error)
+        return ""
 
-        Raises:
-            DivergedError: if the replay does not come to an end.
-        """
+    def _pass_all(self, progress: Callable[[float], None]) -> None:
         self._jobs.go_on(Looks(self._clock, self._undetermined, self._periods_s))
         self._recording.expect_nothing()
         self._jobs.pair_open_jobs()
