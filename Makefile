@@ -131,7 +131,7 @@ crowd: $(READY)
 clients: $(READY)
 	$(BIN)/python -m tests.campaigns.clients 2000
 
-# The store's situations with other seeds than those of the tests: does every run end as the tests state?
+# The store's situations with other seeds than those of the tests, and some longer runs: does every run end as the tests state?
 STORES ?=
 stores: $(READY)
 	$(BIN)/python -m tests.campaigns.stores $(STORES)

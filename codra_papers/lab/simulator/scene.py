@@ -5,7 +5,8 @@ There is no physics: a `Stage` shows one state of the laboratory, either to draw
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from math import atan, degrees, sqrt
 
 import cv2
@@ -52,7 +53,7 @@ class Stage:
     """The laboratory at one instant, for drawing and ray casts. Only one thread may use it at a time."""
 
     def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf(laboratory), textures(laboratory))
+        self.model = mujoco.MjModel.from_xml_string(mjcf(laboratory), dict(textures(laboratory)))
         self.data = mujoco.MjData(self.model)
         self._joint_addresses = {
             (machine.name, joint.part): int(self.model.joint(_body_name(machine, joint.part)).qposadr[0])
@@ -101,7 +102,8 @@ class Stage:
         mujoco.mju_mat2Quat(self._quaternions[index], pose.rotation.ravel())
 
 
-def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
+@lru_cache(maxsize=2)
+def textures(laboratory: Laboratory = LABORATORY) -> Mapping[str, bytes]:
     """Return the pictures of tags, floor and walls as a mapping from the name of each PNG file to its content."""
     tags = {
         f"tag_{tag.tag_id}.png": np.kron(

@@ -23,7 +23,7 @@ from codra_papers.store.body import (
     Side,
     Sighting,
 )
-from codra_papers.store.geometry import Box, Disc, Floats, Point, Pose2D, Scene, wrapped
+from codra_papers.store.geometry import Box, Disc, Point, Pose2D, Scene, wrapped
 from codra_papers.store.simulator.people import PERSON_RADIUS_M
 from codra_papers.store.simulator.state import SHELL, Container, StoreState
 

@@ -15,14 +15,22 @@ from pathlib import Path
 
 from codra_papers.store.simulator.situations import Situation
 from tests.papers.store import test_loops_of_the_store as loops
-from tests.papers.store.mission.test_trips import check_hidden_trip, check_ordinary_trip
+from tests.papers.store.mission.test_trips import check_hidden_trip, check_ordinary_trip, check_trip_of_second_order
 
-DEFAULT_RUNS = ("ordinary=4", "people-close=4", "hidden=8", "absent=4", "trip=5", "hidden-trip=7")
+DEFAULT_RUNS = (
+    *("ordinary=4", "people-close=4", "second-try=6", "hidden=8", "absent=4"),
+    *("trip=5", "hidden-trip=7", "second-order-trip=3"),
+)
 
 
 def _check_loops(situation: Situation, check: Callable[[loops.RecordedRuns], None], seed: int) -> None:
     with tempfile.TemporaryDirectory(prefix="codra-stores-") as folder:
         check(loops.RecordedRuns(lambda _: Path(folder), {situation: seed}))
+
+
+def _check_second_try(seed: int) -> None:
+    with tempfile.TemporaryDirectory(prefix="codra-stores-") as folder:
+        loops.check_second_try_and_delivery(loops.RecordedRun(Path(folder), Situation.PEOPLE_CLOSE, seed, 293.0))
 
 
 CHECKS: Mapping[str, Callable[[int], None]] = {
@@ -38,8 +46,10 @@ CHECKS: Mapping[str, Callable[[int], None]] = {
             Situation.ABSENT: loops.test_without_a_container_the_base_gets_a_notice_and_the_robot_returns,
         }.items()
     },
+    "second-try": _check_second_try,
     "trip": check_ordinary_trip,
     "hidden-trip": check_hidden_trip,
+    "second-order-trip": check_trip_of_second_order,
 }
 """The checks by name. The trips are driven by a program, the other runs by the loops of specs/store.yaml."""
 

@@ -14,7 +14,7 @@ from codra_papers.store.agents.wheel_check import container_behind
 from codra_papers.store.body import Side, Way
 from codra_papers.store.geometry import Point, Pose2D
 from codra_papers.store.knowledge import floor_pose_of, pose_of, store_knowledge
-from codra_papers.store.layout import AREAS, DOCK, ROW_WIDTH_M, ROWS_WEST_M, START, approach_to, robot_at
+from codra_papers.store.layout import AREAS, ROW_WIDTH_M, ROWS_WEST_M, START, approach_to, robot_at
 from codra_papers.store.simulator.people import new_visitor
 from codra_papers.store.simulator.state import Container
 from codra_papers.store.simulator.world import Beginning, StoreWorld
@@ -398,14 +398,15 @@ def test_a_task_requested_again_in_the_instant_of_its_abort_is_executed_again() 
 
 
 def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stops() -> None:
-    bench = Bench(DOCK)
+    bench = Bench(START)
     bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.05)
-    bench.aim(AREAS["area_4"].observation_poses[1])
-    handover = bench.perform("navigating")
+    handover = bench.perform("rotating")
+    turned_rad = bench.world.state().robot.at.heading_rad - START.heading_rad
     bench.clock.sleep(1.0)
 
     assert (handover.stage, handover.reason) == (Stage.ABORTED, "overdue")
-    assert bench.world.state().robot.speed_m_s == 0.0
+    assert turned_rad != 0.0
+    assert bench.world.state().robot.turn_rate_rad_s == 0.0
 
 
 def test_an_agent_cannot_write_the_attribute_of_another_one() -> None:

@@ -32,27 +32,18 @@ class Served:
         return [reading.value if reading.known else None for reading in readings]
 
 
-def test_orders_are_served_in_their_order_and_then_the_robot_waits_at_the_start() -> None:
+def test_an_order_without_a_container_fails_the_next_one_is_served_and_then_the_robot_waits_at_the_start() -> None:
     served_shop = Served(
         Situation.QUIET,
-        420.0,
+        190.0,
+        (OrderKind.COLLECT, "area_2", "delivery"),
         (OrderKind.PROVIDE, "supply", "area_3"),
-        (OrderKind.COLLECT, "area_1", "delivery"),
     )
 
-    assert served_shop.states() == ["done", "done"]
-    assert served_shop.store.judge.score.deliveries == ("area_3", "delivery")
+    assert served_shop.states() == ["failed", "done"]
+    assert served_shop.store.judge.score.deliveries == ("area_3",)
     start = served_shop.store.world.state().robot.at
     assert (round(start.x_m), round(start.y_m)) == (8, 2)
-
-
-def test_an_order_without_a_container_fails_with_a_notice_and_the_next_one_is_served() -> None:
-    served_shop = Served(Situation.ABSENT, 120.0)
-    knowledge = served_shop.store.knowledge
-
-    assert served_shop.states() == ["failed"]
-    assert knowledge.get("base", "base_notice").value == "container_not_found"
-    assert served_shop.store.judge.score.deliveries == ()
 
 
 def test_orders_not_begun_at_the_end_are_still_waiting() -> None:
