@@ -47,7 +47,7 @@ _MODULES_OF_COMMANDS = {
 }
 """The modules that only one command needs. They are imported when this command is run for the first time."""
 
-_SETTINGS_OF_NEW_PROCESSES = ("PYTHON", "LANG", "LC_")
+SETTINGS_OF_NEW_PROCESSES = ("PYTHON", "LANG", "LC_")
 """The start of the names of environment variables that Python reads only when a process starts."""
 
 
@@ -112,7 +112,7 @@ def _settings_of_new_processes(environment: Mapping[str, str]) -> dict[str, str]
     return {
         name: value
         for name, value in environment.items()
-        if name.startswith(_SETTINGS_OF_NEW_PROCESSES) and name != "PYTHONPATH"
+        if name.startswith(SETTINGS_OF_NEW_PROCESSES) and name != "PYTHONPATH"
     }
 
 

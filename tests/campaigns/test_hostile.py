@@ -18,11 +18,16 @@ from codra_dsl.cli import app as command_app
 from tests.campaigns.hostile.kinds import KINDS
 from tests.campaigns.hostile.reading import Answer, command
 from tests.campaigns.hostile.running import Campaign
-from tests.command_server import as_text, run_codra, run_python
+from tests.command_server import SETTINGS_OF_NEW_PROCESSES, as_text, run_codra, run_python
 
 ROOT = Path(__file__).parents[2]
 COUNT = 15
 ENVIRONMENT = {"PYTHONPATH": str(ROOT), "HOME": "/nonexistent"}
+FORKED_ENVIRONMENT = {
+    **{name: value for name, value in os.environ.items() if name.startswith(SETTINGS_OF_NEW_PROCESSES)},
+    **ENVIRONMENT,
+}
+"""The environment for commands that need no new process."""
 
 WATCHED = """
 import sys
@@ -61,7 +66,7 @@ def compiled_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "pyproject.toml").write_text("[tool.codra]\n")
     (folder / "specs").mkdir()
     (folder / "specs" / "door.yaml").write_text(SPEC)
-    compilation = as_text(run_codra(("compile", "specs"), folder, ENVIRONMENT))
+    compilation = as_text(run_codra(("compile", "specs"), folder, FORKED_ENVIRONMENT))
     assert compilation.returncode == 0, compilation.stdout + compilation.stderr
     return folder
 
@@ -84,7 +89,7 @@ def test_commands_that_read_specs_never_run_code_or_open_files_outside_or_start_
 ) -> None:
     shutil.copytree(compiled_project, tmp_path, dirs_exist_ok=True)
 
-    done = as_text(run_python(("-c", WATCHED, str(tmp_path), *arguments), tmp_path, ENVIRONMENT))
+    done = as_text(run_python(("-c", WATCHED, str(tmp_path), *arguments), tmp_path, FORKED_ENVIRONMENT))
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert not (tmp_path / "owned").exists()

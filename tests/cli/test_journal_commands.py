@@ -422,9 +422,9 @@ def test_the_journal_itself_is_never_the_target(project: Path) -> None:
 
 
 def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Path) -> None:
-    """The run is twenty simulated seconds of rendered frames; the replay renders none and uses the compiled package."""
+    """The run is ten simulated seconds of rendered frames; the replay renders none and uses the compiled package."""
     for name in ("a.mcap", "b.mcap"):
-        arguments = ("--seed", "2", "--for", "20 s", "--journal", f"{tmp_path}/{name}", "--out", f"{tmp_path}/out")
+        arguments = ("--seed", "2", "--for", "10 s", "--journal", f"{tmp_path}/{name}", "--out", f"{tmp_path}/out")
         assert codra("run", "specs/lab.yaml", *arguments, cwd=ROOT).returncode == 0
     process = codra("replay", f"{tmp_path}/a.mcap", "--journal", f"{tmp_path}/c.mcap", cwd=ROOT)
 

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[3]
 def test_supplying_missing_conditions_makes_a_variable_observable_in_a_second_run() -> None:
     """Test at random points in runs of the laboratory's spec, of the kitchen's spec, and of random specs."""
     done = subprocess.run(
-        [sys.executable, "-m", "tests.campaigns.whys", "20", "500"],
+        [sys.executable, "-m", "tests.campaigns.whys", "8", "500"],
         cwd=ROOT,
         check=False,
         text=True,

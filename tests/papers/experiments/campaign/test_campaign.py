@@ -260,18 +260,18 @@ def test_missing_graphics_are_reported_before_a_trial_begins(tmp_path: Path, mon
         run(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("work", "reason"),
-    [
-        (Dies(), "its process was ended by SIGKILL"),
-        (Exits(), "its process ended with exit code 3 and reported nothing"),
-    ],
-)
-def test_a_trial_whose_process_ends_is_named_and_no_process_remains(tmp_path: Path, work: Work, reason: str) -> None:
-    with pytest.raises(TrialError, match=reason):
-        run(tmp_path, (trial(7, work), replace(trial(8), duration_s=None)), processes=2)
+def test_a_trial_whose_process_is_killed_is_named_and_no_other_process_remains(tmp_path: Path) -> None:
+    with pytest.raises(TrialError, match="its process was ended by SIGKILL"):
+        run(tmp_path, (trial(7, Dies()), replace(trial(8), duration_s=None)), processes=2)
 
     assert multiprocessing.active_children() == []
+    assert list((tmp_path / TRIALS).iterdir()) == []
+
+
+def test_a_trial_whose_process_exits_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TrialError, match="its process ended with exit code 3 and reported nothing"):
+        run(tmp_path, (trial(7, Exits()),))
+
     assert list((tmp_path / TRIALS).iterdir()) == []
 
 

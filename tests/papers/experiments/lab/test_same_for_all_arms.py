@@ -98,7 +98,7 @@ def test_every_frame_that_was_rendered_was_perceived(run_of_all_arms: LabRun) ->
 
 def test_another_arm_does_not_change_the_outcome_of_an_arm(tmp_path: Path) -> None:
     def outcome(name: str, *arms: Arm) -> Outcome:
-        trial = Trial(name=name, spec=SPEC, seed=SEED, arms=arms, duration_s=50.0)
+        trial = Trial(name=name, spec=SPEC, seed=SEED, arms=arms, duration_s=35.0)
         return run_trial(trial, tmp_path / name)
 
     outcome_alone, outcome_with_naive = outcome("alone", NEED), outcome("beside", NAIVE, NEED)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from math import pi
 
 import numpy as np
@@ -24,9 +25,33 @@ UNLOCKED_RAD = 1.0
 KNOWN_IDS = {tag.tag_id for machine in MACHINES.values() for tag in machine.tags}
 
 
-def detected_ids(world: LabWorld, instant_s: float = 1.0) -> set[int]:
-    with FrameSource(world) as source:
-        return {detection.tag_id for detection in detect(source.frame_at(instant_s))}
+class DrawnLab:
+    """A laboratory that changes at once. Its source of frames is shared, because to begin to draw takes long."""
+
+    def __init__(self) -> None:
+        self.world = LabWorld(1)
+        self.source = FrameSource(self.world)
+        self.now_s = 0.0
+
+    def look_at(self, machine: str, part: Part) -> None:
+        self.now_s += 10.0
+        place_robot_before(self.world, machine, observation_gaze(machine, part), at_s=self.now_s)
+
+    def turn(self, machine: str, **angles_rad: float) -> None:
+        """Turn some parts of a machine; the names are those of the parts."""
+        self.now_s += 10.0
+        for part, angle_rad in angles_rad.items():
+            set_joint(self.world, machine, Part(part), angle_rad, at_s=self.now_s)
+
+    def detected_ids(self) -> set[int]:
+        return {detection.tag_id for detection in detect(self.source.frame_at(self.now_s + 1.0))}
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[DrawnLab]:
+    drawn_lab = DrawnLab()
+    yield drawn_lab
+    drawn_lab.source.close()
 
 
 def ids_on(machine: str, *parts: Part) -> set[int]:
@@ -37,27 +62,24 @@ def ids_on(machine: str, *parts: Part) -> set[int]:
 @pytest.mark.parametrize("part", [Part.LID, Part.LATCH])
 @pytest.mark.parametrize(("lid_rad", "latch_rad"), [(0.0, 0.0), (0.0, UNLOCKED_RAD), (OPEN_RAD, UNLOCKED_RAD)])
 def test_base_lid_and_latch_show_all_their_tags_from_where_the_robot_looks(
-    machine: str, part: Part, lid_rad: float, latch_rad: float
+    lab: DrawnLab, machine: str, part: Part, lid_rad: float, latch_rad: float
 ) -> None:
-    world = LabWorld(1)
-    place_robot_before(world, machine, observation_gaze(machine, part))
-    set_joint(world, machine, Part.LID, lid_rad)
-    set_joint(world, machine, Part.LATCH, latch_rad)
+    lab.look_at(machine, part)
+    lab.turn(machine, lid=lid_rad, latch=latch_rad)
 
-    tag_ids = detected_ids(world)
+    tag_ids = lab.detected_ids()
 
     assert tag_ids >= ids_on(machine, Part.BASE, Part.LID, Part.LATCH)
     assert tag_ids <= KNOWN_IDS
 
 
 @pytest.mark.parametrize("rotor_rad", [0.0, pi])
-def test_the_rotor_shows_its_tags_through_the_open_lid_only(rotor_rad: float) -> None:
-    world = LabWorld(1)
-    place_robot_before(world, "centrifuge", observation_gaze("centrifuge", Part.ROTOR))
-    set_joint(world, "centrifuge", Part.ROTOR, rotor_rad)
-    ids_behind_lid = detected_ids(world, 1.0)
-    set_joint(world, "centrifuge", Part.LID, OPEN_RAD, at_s=2.0)
-    ids_through_open_lid = detected_ids(world, 3.0)
+def test_the_rotor_shows_its_tags_through_the_open_lid_only(lab: DrawnLab, rotor_rad: float) -> None:
+    lab.look_at("centrifuge", Part.ROTOR)
+    lab.turn("centrifuge", lid=0.0, rotor=rotor_rad)
+    ids_behind_lid = lab.detected_ids()
+    lab.turn("centrifuge", lid=OPEN_RAD)
+    ids_through_open_lid = lab.detected_ids()
 
     assert not ids_behind_lid & ids_on("centrifuge", Part.ROTOR)
     assert ids_through_open_lid >= ids_on("centrifuge", Part.ROTOR)
