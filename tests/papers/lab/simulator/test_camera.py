@@ -42,6 +42,15 @@ def source(world: LabWorld) -> Iterator[FrameSource]:
         yield source
 
 
+@pytest.fixture(scope="module")
+def still_source() -> Iterator[FrameSource]:
+    """Return the source of a scene that no test changes."""
+    still_world = LabWorld(SEED)
+    place_robot_before(still_world, "pcr_cycler", OVERVIEW)
+    with FrameSource(still_world) as source:
+        yield source
+
+
 def detail_level(frame: Frame) -> float:
     """Return how much a frame changes from column to column, without noise."""
     grey = cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY)
@@ -66,11 +75,11 @@ def test_threads_that_ask_at_the_same_instant_get_the_same_frame(source: FrameSo
     assert source.rendered == 2
 
 
-def test_the_same_seed_and_instant_give_the_same_pixels(world: LabWorld, source: FrameSource) -> None:
+def test_the_same_seed_and_instant_give_the_same_pixels(world: LabWorld, still_source: FrameSource) -> None:
     with FrameSource(world) as other:
         other.frame_at(0.5)
 
-        assert np.array_equal(other.frame_at(1.0).pixels, source.frame_at(1.0).pixels)
+        assert np.array_equal(other.frame_at(1.0).pixels, still_source.frame_at(1.0).pixels)
 
 
 def test_earlier_frames_do_not_change_a_frame(world: LabWorld, source: FrameSource) -> None:
@@ -83,31 +92,31 @@ def test_earlier_frames_do_not_change_a_frame(world: LabWorld, source: FrameSour
             assert np.array_equal(source.frame_at(instant_s).pixels, other.frame_at(instant_s).pixels)
 
 
-def test_noise_depends_on_seed_and_instant(source: FrameSource) -> None:
+def test_noise_depends_on_seed_and_instant(still_source: FrameSource) -> None:
     other_world = LabWorld(SEED + 1)
     place_robot_before(other_world, "pcr_cycler", OVERVIEW)
     with FrameSource(other_world) as other:
-        frames = [source.frame_at(1.0), source.frame_at(2.0), other.frame_at(1.0)]
+        frames = [still_source.frame_at(1.0), still_source.frame_at(2.0), other.frame_at(1.0)]
 
     for one_index, other_index in ((0, 1), (0, 2)):
         difference = frames[one_index].pixels.astype(float) - frames[other_index].pixels
         assert 1.3 * NOISE_GREYS < difference.std() < 1.5 * NOISE_GREYS
 
 
-def test_the_handle_takes_its_frames_now(source: FrameSource) -> None:
+def test_the_handle_takes_its_frames_now(still_source: FrameSource) -> None:
     clock = SimClock()
-    handle = ArmCamera(source, clock)
+    handle = ArmCamera(still_source, clock)
     clock.sleep(3.25)
 
     frame = handle.capture()
 
     assert frame.stamp_s == 3.25
-    assert frame is source.frame_at(3.25)
+    assert frame is still_source.frame_at(3.25)
 
 
-def test_pixels_cannot_be_written(source: FrameSource) -> None:
+def test_pixels_cannot_be_written(still_source: FrameSource) -> None:
     with pytest.raises(ValueError, match="read-only"):
-        source.frame_at(1.0).pixels[0, 0] = 0
+        still_source.frame_at(1.0).pixels[0, 0] = 0
 
 
 def test_all_frames_of_the_process_are_counted(source: FrameSource) -> None:
@@ -127,8 +136,8 @@ def test_a_closed_camera_gives_no_frames_and_closes_again(source: FrameSource) -
         source.frame_at(1.0)
 
 
-def test_the_robot_believes_its_camera_near_where_it_is(world: LabWorld, source: FrameSource) -> None:
-    believed_pose = source.frame_at(1.0).believed_map_from_camera
+def test_the_robot_believes_its_camera_near_where_it_is(world: LabWorld, still_source: FrameSource) -> None:
+    believed_pose = still_source.frame_at(1.0).believed_map_from_camera
     true_pose = world.state(1.0).map_from_camera()
     off_m = float(np.linalg.norm(believed_pose.translation_m - true_pose.translation_m))
 
