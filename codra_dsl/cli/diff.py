@@ -269,7 +269,7 @@ def _side_in_revision(name: str, base_path: Path, relative_paths: Sequence[PureP
     project = project_of(real_path)
     spec_folder = project if project is not None and project.is_relative_to(top) else _folder_of(real_path)
     folder = Path(os.path.realpath(stack.enter_context(tempfile.TemporaryDirectory(prefix="codra-"))))
-    kind_by_unread_path = repository.extract(commit, PurePosixPath(spec_folder.relative_to(top)), folder)
+    kind_by_unread_path = repository.extract(commit, PurePosixPath(_path_in_repository(spec_folder, top)), folder)
     paths = [real_path / relative_path for relative_path in relative_paths] or [real_path]
     extracted_paths = [folder / _path_in_repository(Path(os.path.normpath(path)), top) for path in paths]
     for path, file_kind in kind_by_unread_path.items():

@@ -388,6 +388,16 @@ def test_a_usage_error_exits_with_2_and_a_hint(project: Path, arguments: list[st
     assert sorted(path.name for path in project.iterdir()) == [".git", "pyproject.toml", "specs"]
 
 
+def test_a_repository_whose_working_tree_is_elsewhere_is_refused(project: Path) -> None:
+    """A hostile repository can name any folder as its working tree."""
+    git("config", "core.worktree", ".", cwd=project)
+
+    process = codra("main", "specs", cwd=project)
+
+    assert process.returncode == 2
+    assert "outside of the repository" in " ".join(process.stderr.split())
+
+
 def test_a_branch_that_only_the_remote_has_is_suggested(project: Path) -> None:
     git("update-ref", "refs/remotes/origin/feature", "HEAD", cwd=project)
 

@@ -103,7 +103,7 @@ def test_a_summary_that_cannot_be_written_does_not_affect_the_command(project: P
 
 @pytest.mark.parametrize("form", FORMS)
 def test_in_github_actions_no_form_holds_a_command_from_a_spec(project: Path, form: str) -> None:
-    (project / "specs/door.yaml").write_text(DOOR.replace("[door_open]", '["##[add-mask]door"]'))
+    (project / "specs/door.yaml").write_text(f'{DOOR}    changes: ["##[add-mask]door"]\n')
 
     process = codra("lint", "specs", "--format", form, cwd=project, GITHUB_ACTIONS="true")
 

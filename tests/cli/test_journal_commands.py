@@ -128,7 +128,8 @@ def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: P
 
     explanation = json.loads(process.stdout)
     assert (explanation["at_s"], explanation["reading"]["content"], explanation["missing"]) == (7.5, True, [])
-    assert explanation["look"]["place"] == {"file": "specs/door.yaml", "line": 21, "use": None}
+    place = {"file": "specs/door.yaml", "line": 21, "use": None, "site": None, "replaces": None}
+    assert explanation["look"]["place"] == place
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,11 @@ class Undetermined:
             name: {variable for rule in algorithm.preconditions for variable in rule.term.variables()}
             for name, algorithm in summary.algorithms.items()
         }
+        self._inputs: Mapping[str, frozenset[str]] = {
+            name: variable.derived.variables()
+            for name, variable in summary.variables.items()
+            if variable.derived is not None
+        }
         self._variables_with_memory = {
             variable
             for algorithm in summary.algorithms.values()
@@ -86,7 +91,7 @@ class Undetermined:
         if event.kind is not Kind.VARIABLE or event.what != "identified" or not event.details.get("present"):
             return
         variable, source = event.name, event.details["source"]
-        read_variables = self._read_variables.get(source, set())
+        read_variables = self._inputs.get(variable) or self._read_variables.get(source, set())
         may_change = any(variable in self._identified_variables[algorithm] for algorithm in self._overdue_algorithms)
         has_memory = source in self._identified_variables and variable in self._variables_with_memory
         if not may_change and not has_memory and self.variables.isdisjoint(read_variables):
@@ -97,15 +102,18 @@ class Undetermined:
             self.assumed_variables.discard(variable)
 
     def _with_dependents(self, variables: Iterable[str]) -> set[str]:
-        """Return variables, and all variables whose observers depend on them."""
+        """Return variables, and all variables whose observers depend on them, or that are derived from them."""
         dependents = set(variables)
         new_variables = set(dependents)
         while new_variables:
+            earlier_variables = new_variables
             new_variables = {
                 identified_variable
                 for algorithm, read_variables in self._read_variables.items()
-                if not read_variables.isdisjoint(new_variables)
+                if not read_variables.isdisjoint(earlier_variables)
                 for identified_variable in self._identified_variables[algorithm]
-            } - dependents
+            }
+            new_variables |= {name for name, inputs in self._inputs.items() if not inputs.isdisjoint(earlier_variables)}
+            new_variables -= dependents
             dependents |= new_variables
         return dependents

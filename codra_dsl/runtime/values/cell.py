@@ -339,7 +339,8 @@ class Cell:
 
         This is the override at the instant, or the reading of the sources.
         """
-        return self.override_at(instant_s) or self.observed_at(instant_s)
+        override = self.override_at(instant_s)
+        return self.observed_at(instant_s) if override is None else override
 
     def override_at(self, instant_s: float) -> Override | None:
         """Return the override at an instant; None if there was none."""

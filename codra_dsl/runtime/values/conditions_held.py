@@ -55,7 +55,7 @@ class ContextAt:
         cell = self.cells[name]
         if isinstance(cell, DerivedCell):
             override = cell.override_at(self.instant_s)
-            return override or cell.derive_from(self._reading, self.instant_s)
+            return cell.derive_from(self._reading, self.instant_s) if override is None else override
         return cell.at(self.instant_s)
 
     def value(self, name: str) -> Value | None:

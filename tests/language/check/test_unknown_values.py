@@ -18,6 +18,11 @@ context:
   door_open: {type: bool, source: base, valid_for: forever}
   battery: {type: float, unit: percent, range: [0, 100], source: base, valid_for: forever}
   drain: {type: float, unit: percent/min, range: [0, 5], rate_of: battery, over: 1 min, counts: falling}
+  near: {type: bool, derived: gap < 1.5 m and bumped}
+  clear: {type: bool, derived: not near}
+  gap_or_far: {type: float, unit: m, range: [0, 10], derived: gap else 10 m}
+  visitor_gap: {type: float, unit: m, range: [0, 10], derived: 'distance(robot, visitor)', resolution: 10 cm}
+  tables: {type: int, range: [0, 9], derived: count(some table)}
   max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation, valid_for: 5 s}
 knowledge:
   nodes: {world: world, robot: robot, visitor: person, table: table, lamp: lamp}
@@ -57,6 +62,8 @@ CULPRITS_BY_VALUE = {
     "0.3 m/s if calm < 0.5 else 1.2 m/s": "'calm' is",
     "0.3 m/s if distance(robot, visitor) < 2 m else 1.2 m/s": "'distance(robot, visitor)' is",
     "0.3 m/s if not known(gap) and sonar < 1 m else 1.2 m/s": "'gap' and 'sonar' are",
+    "1.2 m/s if clear else 0.3 m/s": "'clear' is",
+    "0.3 m/s if visitor_gap < 2 m else 1.2 m/s": "'visitor_gap' is",
 }
 
 VALUES_ALWAYS_KNOWN = (
@@ -73,6 +80,8 @@ VALUES_ALWAYS_KNOWN = (
     "0.3 m/s if gap < 1.5 m else 0.3 m/s",
     "battery * 0.012 m/s/percent",
     "0.3 m/s if known(max_speed) and safety < 0.5 else 1.2 m/s",
+    "0.3 m/s if gap_or_far < 1.5 m else 1.2 m/s",
+    "0.3 m/s if tables > 0 else 1.2 m/s",
 )
 
 
@@ -124,6 +133,17 @@ def test_the_finding_points_to_the_value_and_tells_why_its_inputs_become_unknown
         "'seen' can become unknown: its algorithm can fail",
         "'door_open' can become unknown: skill 'enter' changes it",
     ]
+
+
+def test_a_derived_input_is_explained_and_judged_by_the_variables_from_which_it_is_derived() -> None:
+    value = "1.2 m/s if clear else 0.3 m/s"
+    (finding,) = (one for one in findings(SPEC.replace("VALUE", value)) if one.code == "CDR7129")
+    assert [related.message for related in finding.related] == [
+        "'clear' can become unknown: it is derived from 'near': it is derived from 'gap': its evidence is valid for 1 s"
+    ]
+    never_expires = SPEC.replace("source: lasers, valid_for: 1 s, terms", "source: lasers, terms")
+    codes = [one.code for one in findings(never_expires.replace("VALUE", f"{value}', otherwise: '0.3 m/s"))]
+    assert "CDR7130" in codes
 
 
 SHORT = """\

@@ -21,6 +21,7 @@ from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.replay import DecisionCounts, Replayed, replay, what_if
 from codra_dsl.runtime.replay.decision_counts import total
+from codra_dsl.runtime.values.declarations import DERIVED
 from codra_dsl.runtime.values.model import SkillModel, integer
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, variable
 from tests.runtime.journal.journals import read
@@ -54,6 +55,7 @@ class Thresholds:
                 given("light", type=integer(0, 9)),
                 variable("near", valid_for_s=3.0),
                 variable("open", valid_for_s=4.0, when_unobservable="forget"),
+                variable("ready", derived=value("near") & ~value("open"), sources=(DERIVED,)),
             ],
             observer("o_near", measure, **settings),
             observer("o_open", *looks, **settings),
@@ -97,7 +99,7 @@ def run(path: Path, thresholds: Thresholds, seed: int) -> tuple[RunHeader, list[
         for name in ("near", "open"):
             manager.declare(name)
         for slot in range(1, DECISIONS + 1):
-            name, max_age_s = chance.choice(["near", "open"]), chance.choice([0.4, 2.0, 60.0])
+            name, max_age_s = chance.choice(["near", "open", "ready"]), chance.choice([0.4, 2.0, 60.0])
             manager.set("light", chance.choice([2, 5, 8]))
             clock.sleep(chance.choice([0.3, 0.45, 0.7]))
             found, wait_up_to_s = chance.choice([True, False, None]), chance.choice([0.0, 0.4])

@@ -15,8 +15,8 @@ from codra_dsl.language.check.loops.firing import silent_combinations
 from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.satisfiable import is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Node, names_in, reads_of
-from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, weight_name
+from codra_dsl.language.expression import Count, Node, names_in, reads_of
+from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, weight_name
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
 
@@ -89,11 +89,13 @@ def _state_text(spec_index: SpecIndex, tree: Node, culprits: Sequence[str]) -> s
     return f"{' or '.join(names)} is unknown" if is_each_decisive else f"{' and '.join(names)} are unknown"
 
 
-def _reason_for_unknown(spec_index: SpecIndex, faults: FaultyElements, name: str) -> str:
+def _reason_for_unknown(
+    spec_index: SpecIndex, faults: FaultyElements, name: str, derived_names: frozenset[str] = frozenset()
+) -> str:
     """Return why a variable can become unknown after it was known; empty if it cannot, or if this is not certain.
 
     Metrics, weights and courses are computed even while inputs are unknown. A stated `valid_for: forever` means that
-    the value may be kept.
+    the value may be kept. `derived_names` has the derived variables that are judged at present by their inputs.
     """
     function, first, second = reads_of(name)
     if function:
@@ -101,6 +103,9 @@ def _reason_for_unknown(spec_index: SpecIndex, faults: FaultyElements, name: str
     variable = spec_index.variables.get(name)
     if variable is None or not faults.is_sound("context", name):
         return ""
+    if variable.derived is not None:
+        is_in_cycle = name in derived_names
+        return "" if is_in_cycle else _reason_of_inputs(spec_index, faults, variable, derived_names | {name})
     if variable.is_derived:
         return "in some cases no rule fires" if _can_be_silent(spec_index, faults, name) else ""
     if variable.rate is not None:
@@ -113,6 +118,23 @@ def _reason_for_unknown(spec_index: SpecIndex, faults: FaultyElements, name: str
     if skill is not None:
         return f"skill '{skill.name}' changes it"
     return "its algorithm can fail" if name in spec_index.producers else ""
+
+
+def _reason_of_inputs(
+    spec_index: SpecIndex, faults: FaultyElements, variable: Variable, derived_names: frozenset[str]
+) -> str:
+    """Return which input makes a derived variable unknown, and why; empty if none does."""
+    tree = variable.derived.tree if variable.derived is not None else None
+    reasons: dict[str, str] = {}
+    for name in () if tree is None else names_in(tree):
+        compared_pose = name.pose_comparison
+        is_count = isinstance(compared_pose, Count)  # it is always known
+        for input_name in () if is_count else names_in(compared_pose or name):
+            reason = _reason_for_unknown(spec_index, faults, input_name.name, derived_names)
+            if reason:
+                reasons.setdefault(name.name, reason)
+    culprits = () if tree is None else _decisive_names(spec_index, tree, tuple(reasons))
+    return f"it is derived from '{culprits[0]}': {reasons[culprits[0]]}" if culprits else ""
 
 
 def _can_pose_become_stale(spec_index: SpecIndex, first: str, second: str) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 
 from codra_dsl.language.check.conditions.conditions import Role, Site
@@ -10,7 +10,7 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.expression import Call, Name, walk
+from codra_dsl.language.expression import Call, Name, Node, walk
 from codra_dsl.language.model import ADAPTER, Algorithm, Variable, WhenUnobservable
 
 
@@ -49,30 +49,49 @@ def unnoticed_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
     for site in spec_index.sites:
         if site.role is not Role.VALUE or spec_index.judgements[id(site.condition)].problems:
             continue
-        for name in site.values if faults.is_sound(*site.owner) else ():
-            variable = spec_index.variables.get(name.name)
-            if variable is None or name.name in reported_names or name.name in _aged_names(site):
+        aged_names = _names_with_ages(site.condition.tree)
+        values = site.values if faults.is_sound(*site.owner) else ()
+        for name, input_name in _names_with_inputs(spec_index, values):
+            variable = spec_index.variables.get(input_name)
+            if variable is None or input_name in reported_names or name.name in aged_names:
                 continue
-            if _is_computed(variable) or not faults.is_sound("context", name.name):
+            if _is_computed(variable) or not faults.is_sound("context", input_name):
                 continue
-            if not spec_index.is_readable("context", name.name, "source", "valid_for", "when_unobservable"):
+            if not spec_index.is_readable("context", input_name, "source", "valid_for", "when_unobservable"):
                 continue
-            reported_names.add(name.name)
+            reported_names.add(input_name)
             if not _goes_stale(spec_index, variable):
                 yield finding(
                     "unnoticed-input",
-                    f"adaptation '{site.owner[1]}' reads '{name.name}', but its value never expires: "
+                    f"adaptation '{site.owner[1]}' reads '{input_name}', but its value never expires: "
                     f"{_reason(spec_index, variable)}",
                     variable.place,
-                    path=f"context.{name.name}",
+                    path=f"context.{input_name}",
                     help=_help_text(spec_index, variable),
                     related=(Related(f"adaptation '{site.owner[1]}' reads it", site.condition.place_of(name)),),
                 )
 
 
-def _aged_names(site: Site) -> frozenset[str]:
+def _names_with_inputs(spec_index: SpecIndex, names: Iterable[Name]) -> Iterator[tuple[Name, str]]:
+    """Yield each name with its variable, or, if this is derived, with each variable from which it is derived."""
+    return ((name, input_name) for name in names for input_name in _with_inputs(spec_index, name.name))
+
+
+def _with_inputs(spec_index: SpecIndex, name: str, derived_names: frozenset[str] = frozenset()) -> Iterator[str]:
+    """Yield a variable, or, if it is derived, the variables from whose values it is derived."""
+    derived = spec_index.variables[name].derived if name in spec_index.variables else None
+    if derived is None:
+        yield name
+        return
+    aged_names = _names_with_ages(derived.tree)
+    for input_name in () if name in derived_names else spec_index.derived_inputs[name]:
+        if input_name not in aged_names:
+            yield from _with_inputs(spec_index, input_name, derived_names | {name})
+
+
+def _names_with_ages(tree: Node | None) -> frozenset[str]:
     """Return the names whose age a condition judges."""
-    calls = (part for part in walk(site.condition.tree) if isinstance(part, Call)) if site.condition.tree else ()
+    calls = () if tree is None else (part for part in walk(tree) if isinstance(part, Call))
     arguments = (argument for call in calls if call.function == "age" for argument in call.arguments)
     return frozenset(argument.name for argument in arguments if isinstance(argument, Name))
 
@@ -103,12 +122,12 @@ def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algo
         algorithm_sites = sites.get(algorithm.name, [])
         bounded_names = {bound.name for site in algorithm_sites for bound in upper_bounds(site.condition)}
         for site in algorithm_sites:
-            for name in site.values:
-                if name.name not in bounded_names and name.name not in trusting_algorithms:
-                    trusting_algorithms[name.name] = algorithm, partial(site.condition.place_of, name)
+            for name, input_name in _names_with_inputs(spec_index, site.values):
+                if name.name not in bounded_names and input_name not in trusting_algorithms:
+                    trusting_algorithms[input_name] = algorithm, partial(site.condition.place_of, name)
         for reference in algorithm.given:
-            if reference.name not in bounded_names:
-                trusting_algorithms.setdefault(reference.name, (algorithm, partial(getattr, reference, "place")))
+            for input_name in () if reference.name in bounded_names else _with_inputs(spec_index, reference.name):
+                trusting_algorithms.setdefault(input_name, (algorithm, partial(getattr, reference, "place")))
     return trusting_algorithms
 
 

@@ -24,6 +24,7 @@ from codra_dsl.language.expression import (
     Choice,
     Compare,
     Comparison,
+    Fallback,
     Name,
     Negative,
     Node,
@@ -79,6 +80,8 @@ def _knownness(value: Node) -> Node:
         branches = replace(value, then=_knownness(value.then), otherwise=_knownness(value.otherwise))
         decided = And(start=0, end=0, operands=(_knownness(value.condition), branches))
         return Or(start=0, end=0, operands=(decided, _equality(value.then, value.otherwise)))
+    if isinstance(value, Fallback):
+        return Or(start=0, end=0, operands=(_knownness(value.value), _knownness(value.otherwise)))
     if isinstance(value, Name):
         return known_call(value.name)
     if isinstance(value, (Number, Text, Truth)):
