@@ -219,7 +219,11 @@ class Knowledge:
         self._audit.add(Refusal(instant_s=self._now_s(), agent=agent, why=message))
 
     def write_as(self, agent: str, operations: Sequence[Operation]) -> None:
-        """Apply operations of an agent as one change, with the errors of `replay_operations`."""
+        """Apply operations of an agent as one change, also without a handle.
+
+        Raises:
+            LookupError: if an operation fails; ValueError, TypeError, PermissionError and RuntimeError likewise.
+        """
         self._write(agent, lambda change_set: [operation.apply(change_set) for operation in operations], operations)
 
     def replay_refusal(self, agent: str, refused_write: RefusedWrite) -> None:
