@@ -26,7 +26,7 @@ from codra_dsl.runtime.perception import Function, Perception
 from codra_dsl.runtime.perception.site_handles import with_site_handles
 from codra_dsl.runtime.perception.slots import Slots
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.values.derived import DerivedCell
+from codra_dsl.runtime.values.derived import with_inputs
 from codra_dsl.runtime.values.model import Algorithm
 
 
@@ -121,9 +121,10 @@ class Components:
         obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
         if variable.pose_condition is not None:
             return "it follows from poses"
-        cell = self.store.cells[name]
-        if isinstance(cell, DerivedCell):
-            obstacles = ((input_name, self.obstacle(input_name)) for input_name in cell.inputs)
+        if variable.derived is not None:
+            inputs = with_inputs((name,), self.store.cells)
+            plain_inputs = sorted(other for other in inputs if self.store.variables[other].derived is None)
+            obstacles = ((input_name, self.obstacle(input_name)) for input_name in plain_inputs)
             return "; ".join(f"{input_name}: {text}" for input_name, text in obstacles if text)
         return f"only {' or '.join(variable.sources)} may write it" if obstacle is None else obstacle
 

@@ -304,7 +304,10 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         return self._knowledge
 
     def history(self, name: VariableName) -> tuple[Reading[Any], ...]:
-        """Return the stored readings of a variable, in the order of their evidence."""
+        """Return the stored readings of a variable, in the order of their evidence.
+
+        The readings of a derived variable are in the order in which they were derived.
+        """
         self._model(name)
         with self._lock:
             return self._store.history(name)

@@ -7,6 +7,7 @@ so that it changes rarely, too.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -214,7 +215,10 @@ def _rounded(content: Value | None, resolution_m: float | None) -> Value | None:
     """Return a distance rounded to a multiple of its resolution; other values are returned unchanged."""
     if resolution_m is None or not isinstance(content, float):
         return content
-    return round(round(content / resolution_m) * resolution_m, _DECIMAL_PLACES)
+    steps = content / resolution_m
+    if math.isinf(steps):
+        return content  # it is too large, or the resolution is too small
+    return round(round(steps) * resolution_m, _DECIMAL_PLACES)
 
 
 def _inputs_status(snapshot: Snapshot, term: Term) -> _InputsStatus:

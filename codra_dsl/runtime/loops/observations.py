@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
-from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Reading
+from codra_dsl.runtime.values.declarations import DERIVED
+from codra_dsl.runtime.values.derived import order_s
 
 MIN_SPAN_SHARE = 0.5
 """The smallest share of a rate's window that the readings must span."""
@@ -94,14 +96,15 @@ def share(
 ) -> Observation:
     """Return the share of time in which a bool was true, among the times of the window at which it was known.
 
-    A reading holds until the next reading, or until it is no longer valid. The arguments are those of `rate`.
+    A reading holds until the next reading, or until it is no longer valid; a derived variable gets a reading whenever
+    its value changes. The arguments are those of `rate`.
     """
     if present_observation.value is None:
         return Observation(variable=model.variable, because=f"{model.of} is unknown")
-    ends_s = [*(reading.evidence_s for reading in history[1:]), now_s]
+    ends_s = [*(order_s(reading) for reading in history[1:]), now_s]
     start_s = now_s - model.over_s
     durations_s = [
-        (reading.content, max(0.0, min(end_s, reading.expires_s) - max(start_s, reading.evidence_s)))
+        (reading.content, max(0.0, min(end_s, _valid_until_s(reading)) - max(start_s, order_s(reading))))
         for reading, end_s in zip(history, ends_s, strict=False)
         if reading.content is not None
     ]
@@ -120,7 +123,7 @@ def rate(
 
     Args:
         model: the model of the rate.
-        history: the readings of the variable, ordered by the instant of their evidence.
+        history: the readings of the variable, ordered by the instants from which they count.
         present_observation: the present observation of the variable.
         now_s: the end of the window.
     """
@@ -133,16 +136,21 @@ def rate(
     slope = _slope(points) * model.factor
     if not math.isfinite(slope):
         return Observation(variable=model.variable, because=f"{model.of} is not finite")
-    return Observation(variable=model.variable, value=slope + 0.0, evidence_s=points[-1][0])
+    return Observation(variable=model.variable, value=slope + 0.0, evidence_s=history[-1].evidence_s)
+
+
+def _valid_until_s(reading: Reading[Value]) -> float:
+    """Return when the value ends without another reading; a derived value may stay when it is derived again."""
+    return FOREVER_S if reading.source == DERIVED else reading.expires_s
 
 
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
     """Return the instants and values of the readings in the window, but only since the variable was last unknown."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
-        if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):
+        if order_s(reading) < since_s or not isinstance(reading.content, (int, float)):
             break
-        points.append((reading.evidence_s, float(reading.content)))
+        points.append((order_s(reading), float(reading.content)))
     return points[::-1]
 
 

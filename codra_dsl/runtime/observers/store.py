@@ -11,7 +11,7 @@ from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.observers.derivations import Derivations
 from codra_dsl.runtime.values.cell import FOREVER_S, Cell, Override, Reading, Reason
 from codra_dsl.runtime.values.declarations import DERIVED, MAIN, OPERATOR
-from codra_dsl.runtime.values.derived import DerivedCell
+from codra_dsl.runtime.values.derived import DerivedCell, order_s
 from codra_dsl.runtime.values.model import VariableModel
 
 
@@ -64,11 +64,14 @@ class Store:
                 self.write(reading)
 
     def history(self, name: str) -> tuple[Reading[Value], ...]:
-        """Return the readings of a variable, ordered by their evidence; while it lasts, an override is the last one."""
+        """Return the readings of a variable in order; while it lasts, an override is the last one.
+
+        The order is that of the evidence; the readings of a derived variable are in the order of their derivation.
+        """
         reading, readings = self.reading(name), self.cells[name].history()
         if not isinstance(reading, Override):
             return readings
-        return (*(earlier for earlier in readings if earlier.evidence_s < reading.evidence_s), reading)
+        return (*(earlier for earlier in readings if order_s(earlier) < reading.evidence_s), reading)
 
     def write(self, reading: Reading[Value]) -> None:
         """Store a reading that is identified now.
@@ -109,9 +112,10 @@ class Store:
 
     def forget(self, names: Iterable[str], observer: str) -> None:
         """Make variables of a stopping observer unknown, if they are known now and are declared with `forget`."""
-        for name in names:
-            if self.variables[name].when_unobservable == "forget" and self._observed(name).known:
-                self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
+        with self.derivations.together():
+            for name in names:
+                if self.variables[name].when_unobservable == "forget" and self._observed(name).known:
+                    self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
 
     # Overrides
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any
 
+from codra_dsl.logic import Value
 from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
@@ -23,6 +24,7 @@ from codra_dsl.runtime.knowledge.context_link import RefusedWrite
 from codra_dsl.runtime.knowledge.operations import operations_of
 from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedJobs
 from codra_dsl.runtime.replay.recording import Recording
+from codra_dsl.runtime.values.model import NotOfTypeError
 
 Build = Callable[..., ContextManager[Any, Any]]
 """Creates the context manager of a package: a class with the parameters of `ContextManager`."""
@@ -52,7 +54,7 @@ class Player:
         self._commands: Commands = manager.commands
         self._manager = manager
         self._jobs = jobs
-        self._variable_names = frozenset(variable.name for variable in model.variables)
+        self._types = {variable.name: variable.type for variable in model.variables}
         self._skill_names = frozenset(skill.name for skill in model.skills)
         self.decisions: dict[int, Decision] = {}
         self.previews: dict[int, Preview] = {}
@@ -71,7 +73,7 @@ class Player:
         details = event.details
         self._begun_skill_count += event.what == "begin"
         self._slot_request_count += event.what == "request"
-        self._check_names("variable", [details["variable"]] if "variable" in details else [], self._variable_names)
+        self._check_names("variable", [details["variable"]] if "variable" in details else [], self._types.keys())
         self._check_names(
             "skill", details.get("skills", [details["skill"]] if "skill" in details else []), self._skill_names
         )
@@ -106,10 +108,18 @@ class Player:
         if decision.is_answered:
             del self.decisions[number]
 
-    def _check_names(self, kind: str, names: Sequence[str], declared_names: frozenset[str]) -> None:
+    def _check_names(self, kind: str, names: Sequence[str], declared_names: Set[str]) -> None:
         missing_name = next((name for name in names if name not in declared_names), None)
         if missing_name is not None:
             raise DivergedError(f"the package has no {kind} '{missing_name}', which the run used")
+
+    def _value(self, variable: str, details: Mapping[str, Any]) -> Value | None:
+        """Return the value of an input; the package may have another type for the variable than the run."""
+        content = details.get("value")
+        try:
+            return None if content is None else self._types[variable].convert(content)
+        except NotOfTypeError as error:
+            raise DivergedError(f"the package refuses the value of '{variable}' in the run: {error}") from error
 
     def _repeat_calls_of(self, work_number: int) -> None:
         """Repeat the calls that a job's function made. In simulated time, the step that begins the job made them."""
@@ -137,9 +147,10 @@ class Player:
                 commands.leave(event.name)
             case "write":
                 (evidence_s,) = details.get("evidence_s", (None,))
-                commands.write(details["variable"], details.get("value"), event.name, evidence_s)
+                commands.write(details["variable"], self._value(details["variable"], details), event.name, evidence_s)
             case "override":
-                commands.override(details["variable"], details.get("value"), details["for_s"], details["detail"])
+                content = self._value(details["variable"], details)
+                commands.override(details["variable"], content, details["for_s"], details["detail"])
             case "clear":
                 commands.clear_override(details["variable"])
             case "request":
@@ -168,7 +179,8 @@ class Player:
             case "waited" if number in self.previews:
                 self._commands.previews.resume(self.previews[number])
             case "looked" if "variable" in details:
-                self._commands.previews.record_look(self.previews[number], details["variable"], details.get("value"))
+                content = self._value(details["variable"], details)
+                self._commands.previews.record_look(self.previews[number], details["variable"], content)
             case "looked":
                 self._commands.previews.abandon(self.previews.pop(number), details.get("raised", ""))
             case "waited":
@@ -177,7 +189,8 @@ class Player:
                 decision = self.decisions.pop(number)
                 if is_waiting(decision):  # the main execution has abandoned it
                     self.on_decision(decision)
-                self._commands.conclude(decision, details.get("value"), details.get("raised"))
+                content = self._value(decision.request.variable, details)
+                self._commands.conclude(decision, content, details.get("raised"))
             case "graph":
                 operations = operations_of(parse_json(details["operations"]))
                 self._manager.knowledge.write_as(event.name, operations)

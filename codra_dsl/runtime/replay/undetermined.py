@@ -82,9 +82,13 @@ class Undetermined:
             self.end_look(event.name, is_known=False, is_shifted=False)
 
     def miss_look_of_main_execution(self, variable: str) -> None:
-        """Handle an own look of the main execution that the run did not make."""
+        """Handle an own look of the main execution that the run did not make.
+
+        Context does not keep what such a look finds for a derived variable.
+        """
         self.missing_looks[MAIN] += 1
-        self.variables |= self._with_dependents([variable])
+        if variable not in self._inputs:
+            self.variables |= self._with_dependents([variable])
 
     def add_event(self, event: Event) -> None:
         """Handle an event of the replay: evidence of the run may determine a variable again."""
@@ -100,6 +104,15 @@ class Undetermined:
             self.assumed_variables |= self._with_dependents([variable])
         elif not has_memory:
             self.assumed_variables.discard(variable)
+        self._drop_derived(self.variables)
+        self._drop_derived(self.assumed_variables)
+
+    def _drop_derived(self, variables: set[str]) -> None:
+        """Remove the derived variables none of whose inputs is among some variables: they have no memory."""
+        dropped = variables
+        while dropped:
+            dropped = {name for name in variables & self._inputs.keys() if variables.isdisjoint(self._inputs[name])}
+            variables -= dropped
 
     def _with_dependents(self, variables: Iterable[str]) -> set[str]:
         """Return variables, and all variables whose observers depend on them, or that are derived from them."""

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from codra_dsl.logic import Term, Value, reads_ages
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Override, Reading
-from codra_dsl.runtime.values.derived import DerivedCell, derived_cells_among, with_inputs
+from codra_dsl.runtime.values.derived import DerivedCell, derived_cells_among, readings_at, with_inputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +52,9 @@ class ContextAt:
     def _reading(self, name: str) -> Reading[Value]:
         if self.substitute_reading is not None and self.substitute_reading.name == name:
             return self.substitute_reading
-        cell = self.cells[name]
-        if isinstance(cell, DerivedCell):
-            override = cell.override_at(self.instant_s)
-            return cell.derive_from(self._reading, self.instant_s) if override is None else override
-        return cell.at(self.instant_s)
+        if isinstance(self.cells[name], DerivedCell):
+            return readings_at(self.cells, self.instant_s, self.substitute_reading)(name)
+        return self.cells[name].at(self.instant_s)
 
     def value(self, name: str) -> Value | None:
         """Return the value of a variable at the instant, or None if it was unknown."""

@@ -95,7 +95,8 @@ class DerivedCell(Cell):
 
     def write(self, reading: Reading[Value]) -> bool:
         """Add a reading, which is now the present one, even if its evidence is older than that of the last one."""
-        self._append(reading)
+        self._readings.append(reading)
+        del self._readings[: -self._max_readings]
         self.replace_observed(reading)
         return True
 
@@ -105,7 +106,7 @@ class DerivedCell(Cell):
 
     def observed_at(self, instant_s: float) -> Reading[Value]:
         """Return the reading without overrides at an instant, according to what is known today about the inputs."""
-        return self.derive_from(lambda name: self._cells[name].at(instant_s), instant_s)
+        return self.derive_from(readings_at(self._cells, instant_s), instant_s)
 
     def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:  # noqa: ARG002
         """Return no readings: the past follows from the inputs."""
@@ -116,9 +117,9 @@ class DerivedCell(Cell):
         """Return the instant since which all overrides are known; the histories of the inputs state the rest."""
         return self._overrides_complete_from_s
 
-    def derive(self, now_s: float) -> Reading[Value]:
+    def derive(self, now_s: float, reading_of: ReadingOf | None = None) -> Reading[Value]:
         """Return the reading that follows from the present readings of the inputs."""
-        reading = self.derive_from(lambda name: self._cells[name].now(now_s), now_s)
+        reading = self.derive_from(reading_of or _readings_now(self._cells, now_s), now_s)
         before = self.observed
         if reading.reason is not None and before.reason is not None and before.evidence_s > BEFORE_ALL_S:
             return replace(reading, evidence_s=before.evidence_s, start_s=before.start_s)  # unknown since then
@@ -130,7 +131,7 @@ class DerivedCell(Cell):
         The evidence is that of the oldest input that decides the value. The reading expires when it must be derived
         again although no input has new evidence.
         """
-        scope = _InputScope(cache(reading_of), now_s)
+        scope = _InputScope(reading_of, now_s)
         raw_value = self.term.evaluate(scope)
         try:
             content = None if raw_value is None else self._type.convert(raw_value)
@@ -165,6 +166,39 @@ class DerivedCell(Cell):
         return min([*expiries_s, math.inf if wait_s is None else scope.now_s + wait_s])
 
 
+def readings_at(
+    cells: Mapping[str, Cell], instant_s: float, substitute_reading: Reading[Value] | None = None
+) -> ReadingOf:
+    """Return a function that returns the readings of variables at an instant, and derives each variable only once.
+
+    If `substitute_reading` is given, it is the reading of its variable.
+    """
+
+    @cache
+    def read(name: str) -> Reading[Value]:
+        cell = cells[name]
+        if substitute_reading is not None and substitute_reading.name == name:
+            return substitute_reading
+        if isinstance(cell, DerivedCell) and cell.override_at(instant_s) is None:
+            return cell.derive_from(read, instant_s)
+        return cell.at(instant_s)
+
+    return read
+
+
+def _readings_now(cells: Mapping[str, Cell], now_s: float) -> ReadingOf:
+    """Return a function that returns the present readings of variables, and derives each variable only once."""
+
+    @cache
+    def read(name: str) -> Reading[Value]:
+        cell = cells[name]
+        if isinstance(cell, DerivedCell) and now_s >= cell.reading.expires_s:
+            return cell.derive(now_s, read)
+        return cell.now(now_s)
+
+    return read
+
+
 def derived_cells_among(names: Iterable[str], cells: Mapping[str, Cell]) -> list[DerivedCell]:
     """Return the cells of the derived variables among some variables and their inputs, without repetitions."""
     found_cells: dict[str, DerivedCell] = {}
@@ -176,6 +210,14 @@ def derived_cells_among(names: Iterable[str], cells: Mapping[str, Cell]) -> list
             found_cells[name] = cell
             pending_names.extend(cell.inputs)
     return list(found_cells.values())
+
+
+def order_s(reading: Reading[Any]) -> float:
+    """Return the position of a reading in a history: its evidence, or for a derived variable when it was derived.
+
+    If one input changes, the evidence of a derived variable can be that of another input, and older than before.
+    """
+    return reading.identified_s if reading.source == DERIVED else reading.evidence_s
 
 
 def with_inputs(names: Iterable[str], cells: Mapping[str, Cell]) -> frozenset[str]:
@@ -229,9 +271,13 @@ def _evidence_s(reading: Reading[Any]) -> float:
 
 
 def _start_s(reading: Reading[Any]) -> float:
+    """Return when the taking of the evidence began; minus infinity if the operator made the input unknown."""
+    if reading.reason is Reason.OVERRIDDEN:
+        return BEFORE_ALL_S  # an override is no evidence
     return reading.start_s if reading.known else _unknown_since_s(reading)
 
 
 def _unknown_since_s(reading: Reading[Any]) -> float:
     """Return since when an input is unknown; infinite if it was unknown from the beginning of the run."""
-    return reading.identified_s if reading.identified_s > BEFORE_ALL_S else math.inf
+    since_s = reading.evidence_s if reading.source == DERIVED else reading.identified_s
+    return since_s if since_s > BEFORE_ALL_S else math.inf

@@ -137,6 +137,9 @@ def _reading_of_override(event: Event) -> Reading[Value]:
 _MAX_TEXT_LENGTH = 20_000
 """The length of a condition, in characters, from which on derived variables are not replaced by their expressions."""
 
+_MAX_EXPRESSIONS = 30
+"""The number of expressions that replace derived variables in one condition: Python limits the nesting of brackets."""
+
 _COPIED_FIELDS = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
 
 
@@ -243,16 +246,29 @@ class _Explanation:
         rule = self._summary.find_derivation(name)
         if rule is None:
             return None
-        is_known = context.reading(name).known
+        is_known = context.observed_reading(name).known
         inputs = (self.why(need, context.at_s, path) for need in self._inputs(rule, context, is_known=is_known))
         return Derivation(rule=rule.text, inputs=tuple(inputs), place=rule.place)
 
-    @staticmethod
-    def _inputs(rule: Rule, context: _PastContext, *, is_known: bool) -> list[str]:
+    def _inputs(self, rule: Rule, context: _PastContext, *, is_known: bool) -> list[str]:
         """Return the inputs of an expression, or only the unknown ones if the value is unknown because of them."""
-        names = sorted(rule.term.variables())
+        names = sorted(name for name in rule.term.variables() if name in self._summary.variables)
         unknown_names = [name for name in names if not context.reading(name).known]
         return unknown_names if unknown_names and not is_known else names
+
+    def _unknown_plain_inputs(self, name: str, context: _PastContext) -> Iterator[str]:
+        """Yield the variables, none of them derived, because of which a derived variable is unknown."""
+        pending_names, seen_names = [name], set[str]()
+        while pending_names:
+            other = pending_names.pop()
+            if other in seen_names:
+                continue
+            seen_names.add(other)
+            rule = self._summary.find_derivation(other)
+            if rule is None:
+                yield other
+            elif not context.observed_reading(other).known:
+                pending_names.extend(reversed(self._inputs(rule, context, is_known=False)))
 
     def _poses(self, name: str, context: _PastContext) -> tuple[Why, ...]:
         """Explain the edges whose poses determine a variable."""
@@ -314,11 +330,12 @@ class _Explanation:
     def _with_expressions(self, rule: Rule) -> Rule:
         """Return a condition with expressions in place of derived variables: nobody can change these variables."""
         text = rule.python_text
-        pending_names = sorted(rule.term.variables())
-        while pending_names and len(text) < _MAX_TEXT_LENGTH:
+        pending_names, expression_count = sorted(rule.term.variables()), 0
+        while pending_names and len(text) < _MAX_TEXT_LENGTH and expression_count < _MAX_EXPRESSIONS:
             name = pending_names.pop()
             derivation = self._summary.find_derivation(name) if name in self._summary.variables else None
             if derivation is not None and f"value({name!r})" in text:
+                expression_count += 1
                 text = text.replace(f"value({name!r})", f"({derivation.python_text})")
                 pending_names.extend(sorted(derivation.term.variables()))
         return rule if text == rule.python_text else replace(rule, python_text=text, source_text=rule.text)
@@ -329,10 +346,8 @@ class _Explanation:
         These are the change that the observer of the variable needs, and the changes that one of its algorithms needs:
         the algorithm that needs the fewest changes.
         """
-        rule = self._summary.find_derivation(name)
-        if rule is not None:
-            is_known = context.reading(name).known
-            for need in () if is_known else self._inputs(rule, context, is_known=is_known):
+        if self._summary.find_derivation(name) is not None:
+            for need in self._unknown_plain_inputs(name, context):
                 algorithms = self._summary.find_algorithms(need)
                 yield from self._missing(
                     need, context, tuple(self._way(algorithm, context, (name,)) for algorithm in algorithms)

@@ -71,7 +71,9 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEventsView, sum
     name, since_text = reading.name, instant_text(reading.identified_s) if reading.identified_s > -math.inf else ""
     last_value_event = latest_events.last_value_events.get(name)
     match reading.reason:
-        case _ if reading.source in (POSES, DERIVED):
+        case _ if reading.source == DERIVED:  # the reason can change while the variable stays unknown
+            yield f"unknown from {instant_text(reading.evidence_s)} on: {reading.detail}"
+        case _ if reading.source == POSES:
             yield f"unknown from {since_text} on: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(summary.variables[name].sources)

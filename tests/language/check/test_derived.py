@@ -49,7 +49,7 @@ def test_a_look_waits_for_the_looks_at_the_inputs() -> None:
     assert worst_cases(check_sound_text(spec_text())) == {"door": 2.0, "lamp": 1.0, "tray": 6.0}
 
 
-@pytest.mark.parametrize("expression", ["tray or told", "tray if told else door", "tray else false", "known(tray)"])
+@pytest.mark.parametrize("expression", ["tray and told", "tray if told else door", "tray else false", "known(tray)"])
 def test_a_variable_does_not_wait_for_an_input_without_which_it_can_be_known(expression: str) -> None:
     text = spec_text(f'"{expression}"', "not ready")
     assert [finding.rule.code for finding in check_text(text)[1] if finding.rule.name == "cycle"] == []
@@ -64,3 +64,32 @@ def test_a_variable_waits_for_an_input_without_which_it_is_unknown(expression: s
 def test_derived_variables_that_read_each_other_are_a_cycle_even_if_each_can_be_known() -> None:
     messages = [finding.message for finding in check_text(spec_text('"calm else told"'))[1]]
     assert "context-variables wait for each other: calm -> ready -> calm" in messages
+
+
+@pytest.mark.parametrize(
+    ("expression", "condition", "waits"),
+    [
+        ("tray and told", "ready", True),
+        ("tray and told", "calm", True),
+        ("tray and told", "not ready", False),
+        ("tray and told", "known(ready)", False),
+        ("tray or told", "ready", False),
+        ("tray or told", "not ready", True),
+        ("told if tray else false", "ready", True),
+    ],
+)
+def test_a_look_waits_for_what_makes_its_derived_condition_true(expression: str, condition: str, waits: bool) -> None:
+    messages = [finding.message for finding in check_text(spec_text(f'"{expression}"', condition))[1]]
+    assert ("context-variable 'tray' waits for itself: tray -> tray" in messages) is waits
+
+
+def test_variables_that_read_each_other_often_are_judged_once_each() -> None:
+    steps = [
+        f"  step_{number}: {{type: bool, derived: step_{number - 1} or step_{number - 2}}}" for number in range(2, 60)
+    ]
+    first_steps = [f"  step_{number}: {{type: bool, derived: told and door}}" for number in range(2)]
+    text = spec_text("step_59").replace("  ready:", "\n".join([*first_steps, *steps, "  ready:"]))
+    text = text.replace("context:", "context:\n  speed: {type: float, range: [0, 1], source: adaptation}")
+    text += "adaptation:\n  pace: {set: speed, value: 1 if step_59 else 0}\nloops:\n  pace: {adapt: [pace]}\n"
+    rules = [finding.rule.name for finding in check_text(text)[1]]
+    assert rules == ["unknown-adapted-value"]

@@ -16,6 +16,7 @@ from codra_dsl.logic import Term
 from codra_dsl.runtime import ContextModel, Kind, NotASourceError, SimClock
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.conditions import age, choose, first_known, known, maximum, value
+from codra_dsl.runtime.values.conditions_held import ContextAt
 from codra_dsl.runtime.values.model import ExpectationModel, SkillModel, boolean, real
 from tests.runtime.forests import (
     Look,
@@ -345,7 +346,17 @@ def test_the_evidence_is_that_of_the_oldest_input_that_decides() -> None:
         codra.set("told", False)
         assert (codra.get("calm").value, codra.get("calm").evidence_s) == (True, 0.0)
         assert codra.decide("calm", lambda: None, since_s=0.5) is None
-        assert [reading.evidence_s for reading in codra.history("calm")] == [0.0, 0.0, 0.0, 1.0]
+        assert [reading.evidence_s for reading in codra.history("calm")] == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_the_history_is_in_the_order_of_the_derivations() -> None:
+    clock = SimClock()
+    with started(small_house(ready=value("told") & value("agreed"), calm=CALM), World(), clock) as codra:
+        codra.agent("house").set("agreed", True)
+        for told in (True, False, True):
+            clock.sleep(1.0)
+            codra.set("told", told)
+        assert [reading.content for reading in codra.history("ready")] == [None, None, True, False, True]
 
 
 def test_an_unknown_variable_names_the_inputs_because_of_which_it_is_unknown() -> None:
@@ -363,6 +374,52 @@ def test_an_unknown_variable_names_the_inputs_because_of_which_it_is_unknown() -
         assert codra.get("ready").value is False
 
 
+def test_an_input_is_missing_only_once() -> None:
+    sides = {"left": value("told"), "right": ~value("told")}
+    with started(small_house(**sides, ready=value("left") | value("right"), calm=CALM), World()) as codra:
+        assert [str(change) for change in codra.why("ready").missing] == ["only main_execution may write it"]
+        assert codra.obstacle("ready") == "told: only main_execution may write it"
+
+
+def test_a_fallback_is_as_old_as_the_unknown_state_of_a_derived_input() -> None:
+    variables = [
+        given("told", valid_for_s=3.0),
+        given("heard", valid_for_s=5.0),
+        variable("both", derived=value("told") & value("heard")),
+        variable("safe", derived=first_known(value("both"), False)),
+    ]
+    clock = SimClock()
+    with started(forest(variables), World(), clock) as codra:
+        codra.set("told", True)
+        codra.set("heard", True)
+        clock.sleep(6.0)
+        assert codra.get("both").detail == "told is unknown (stale), heard is unknown (stale)"
+        assert "unknown from 3 s on" in str(codra.why("both"))
+        assert (codra.get("safe").value, codra.get("safe").evidence_s) == (False, 3.0)
+
+
+def test_why_explains_a_look_that_waits_for_a_long_chain_of_derived_variables() -> None:
+    chain = {f"step_{number}": ~(value(f"step_{number - 1}") & value("told")) for number in range(1, 120)}
+    terms = {"step_0": value("told"), **chain, "ready": ~(value("step_119") & value("told")), "calm": CALM}
+    with started(small_house(**terms), World()) as codra:
+        codra.declare("shelf")
+        assert "told" in str(codra.why("shelf"))
+
+
+def test_variables_that_read_each_other_often_are_derived_once_each() -> None:
+    steps = [
+        variable(f"step_{number}", derived=value(f"step_{number - 1}") & value(f"step_{number - 2}"))
+        for number in range(2, 60)
+    ]
+    first = [variable(f"step_{number}", derived=value("told")) for number in range(2)]
+    clock = SimClock()
+    with started(forest([given("told", valid_for_s=5.0), *first, *steps]), World(), clock) as codra:
+        codra.set("told", True)
+        cells = codra._store.cells
+        assert ContextAt(cells, 2.0).value("step_59") is True
+        assert cells["step_59"].now(6.0).reason is Reason.STALE
+
+
 def test_readings_that_belong_together_change_a_derived_variable_once() -> None:
     clock, world = SimClock(), World(finds={"look": {"left": False, "right": True}})
     sides = {"left": value("left"), "right": value("right")}
@@ -377,6 +434,24 @@ def test_readings_that_belong_together_change_a_derived_variable_once() -> None:
         clock.sleep(1.0)
         values = [reading.content for reading in codra.history("none")]
         assert values == [None, False, False]
+
+
+def test_variables_that_are_forgotten_together_change_a_derived_variable_once() -> None:
+    clock, world = SimClock(), World(finds={"look": {"left": True, "right": True}})
+    sides = {"left": value("left"), "right": value("right")}
+    both = forest(
+        [
+            *(variable(name, when_unobservable="forget") for name in sides),
+            variable("same", derived=known("left") == known("right")),
+        ],
+        observer("sides", Look(algorithm("look", dict.fromkeys(sides, boolean())), sides)),
+    )
+    with started(both, world, clock) as codra:
+        codra.declare("left")
+        clock.sleep(0.5)
+        codra.withdraw("left")
+        assert not codra.get("right").known
+        assert {reading.content for reading in codra.history("same")} == {True}
 
 
 def test_nobody_can_write_a_derived_variable() -> None:

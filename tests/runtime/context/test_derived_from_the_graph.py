@@ -85,6 +85,12 @@ def test_a_distance_is_rounded_and_changes_only_with_its_rounded_value(ward: Com
         assert (codra.get("way").value, codra.get("way").evidence_s) == (50.0, 2.0)
 
 
+def test_a_distance_that_is_too_large_to_be_rounded_is_not_rounded(ward: CompiledSpec) -> None:
+    with started(ward) as codra:
+        drive(codra, 1e308)
+        assert codra.get("way").value == 1e308
+
+
 def test_a_count_follows_the_nodes_and_edges_of_the_graph(ward: CompiledSpec) -> None:
     with started(ward) as codra:
         tracker = codra.agent("tracker")

@@ -8,6 +8,7 @@ from codra_dsl.logic import value
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.values.conditions import first_known, known
 from codra_dsl.runtime.values.conditions_held import has_held
 from codra_dsl.runtime.values.declarations import DERIVED
 from tests.runtime.forests import forest, given, variable
@@ -60,6 +61,31 @@ def test_a_derived_variable_goes_on_beneath_its_own_override() -> None:
         assert value_of_ready(codra) is False
         codra.clear_override("ready")
         assert codra.get("ready").detail == "closed is unknown (stale)"
+
+
+def test_what_follows_from_an_override_is_no_evidence_either() -> None:
+    terms = {"safe": first_known(value("closed"), False), "blind": ~known("closed")}
+    derived = [variable(name, derived=term, sources=(DERIVED,)) for name, term in terms.items()]
+    with ContextManager[str, str](
+        forest([given("closed", valid_for_s=20.0), *derived]), clock=SimClock(), resources={}
+    ) as codra:
+        codra.set("closed", True)
+        codra.clock.sleep(2.0)
+        codra.override("closed", None, for_s=5.0, reason="bolt bent")
+        assert (codra.get("safe").value, codra.get("blind").value) == (False, True)
+        for name in terms:
+            assert codra.decide(name, lambda: None, since_s=1.0) is None
+
+
+def test_why_explains_a_derived_variable_beneath_its_override() -> None:
+    with started() as codra:
+        codra.set("charged", True)
+        codra.override("ready", True, for_s=30.0, reason="service")
+        beneath = codra.why("ready").beneath
+        assert beneath is not None
+        assert beneath.derivation is not None
+        assert [why.variable for why in beneath.derivation.inputs] == ["closed"]
+        assert [str(change) for change in beneath.missing] == ["only main_execution may write it"]
 
 
 def test_whether_a_condition_on_a_derived_variable_has_held_respects_past_overrides() -> None:

@@ -13,6 +13,7 @@ from codra_dsl.runtime import Reading, Reason
 from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
 from codra_dsl.runtime.loops.observations import Observation, number_of, possible_values, rate, share, value_of
+from codra_dsl.runtime.values.declarations import DERIVED
 
 DRAIN = RateModel(variable="drain", of="level", over_s=20.0, factor=-60.0)
 KNOWN = Observation(variable="level", value=50.0)
@@ -122,3 +123,30 @@ def test_a_share_is_unknown_while_its_variable_is_and_tells_how_long_it_was_know
     assert share(BUMPY, bool_history((90.0, True, 99.0)), unknown, 100.0).because == "bumped is unknown"
     observed = share(BUMPY, bool_history((95.0, True, 200.0)), TRUE, 100.0)
     assert (observed.value, observed.because) == (None, "bumped is known for 5 s only")
+
+
+def derived_history(*readings: tuple[float, float | bool, float]) -> list[Reading[Value]]:
+    """Return readings of a derived variable, by when they were derived, their value, and the instant of the evidence.
+
+    Each of them must be derived again after 1 s, and stays the same.
+    """
+    return [
+        Reading(
+            name="derived",
+            content=content,
+            evidence_s=evidence_s,
+            identified_s=derived_s,
+            expires_s=derived_s + 1.0,
+            source=DERIVED,
+        )
+        for derived_s, content, evidence_s in readings
+    ]
+
+
+def test_readings_of_a_derived_variable_count_from_their_derivation() -> None:
+    bools = derived_history((80.0, True, 0.0), (90.0, False, 90.0), (95.0, True, 0.0))
+    assert share(BUMPY, bools, TRUE, 100.0).value == pytest.approx(0.75)
+    numbers = derived_history((80.0, 50.0, 0.0), (90.0, 49.0, 0.0), (100.0, 48.0, 0.0))
+    observed_rate = rate(DRAIN, numbers, KNOWN, 100.0)
+    assert observed_rate.value == pytest.approx(6.0)
+    assert observed_rate.evidence_s == 0.0

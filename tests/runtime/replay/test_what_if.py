@@ -21,6 +21,7 @@ from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.replay import DecisionCounts, Replayed, replay, what_if
 from codra_dsl.runtime.replay.decision_counts import total
+from codra_dsl.runtime.replay.undetermined import Undetermined
 from codra_dsl.runtime.values.declarations import DERIVED
 from codra_dsl.runtime.values.model import SkillModel, integer
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, variable
@@ -237,6 +238,50 @@ def test_inputs_that_are_not_possible_in_the_package_are_skipped_and_counted(tmp
     result = replay(header, events, forest([given("light", type=integer(0, 9))]), Manager, None)
     assert result.skipped_inputs == {"write": 1}
     assert result.decisions == {"light": DecisionCounts(decisions=1, recorded=1, replayed=1)}
+
+
+def test_values_that_the_package_refuses_are_not_passed_on(tmp_path: Path) -> None:
+    def model(high: int) -> ContextModel:
+        return forest([given("light", type=integer(0, high)), variable("bright", derived=value("light") > 2)])
+
+    with Manager(model(9), clock=SimClock(), resources={}, record=Journal(tmp_path / "run.mcap")) as manager:
+        manager.set("light", 3)
+        manager.set("light", 9)
+        manager.override("light", 8, for_s=5.0, reason="lamp broken")
+        assert manager.decide("light", lambda: None) == 8
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replay(header, events, model(5), Manager, None)
+    assert result.skipped_inputs == {"override": 1, "write": 1}
+    assert result.decisions == {"light": DecisionCounts(decisions=1, recorded=1, replayed=1, other_value=1)}
+
+
+def test_a_look_for_a_derived_variable_leaves_nothing_undetermined(tmp_path: Path) -> None:
+    def model(high: int) -> ContextModel:
+        light = given("light", type=integer(0, 9))
+        return forest([light, variable("level", type=integer(0, high), derived=value("light"))])
+
+    with Manager(model(9), clock=SimClock(), resources={}, record=Journal(tmp_path / "run.mcap")) as manager:
+        manager.set("light", 9)
+        for _ in range(2):
+            manager.clock.sleep(1.0)
+            manager.decide("level", lambda: None)
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replay(header, events, model(5), Manager, None)
+    assert result.decisions == {"level": DecisionCounts(decisions=2, recorded=2, lost=2)}
+
+
+def test_a_derived_variable_is_determined_as_soon_as_its_inputs_are(tmp_path: Path) -> None:
+    header, _ = door_run(tmp_path / "run.mcap")
+    undetermined = Undetermined(header.summary)
+    undetermined.miss_look("measure")
+    undetermined.end_look("measure", is_known=True, is_shifted=False)
+    assert undetermined.variables == {"near", "open", "ready"}
+    for source, name in (("measure", "near"), ("look", "open")):
+        details = {"value": True, "evidence_s": 1.0, "source": source, "present": True}
+        undetermined.add_event(Event(instant_s=1.0, kind=Kind.VARIABLE, name=name, what="identified", details=details))
+    assert undetermined.variables == set()
 
 
 def test_a_forged_journal_cannot_let_a_replay_go_on_forever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

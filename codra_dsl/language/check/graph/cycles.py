@@ -25,8 +25,8 @@ from codra_dsl.language.check.solver.contradictions import (
 )
 from codra_dsl.language.check.solver.satisfiable import can_hold, known_call
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
-from codra_dsl.language.model import Algorithm, Condition, Variable
+from codra_dsl.language.expression import And, Fallback, Name, Node, Not, Or, names_in, spelt_out, walk
+from codra_dsl.language.model import Algorithm, Condition, Kind, Variable
 
 MAX_COMBINED_NAMES = 8
 """The maximum number of unknown names in one condition. With more names, the condition is assumed to wait for each."""
@@ -122,9 +122,34 @@ def _requirements(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[_Requ
     """
     for _, tree in _sound_conditions(spec_index, algorithm):
         parts = tree.operands if isinstance(tree, And) else (tree,)
-        yield from (_Requirement((part,)) for part in parts)
+        yield from (_Requirement((part, *_definitions(spec_index, part))) for part in parts)
     for reference in algorithm.given:
         yield _Requirement((), reference.name)
+
+
+def _definitions(spec_index: SpecIndex, condition: Node) -> Iterator[Node]:
+    """Yield, for each derived bool that a condition reads, the condition that it has the value of its expression.
+
+    Without them, a condition on a derived variable seems to hold although the expression cannot be true. Expressions
+    with a fallback are left out.
+    """
+    inputs = spec_index.derived_inputs
+    for name in graph.closure(inputs, (name.name for name in names_in(condition))):
+        type_ = spec_index.context_types.get(name)
+        derived = spec_index.variables[name].derived if name in inputs else None
+        judgement = None if derived is None else spec_index.judgement(derived)
+        if judgement is None or judgement.problems or type_ is None or type_.kind is not Kind.BOOL:
+            continue
+        tree = spelt_out(judgement.typed.node)
+        if not any(isinstance(part, Fallback) for part in walk(tree)):
+            variable = Name(start=0, end=0, name=name)
+            is_true, is_false = (variable, tree), (_negated(variable), _negated(tree))
+            cases = (_negated(known_call(name)), *(And(start=0, end=0, operands=case) for case in (is_true, is_false)))
+            yield Or(start=0, end=0, operands=cases)
+
+
+def _negated(condition: Node) -> Node:
+    return Not(start=0, end=0, operand=condition)
 
 
 def _sound_conditions(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[Condition, Node]]:
@@ -141,7 +166,8 @@ _Producer = Algorithm | Variable
 def _needs(spec_index: SpecIndex, producer: _Producer) -> tuple[str, ...]:
     if isinstance(producer, Variable):
         return spec_index.derived_inputs[producer.name]
-    return spec_index.needs[producer.name]
+    needs = spec_index.needs[producer.name]
+    return graph.closure(spec_index.derived_inputs, needs) if spec_index.derived_inputs else needs
 
 
 def _identified_names(producer: _Producer) -> list[str]:
@@ -229,7 +255,9 @@ class _Search:
         groups: list[tuple[_Requirement, ...]] = [(requirement,) for requirement in unmet_requirements] or [
             requirements
         ]
-        return tuple(dict.fromkeys(name for group in groups for name in self._relevant_names(group, unknown_names)))
+        names = tuple(dict.fromkeys(name for group in groups for name in self._relevant_names(group, unknown_names)))
+        direct_needs = frozenset(self._spec_index.needs[producer.name])
+        return tuple(name for name in names if name in direct_needs) or names  # the inputs of known derived variables
 
     def _relevant_names(self, group: Sequence[_Requirement], unknown_names: frozenset[str]) -> list[str]:
         names = sorted(unknown_names & frozenset().union(*(requirement.names for requirement in group)))
@@ -331,14 +359,14 @@ def _cycle_edge(spec_index: SpecIndex, search: _Search, name: str, need: str) ->
         return Related(f"'{name}' needs '{need}': it is derived from '{need}'", derived.place_of(mention))
     algorithms = [spec_index.algorithms[producer] for producer in spec_index.producers[name]]
     algorithm = next(producer for producer in algorithms if need in search.blocking_names(producer))
-    place, reason = _place_of_need(algorithm, need)
+    place, reason = _place_of_need(spec_index, algorithm, need)
     return Related(f"'{name}' needs '{need}': algorithm '{algorithm.name}' {reason}", place)
 
 
-def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
+def _place_of_need(spec_index: SpecIndex, algorithm: Algorithm, need: str) -> tuple[Place, str]:
     for condition in algorithm.observable_when:
         names = () if condition.tree is None else names_in(condition.tree)
-        mention = next((name for name in names if name.name == need), None)
+        mention = next((name for name in names if need in graph.closure(spec_index.derived_inputs, (name.name,))), None)
         if mention is not None:
             return condition.place_of(mention), f"runs when '{condition.text}'"
     given = next(reference for reference in algorithm.given if reference.name == need)
@@ -386,4 +414,4 @@ def _waiting_algorithms(spec_index: SpecIndex, search: _Search, algorithm: Algor
     for other in others[:MAX_WAITING_ALGORITHMS]:
         need = next((need for need in search.blocking_names(other) if need in identified_names), None)
         if need is not None:
-            yield Related(f"algorithm '{other.name}' waits for '{need}'", _place_of_need(other, need)[0])
+            yield Related(f"algorithm '{other.name}' waits for '{need}'", _place_of_need(spec_index, other, need)[0])

@@ -29,11 +29,12 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
             continue
         if not spec_index.is_readable("adaptation", adaptation.name, "otherwise"):
             continue
+        reasons_of_derived: dict[str, str] = {}
         reasons = {
             read_name: reason
             for read_name in dict.fromkeys(read_name.name for read_name in names_in(tree))
             if read_name not in _set_by_same_loop(spec_index, adaptation.name)
-            and (reason := _reason_for_unknown(spec_index, faults, read_name))
+            and (reason := _reason_for_unknown(spec_index, faults, read_name, reasons_of_derived))
         }
         culprits = _decisive_names(spec_index, tree, tuple(reasons))
         if not culprits:
@@ -90,12 +91,13 @@ def _state_text(spec_index: SpecIndex, tree: Node, culprits: Sequence[str]) -> s
 
 
 def _reason_for_unknown(
-    spec_index: SpecIndex, faults: FaultyElements, name: str, derived_names: frozenset[str] = frozenset()
+    spec_index: SpecIndex, faults: FaultyElements, name: str, reasons_of_derived: dict[str, str]
 ) -> str:
     """Return why a variable can become unknown after it was known; empty if it cannot, or if this is not certain.
 
     Metrics, weights and courses are computed even while inputs are unknown. A stated `valid_for: forever` means that
-    the value may be kept. `derived_names` has the derived variables that are judged at present by their inputs.
+    the value may be kept. `reasons_of_derived` has the reasons of derived variables that follow from their inputs; the
+    reason of a variable that is judged at present is empty.
     """
     function, first, second = reads_of(name)
     if function:
@@ -104,8 +106,10 @@ def _reason_for_unknown(
     if variable is None or not faults.is_sound("context", name):
         return ""
     if variable.derived is not None:
-        is_in_cycle = name in derived_names
-        return "" if is_in_cycle else _reason_of_inputs(spec_index, faults, variable, derived_names | {name})
+        if name not in reasons_of_derived:
+            reasons_of_derived[name] = ""
+            reasons_of_derived[name] = _reason_of_inputs(spec_index, faults, variable, reasons_of_derived)
+        return reasons_of_derived[name]
     if variable.is_derived:
         return "in some cases no rule fires" if _can_be_silent(spec_index, faults, name) else ""
     if variable.rate is not None:
@@ -121,7 +125,7 @@ def _reason_for_unknown(
 
 
 def _reason_of_inputs(
-    spec_index: SpecIndex, faults: FaultyElements, variable: Variable, derived_names: frozenset[str]
+    spec_index: SpecIndex, faults: FaultyElements, variable: Variable, reasons_of_derived: dict[str, str]
 ) -> str:
     """Return which input makes a derived variable unknown, and why; empty if none does."""
     tree = variable.derived.tree if variable.derived is not None else None
@@ -130,7 +134,7 @@ def _reason_of_inputs(
         compared_pose = name.pose_comparison
         is_count = isinstance(compared_pose, Count)  # it is always known
         for input_name in () if is_count else names_in(compared_pose or name):
-            reason = _reason_for_unknown(spec_index, faults, input_name.name, derived_names)
+            reason = _reason_for_unknown(spec_index, faults, input_name.name, reasons_of_derived)
             if reason:
                 reasons.setdefault(name.name, reason)
     culprits = () if tree is None else _decisive_names(spec_index, tree, tuple(reasons))

@@ -77,16 +77,20 @@ def _names_with_inputs(spec_index: SpecIndex, names: Iterable[Name]) -> Iterator
     return ((name, input_name) for name in names for input_name in _with_inputs(spec_index, name.name))
 
 
-def _with_inputs(spec_index: SpecIndex, name: str, derived_names: frozenset[str] = frozenset()) -> Iterator[str]:
+def _with_inputs(spec_index: SpecIndex, name: str) -> Iterator[str]:
     """Yield a variable, or, if it is derived, the variables from whose values it is derived."""
-    derived = spec_index.variables[name].derived if name in spec_index.variables else None
-    if derived is None:
-        yield name
-        return
-    aged_names = _names_with_ages(derived.tree)
-    for input_name in () if name in derived_names else spec_index.derived_inputs[name]:
-        if input_name not in aged_names:
-            yield from _with_inputs(spec_index, input_name, derived_names | {name})
+    pending_names, seen_names = [name], set[str]()
+    while pending_names:
+        other = pending_names.pop()
+        if other in seen_names:
+            continue
+        seen_names.add(other)
+        derived = spec_index.variables[other].derived if other in spec_index.variables else None
+        if derived is None:
+            yield other
+        else:
+            aged_names = _names_with_ages(derived.tree)
+            pending_names += [need for need in reversed(spec_index.derived_inputs[other]) if need not in aged_names]
 
 
 def _names_with_ages(tree: Node | None) -> frozenset[str]:
