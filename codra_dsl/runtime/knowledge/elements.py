@@ -88,7 +88,7 @@ class History:
         override = self.override
         if override is None:
             return readings
-        return (*(reading for reading in readings if reading.evidence_s < override.evidence_s), override)
+        return (*(reading for reading in readings if reading.holds_from_s < override.evidence_s), override)
 
     def make_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int
@@ -137,7 +137,7 @@ class History:
         max_readings = max(1, self.attribute.model.history)
         new_history = self.with_override(self.override)
         new_history._entries = [(_VERSION_BEFORE_ALL, kept_reading) for _, kept_reading in entries[-max_readings:]]
-        insort_right(new_history._entries, (_VERSION_BEFORE_ALL, reading), key=lambda entry: _order_s(entry[1]))
+        insort_right(new_history._entries, (_VERSION_BEFORE_ALL, reading), key=lambda entry: entry[1].holds_from_s)
         del new_history._entries[:-max_readings]
         return new_history
 
@@ -247,11 +247,6 @@ NO_HISTORIES: Mapping[str, History] = MappingProxyType({})
 def element_at_version(element: ElementT, version: int) -> ElementT:
     """Return a node or edge as it is in a version of the graph; this version must contain the node or edge."""
     return make_tuple(type(element), (*element[:-1], version)) if element.histories else element
-
-
-def _order_s(reading: Reading[Value]) -> float:
-    """Return the position of a reading in a history: its evidence, or for a derived variable when it was derived."""
-    return reading.identified_s if reading.source == DERIVED else reading.evidence_s
 
 
 def present_reading(element: Node | Edge, name: str, attribute: str) -> Reading[Value]:

@@ -98,10 +98,10 @@ def share(
     """
     if present_observation.value is None:
         return Observation(variable=model.variable, because=f"{model.of} is unknown")
-    ends_s = [*(reading.evidence_s for reading in history[1:]), now_s]
+    ends_s = [*(reading.holds_from_s for reading in history[1:]), now_s]
     start_s = now_s - model.over_s
     durations_s = [
-        (reading.content, max(0.0, min(end_s, reading.expires_s) - max(start_s, reading.evidence_s)))
+        (reading.content, max(0.0, min(end_s, reading.expires_s) - max(start_s, reading.holds_from_s)))
         for reading, end_s in zip(history, ends_s, strict=False)
         if reading.content is not None
     ]
@@ -120,7 +120,7 @@ def rate(
 
     Args:
         model: the model of the rate.
-        history: the readings of the variable, ordered by the instant of their evidence.
+        history: the readings of the variable, ordered by the instants from which on they hold.
         present_observation: the present observation of the variable.
         now_s: the end of the window.
     """
@@ -140,9 +140,9 @@ def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[flo
     """Return the instants and values of the readings in the window, but only since the variable was last unknown."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
-        if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):
+        if reading.holds_from_s < since_s or not isinstance(reading.content, (int, float)):
             break
-        points.append((reading.evidence_s, float(reading.content)))
+        points.append((reading.holds_from_s, float(reading.content)))
     return points[::-1]
 
 

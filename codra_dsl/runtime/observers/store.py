@@ -64,11 +64,14 @@ class Store:
                 self.write(reading)
 
     def history(self, name: str) -> tuple[Reading[Value], ...]:
-        """Return the readings of a variable, ordered by their evidence; while it lasts, an override is the last one."""
+        """Return the readings of a variable; while it lasts, an override is the last one.
+
+        They are ordered by their evidence; those of a derived variable are ordered by their derivation.
+        """
         reading, readings = self.reading(name), self.cells[name].history()
         if not isinstance(reading, Override):
             return readings
-        return (*(earlier for earlier in readings if earlier.evidence_s < reading.evidence_s), reading)
+        return (*(earlier for earlier in readings if earlier.holds_from_s < reading.evidence_s), reading)
 
     def write(self, reading: Reading[Value]) -> None:
         """Store a reading that is identified now.

@@ -99,6 +99,11 @@ class DerivedCell(Cell):
         self.replace_observed(reading)
         return True
 
+    def _append(self, reading: Reading[Value]) -> None:
+        """Add a reading to the history, which has the order of the derivations: each holds until the next one."""
+        self._readings.append(replace(reading, expires_s=FOREVER_S))
+        del self._readings[: -self._max_readings]
+
     def now(self, now_s: float) -> Reading[Value]:
         """Return the reading at the present instant, even if its inputs have just expired."""
         return self.reading if now_s < self.reading.expires_s else self.derive(now_s)
@@ -137,7 +142,7 @@ class DerivedCell(Cell):
         except NotOfTypeError as error:
             return self._unknown_reading(Reason.FAILED, str(error), scope)
         if content is None:
-            unknown_readings = [scope.reading_of(name) for name in _unknown_inputs(self.term, scope)]
+            unknown_readings = [scope.reading_of(name) for name in unknown_inputs(self.term, scope)]
             reason = next((reading.reason for reading in unknown_readings), None) or Reason.REJECTED
             detail = ", ".join(f"{reading.name} is unknown ({reading.reason})" for reading in unknown_readings)
             return self._unknown_reading(reason, detail or "the expression has no value", scope)
@@ -191,13 +196,16 @@ def _names_in(term: Term) -> Iterator[str]:
             yield from part.variables()
 
 
-def _unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
+def unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
     """Return the inputs because of which a term is unknown, in the order of the term."""
     if term.evaluate(scope) is not None:
         return ()
-    if not term.parts():
+    parts = term.parts()
+    if not parts:
         return tuple(term.variables())
-    return tuple(dict.fromkeys(name for part in term.parts() for name in _unknown_inputs(part, scope)))
+    if isinstance(term, Choice) and (truth := term.condition.evaluate(scope)) is not None:
+        parts = (term.then if truth else term.otherwise,)
+    return tuple(dict.fromkeys(name for part in parts for name in unknown_inputs(part, scope)))
 
 
 def _deciding_s(term: Term, scope: _InputScope, time_of: TimeOf) -> float:

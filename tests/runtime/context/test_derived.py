@@ -345,7 +345,18 @@ def test_the_evidence_is_that_of_the_oldest_input_that_decides() -> None:
         codra.set("told", False)
         assert (codra.get("calm").value, codra.get("calm").evidence_s) == (True, 0.0)
         assert codra.decide("calm", lambda: None, since_s=0.5) is None
-        assert [reading.evidence_s for reading in codra.history("calm")] == [0.0, 0.0, 0.0, 1.0]
+        assert [reading.evidence_s for reading in codra.history("calm")] == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_the_history_ends_with_the_newest_derivations_even_if_their_evidence_is_old() -> None:
+    with started(small_house(ready=READY, calm=value("told") & value("agreed")), World(finds=dict(FOUND))) as codra:
+        codra.agent("house").set("agreed", True)
+        for step in range(300):
+            codra.clock.sleep(1.0)
+            codra.set("told", step % 2 == 1)
+        history = codra.history("calm")
+        assert [reading.content for reading in history] == [False, True] * 50
+        assert [reading.identified_s for reading in history] == [float(step) for step in range(201, 301)]
 
 
 def test_an_unknown_variable_names_the_inputs_because_of_which_it_is_unknown() -> None:

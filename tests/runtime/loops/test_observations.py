@@ -13,6 +13,7 @@ from codra_dsl.runtime import Reading, Reason
 from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
 from codra_dsl.runtime.loops.observations import Observation, number_of, possible_values, rate, share, value_of
+from codra_dsl.runtime.values.declarations import DERIVED
 
 DRAIN = RateModel(variable="drain", of="level", over_s=20.0, factor=-60.0)
 KNOWN = Observation(variable="level", value=50.0)
@@ -122,3 +123,16 @@ def test_a_share_is_unknown_while_its_variable_is_and_tells_how_long_it_was_know
     assert share(BUMPY, bool_history((90.0, True, 99.0)), unknown, 100.0).because == "bumped is unknown"
     observed = share(BUMPY, bool_history((95.0, True, 200.0)), TRUE, 100.0)
     assert (observed.value, observed.because) == (None, "bumped is known for 5 s only")
+
+
+def derived_history(*derivations: tuple[float, bool, float]) -> list[Reading[Value]]:
+    """Return readings by the instant of the derivation, their value, and the instant of the evidence."""
+    return [
+        Reading(name="bumped", content=content, evidence_s=evidence_s, identified_s=instant_s, source=DERIVED)
+        for instant_s, content, evidence_s in derivations
+    ]
+
+
+def test_a_share_of_a_derived_bool_counts_from_its_derivations_and_not_from_their_evidence() -> None:
+    readings = derived_history((80.0, True, 2.0), (90.0, False, 90.0), (94.0, True, 2.0))
+    assert share(BUMPY, readings, TRUE, 100.0).value == pytest.approx(16 / 20)
