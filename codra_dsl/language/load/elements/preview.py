@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-from codra_dsl.language.expression import Name, names_in, parse_over_context
+from codra_dsl.language.expression import WORDS, Name, names_in, parse_over_context
 from codra_dsl.language.load.elements.conditions import read_condition, untorn_items
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader
 from codra_dsl.language.model import Condition, Reference
+
+_NO_NAMES = frozenset({*WORDS, "is"})
 
 
 class PreviewFields(TypedDict):
@@ -34,19 +36,25 @@ def read_preview(reader: Reader) -> PreviewFields:
 def _read_entry(reader: Reader, item: YamlNode, index: int) -> Reference | Condition | None:
     """Return a name or a condition; None for an entry that is not a text, which is reported elsewhere.
 
-    A single word is a name, even if no variable can have it: it is reported as an unknown variable. Parentheses and
-    blanks around a name change nothing.
+    A single word is a name, even if no variable can have it: it is reported as an unknown variable, and so are several
+    names without commas. Parentheses and blanks around a name change nothing.
     """
     if not isinstance(item, ScalarNode) or not isinstance(item.data, str) or item.reported:
         reader.damage("preview")
         return None
-    if item.text.isidentifier():
+    if item.text.isidentifier() or _is_several_names(item.text):
         return reader.reference(item)
     condition = read_condition(reader, item, "preview", str(index), grammar=parse_over_context)
     tree = condition.tree
     if isinstance(tree, Name) and tree.pose_comparison is None:
         return Reference(name=tree.name, place=condition.place_of(tree))
     return condition
+
+
+def _is_several_names(text: str) -> bool:
+    """Return whether an entry consists of names that blanks or semicolons separate, because commas are missing."""
+    words = text.replace(";", " ").split()
+    return len(words) > 1 and all(word.isidentifier() and word.lower() not in _NO_NAMES for word in words)
 
 
 def _references(entry: Reference | Condition) -> tuple[Reference, ...]:
