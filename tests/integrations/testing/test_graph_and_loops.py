@@ -132,9 +132,9 @@ def test_a_change_that_the_graph_refuses_fails_with_its_place() -> None:
             "0.5 m",
         ),
         (
-            "poses: {world -robot_pose-> robot: {q: 1 m}}",
-            "unknown key 'q' in 'world -robot_pose-> robot' of timeline 'store'",
-            "allowed: pitch, roll",
+            "poses: {world -robot_pose-> robot: {yow: 1 deg}}",
+            "unknown key 'yow' in 'world -robot_pose-> robot' of timeline 'store'",
+            "did you mean 'yaw'?",
         ),
         (
             "leaves: {MoveTo: {retuns: success}}",
