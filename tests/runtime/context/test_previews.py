@@ -31,7 +31,7 @@ from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.fields import preview_schema
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
-from codra_dsl.runtime.values.conditions import choose, value
+from codra_dsl.runtime.values.conditions import age, choose, value
 from codra_dsl.runtime.values.model import PreviewCondition, SkillModel
 from codra_dsl.runtime.values.previews import evaluate
 from codra_dsl.runtime.why import explain
@@ -422,3 +422,13 @@ def test_a_look_that_a_changed_spec_does_not_need_is_no_evidence_in_a_replay(tmp
 
     assert (replayed.derived[Kind.PREVIEW], replayed.derived[Kind.VARIABLE]) == (1, len(HOLDS) - 1)
     assert replayed.skipped_inputs == {}
+
+
+def test_a_preview_ends_its_wait_when_an_age_decides_it() -> None:
+    condition = PreviewCondition(text="tube or age(gap) > 3 s", condition=value("tube") | (age("gap") > 3.0))
+    skill = SkillModel(name="open_cycler", preview=("tube", "gap"), preview_conditions=(condition,))
+    clock = SimClock()
+    with Manager(replace(MODEL, skills=(skill,)), clock=clock, resources={}) as manager:
+        manager.set("gap", 0.1)
+        assert manager.preview("open_cycler", wait_up_to_s=30.0).holds
+        assert clock.now_s() == pytest.approx(3.0)
