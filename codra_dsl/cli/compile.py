@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -104,9 +105,11 @@ def compile_command(
 
 
 def _default_output_folder(path: Path, sites: Sequence[Path]) -> Path:
+    """Return the folder `generated`, or `generated_SITE`, whose name programs can import."""
     from codra_dsl.language.project import project_of
 
-    return (project_of(path) or Path.cwd()) / "_".join(["generated", *(site.stem for site in sites)])
+    site_names = (re.sub(r"\W", "_", site.stem) for site in sites)
+    return (project_of(path) or Path.cwd()) / "_".join(["generated", *site_names])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

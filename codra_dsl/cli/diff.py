@@ -18,6 +18,7 @@ from codra_dsl.cli.console import (
     Colour,
     ExitCode,
     append_to_summary,
+    common_root,
     existing,
     folder_in_repository,
     is_coloured,
@@ -200,6 +201,7 @@ def _sides_at_sites(before: str, after: str | None, sites: Sequence[Path]) -> tu
     if len(sites) > 2:
         raise typer.BadParameter("two versions are compared: give at most two sites", param_hint="--site")
     side = _side_on_disk(before, Path(before), ())
+    common_root([*side.paths, *sites])
     first, second = (_at_site(side, site) for site in (*((None,) if len(sites) == 1 else ()), *sites))
     return first, second
 

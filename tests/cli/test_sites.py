@@ -92,6 +92,13 @@ def test_a_spec_is_compiled_for_each_site_into_a_package_of_the_same_name(projec
     assert (manifest["spec"], manifest["site"]) == ("specs/door.yaml", "sites/hall_1.yaml")
 
 
+def test_the_folder_of_a_site_can_be_imported(project: Path) -> None:
+    (project / "sites/hall-3.site.yaml").write_text(HALL_1)
+    compiled = codra("compile", "specs", "--site", "sites/hall-3.site.yaml", cwd=project)
+    assert compiled.returncode == 0
+    assert (project / "generated_hall_3_site/door/door.py").is_file()
+
+
 def test_check_compares_the_package_of_a_site_and_notices_an_edited_site(project: Path) -> None:
     compile_site = ("compile", "specs", "--site", "sites/hall_1.yaml")
     codra(*compile_site, cwd=project)
@@ -192,6 +199,7 @@ def test_diff_shows_what_a_site_changes_and_how_two_sites_differ(project: Path) 
         (("diff", "specs"), "give the version after, or --site to compare sites"),
         (("diff", "specs", "specs", "--site", "sites/hall_1.yaml"), "with --site, give one path"),
         (("diff", "specs", *3 * ("--site", "sites/hall_1.yaml")), "give at most two sites"),
+        (("diff", "specs", "--site", "/dev/null"), "the specs belong to several projects"),
         (("lint", "-", "--site", "sites/hall_1.yaml"), "a site cannot be combined with a spec from standard input"),
         (("compile", "specs", "--site", "sites/hall_3.yaml"), "'sites/hall_3.yaml' does not exist"),
     ],

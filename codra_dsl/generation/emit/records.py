@@ -264,7 +264,7 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
         if isinstance(does, Course):
             yield from ((adaptation.name, number, rule.for_s) for number, rule in enumerate(does.always) if rule.for_s)
     yield from ((variable.name, "share") for variable in spec.context if variable.rate and variable.rate.is_share)
-    yield from ((action.name, action.hold_s) for action in spec.actions if action.hold_s is not None)
+    yield from ((action.name, "hold", action.hold_s) for action in spec.actions if action.hold_s is not None)
     if any(skill.preview_conditions for skill in spec.skills):
         yield from ((skill.name, skill.preview_names, skill.preview_conditions) for skill in spec.skills)
 

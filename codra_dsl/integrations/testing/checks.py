@@ -24,6 +24,7 @@ from codra_dsl.integrations.testing.timeline import (
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.runtime import ContextManager, EventLog, Kind, Why
+from codra_dsl.runtime.why import PREVIEW_PREFIX
 from codra_dsl.runtime.why.values import instant_text, value_text
 from codra_dsl.tooling.report.findings import visible_lines
 
@@ -163,7 +164,7 @@ def _failure_of_observer(check: RunningCheck, at_s: float, record: EventLog) -> 
 
 
 def _failure_of_preview(check: PreviewCheck, at_s: float, codra: ContextManager[Any, Any]) -> Failure | None:
-    why = codra.why(check.skill, at_s=at_s)
+    why = codra.why(f"{PREVIEW_PREFIX}{check.skill}", at_s=at_s)
     outcome = why.reading.content if why.known else "unknown"
     if outcome == check.expected_outcome and check.because in str(why):
         return None

@@ -232,8 +232,8 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         """Return the explanation of a variable: its value and the evidence, or the reason why it is unknown.
 
         Args:
-            name: the variable; also a skill, to explain its preview; a course, a parameter or an action of a loop; or
-                an element of knowledge.
+            name: the variable; also a skill, to explain its preview, or `preview of SKILL` if something else has this
+                name; a course, a parameter or an action of a loop; or an element of knowledge.
             at_s: a past instant that the event log still covers; now, if None.
 
         Raises:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock
 from codra_dsl.runtime.context.pending_decision import DecisionState, Pending
 from codra_dsl.runtime.context.preview_commands import PreviewCommands
 from codra_dsl.runtime.context.previews import Preview
@@ -61,6 +61,18 @@ class PendingPreview(Pending):
     def missing(self) -> tuple[str, ...]:
         """Return the variables for which the main execution should look, in this order; none if it need not look."""
         return self._preview.missing if self.state is DecisionState.LOOKING else ()
+
+    def wait(self, longest_s: float) -> DecisionState:
+        """Wait as a decision does. Time alone may decide a preview: its conditions can compare ages."""
+        until_s = self._clock.now_s() + longest_s
+        while self.poll() is DecisionState.WAITING:
+            now_s, flips_s = self._clock.now_s(), self._commands.flips_s(self._preview)
+            if flips_s >= min(until_s - now_s, self._remaining_s()):
+                return super().wait(until_s - now_s)
+            is_decided = self._clock.wait_until(self._is_wait_over, flips_s)
+            if not is_decided and self._clock.now_s() < now_s + flips_s - PUNCTUALITY_TOLERANCE_S:  # it was closed
+                return super().wait(until_s - self._clock.now_s())
+        return self.state
 
     def record_result(self, value: object) -> DecisionState:
         """Report the value that was found for the first missing variable; None or NaN if there was none.

@@ -100,6 +100,12 @@ class PreviewCommands:
         answer = evaluate(preview.skill, self._context(preview.skill, preview.request, preview.looked))
         return answer.outcome is not PreviewOutcome.UNKNOWN
 
+    def flips_s(self, preview: Preview) -> float:
+        """Return in how many seconds an age in a condition next passes its limit; infinite if none does."""
+        context = self._context(preview.skill, preview.request, preview.looked)
+        waits_s = (condition.condition.flips_s(context) for condition in preview.skill.preview_conditions)
+        return min((wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+
     def _answer_or_look(self, preview: Preview) -> None:
         """Answer a preview, or note that the main execution begins to look for the next variable."""
         self._evaluate(preview)

@@ -17,7 +17,6 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.knowledge.declarations import AttributeModel
 from codra_dsl.runtime.knowledge.permissions import Permissions
 from codra_dsl.runtime.values.cell import Override, Reading, Reason, known_reading
-from codra_dsl.runtime.values.derived import order_s
 from codra_dsl.runtime.values.model import NotOfTypeError
 
 _MIN_OUTDATED_READINGS = 64
@@ -88,7 +87,7 @@ class History:
         override = self.override
         if override is None:
             return readings
-        return (*(reading for reading in readings if order_s(reading) < override.evidence_s), override)
+        return (*(reading for reading in readings if reading.holds_from_s < override.evidence_s), override)
 
     def make_reading(
         self, agent: str, now_s: float, value: object, evidence_s: float | None, version: int
@@ -130,14 +129,14 @@ class History:
         If the reading can be appended to this history, this history itself is returned.
         """
         entries = self._entries
-        is_newest = not entries or order_s(reading) >= order_s(entries[-1][1])
+        is_newest = not entries or reading.holds_from_s >= entries[-1][1].holds_from_s
         if is_newest and (not entries or len(entries) < self._capacity):
             entries.append((version, reading))
             return self
         max_readings = max(1, self.attribute.model.history)
         new_history = self.with_override(self.override)
         new_history._entries = [(_VERSION_BEFORE_ALL, kept_reading) for _, kept_reading in entries[-max_readings:]]
-        insort_right(new_history._entries, (_VERSION_BEFORE_ALL, reading), key=lambda entry: order_s(entry[1]))
+        insort_right(new_history._entries, (_VERSION_BEFORE_ALL, reading), key=lambda entry: entry[1].holds_from_s)
         del new_history._entries[:-max_readings]
         return new_history
 

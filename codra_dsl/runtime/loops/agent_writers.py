@@ -25,6 +25,7 @@ class AgentWriters:
         """
         self._agents: dict[str, Agent[Any, Any]] = {}
         self._stamps_s: dict[str, float] = {}
+        self._unknown_since_s: dict[str, float] = {}
         stages = [stage for stage in (model.metrics, model.actions) if stage is not None]
         if model.rates or any(stage.outputs for stage in stages):
             self._agents[model.analyst] = codra.agent(model.analyst)
@@ -32,16 +33,22 @@ class AgentWriters:
             self._agents[model.adapter] = codra.agent(model.adapter)
 
     def write(self, agent: str, variable_write: VariableWrite, now_s: float) -> None:
-        """Write a variable.
+        """Write a variable. A variable that stays unknown keeps the instant since which it is unknown.
 
         The stamp of a variable never goes back, even if an input with older evidence arrives. Otherwise the variable
         would keep its present value, because the evidence of this value is newer.
         """
-        evidence_s = now_s if variable_write.evidence_s == BEFORE_ALL_S else variable_write.evidence_s
-        stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(variable_write.variable, -math.inf)))
-        self._stamps_s[variable_write.variable] = stamp_s
+        name, evidence_s = variable_write.variable, variable_write.evidence_s
+        since_s = now_s
+        if variable_write.value is None:
+            since_s = self._unknown_since_s.setdefault(name, now_s)
+        else:
+            self._unknown_since_s.pop(name, None)
+        evidence_s = since_s if evidence_s == BEFORE_ALL_S else evidence_s
+        stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(name, -math.inf)))
+        self._stamps_s[name] = stamp_s
         value = math.nan if variable_write.value is None else variable_write.value  # NaN means unknown
-        self._agents[agent].set(variable_write.variable, value, evidence_s=stamp_s)
+        self._agents[agent].set(name, value, evidence_s=stamp_s)
 
     def close(self) -> None:
         """Close the handles."""

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.declarations import InputModel, RateModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
-from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Reading
-from codra_dsl.runtime.values.declarations import DERIVED
-from codra_dsl.runtime.values.derived import order_s
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
 
 MIN_SPAN_SHARE = 0.5
 """The smallest share of a rate's window that the readings must span."""
@@ -101,10 +99,10 @@ def share(
     """
     if present_observation.value is None:
         return Observation(variable=model.variable, because=f"{model.of} is unknown")
-    ends_s = [*(order_s(reading) for reading in history[1:]), now_s]
+    ends_s = [*(reading.holds_from_s for reading in history[1:]), now_s]
     start_s = now_s - model.over_s
     durations_s = [
-        (reading.content, max(0.0, min(end_s, _valid_until_s(reading)) - max(start_s, order_s(reading))))
+        (reading.content, max(0.0, min(end_s, reading.expires_s) - max(start_s, reading.holds_from_s)))
         for reading, end_s in zip(history, ends_s, strict=False)
         if reading.content is not None
     ]
@@ -123,7 +121,7 @@ def rate(
 
     Args:
         model: the model of the rate.
-        history: the readings of the variable, ordered by the instants from which they count.
+        history: the readings of the variable, ordered by the instants from which on they hold.
         present_observation: the present observation of the variable.
         now_s: the end of the window.
     """
@@ -139,18 +137,13 @@ def rate(
     return Observation(variable=model.variable, value=slope + 0.0, evidence_s=history[-1].evidence_s)
 
 
-def _valid_until_s(reading: Reading[Value]) -> float:
-    """Return when the value ends without another reading; a derived value may stay when it is derived again."""
-    return FOREVER_S if reading.source == DERIVED else reading.expires_s
-
-
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
     """Return the instants and values of the readings in the window, but only since the variable was last unknown."""
     points: list[tuple[float, float]] = []
     for reading in reversed(history):
-        if order_s(reading) < since_s or not isinstance(reading.content, (int, float)):
+        if reading.holds_from_s < since_s or not isinstance(reading.content, (int, float)):
             break
-        points.append((order_s(reading), float(reading.content)))
+        points.append((reading.holds_from_s, float(reading.content)))
     return points[::-1]
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from codra_dsl.logic import Value
 from codra_dsl.runtime.loops.declarations import ParameterModel
 from codra_dsl.runtime.loops.planning import VariableWrite
-from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.cell import Override, Reading
 
 _ROUNDING_S = 1e-9
 
@@ -77,8 +77,11 @@ class Renewals:
             self.due_s = min(self.due_s, renewal_s)
 
     def _renewal_s(self, reading: Reading[Any], now_s: float) -> float:
-        """Return when a parameter is written again: half of its validity later, or when it has become unknown."""
-        present_reading = reading.at(now_s)
+        """Return when a parameter is written again: half of its validity later, or when it has become unknown.
+
+        The value beneath an override is renewed, so that it is valid when the override ends.
+        """
+        present_reading = (reading.beneath if isinstance(reading, Override) else reading).at(now_s)
         if not present_reading.known:
             return now_s
         if present_reading.source != self._writer:

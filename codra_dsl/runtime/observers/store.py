@@ -11,7 +11,7 @@ from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.observers.derivations import Derivations
 from codra_dsl.runtime.values.cell import FOREVER_S, Cell, Override, Reading, Reason
 from codra_dsl.runtime.values.declarations import DERIVED, MAIN, OPERATOR
-from codra_dsl.runtime.values.derived import DerivedCell, order_s
+from codra_dsl.runtime.values.derived import DerivedCell
 from codra_dsl.runtime.values.model import VariableModel
 
 
@@ -64,14 +64,14 @@ class Store:
                 self.write(reading)
 
     def history(self, name: str) -> tuple[Reading[Value], ...]:
-        """Return the readings of a variable in order; while it lasts, an override is the last one.
+        """Return the readings of a variable; while it lasts, an override is the last one.
 
-        The order is that of the evidence; the readings of a derived variable are in the order of their derivation.
+        They are ordered by their evidence; those of a derived variable are ordered by their derivation.
         """
         reading, readings = self.reading(name), self.cells[name].history()
         if not isinstance(reading, Override):
             return readings
-        return (*(earlier for earlier in readings if order_s(earlier) < reading.evidence_s), reading)
+        return (*(earlier for earlier in readings if earlier.holds_from_s < reading.evidence_s), reading)
 
     def write(self, reading: Reading[Value]) -> None:
         """Store a reading that is identified now.

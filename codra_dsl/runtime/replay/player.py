@@ -42,7 +42,7 @@ class Player:
 
     Attributes:
         decisions: the decisions that wait or look, by their numbers in the journal.
-        previews: the previews, by their numbers in the journal.
+        previews: the previews that wait or look, by their numbers in the journal.
         on_decision: called with each decision that context has answered, or for which the main execution looks now.
         pending_input: the input that comes next, and has not been passed completely.
         has_tried_input: whether the player has tried to pass it.
@@ -107,6 +107,11 @@ class Player:
         self.on_decision(decision)
         if decision.is_answered:
             del self.decisions[number]
+
+    def _note_preview(self, number: int, preview: Preview) -> None:
+        """Keep a preview that waits or looks."""
+        if not preview.is_over:
+            self.previews[number] = preview
 
     def _check_names(self, kind: str, names: Sequence[str], declared_names: Set[str]) -> None:
         missing_name = next((name for name in names if name not in declared_names), None)
@@ -175,12 +180,15 @@ class Player:
             case "preview":
                 since_s = parse_json(details["since"]) if "since" in details else {}
                 fields = {key: value for key, value in details.items() if key not in {*_POSITION_DETAILS, "since"}}
-                self.previews[number] = self._commands.previews.ask(PreviewRequest(**fields, since_s=since_s))
+                self._note_preview(number, self._commands.previews.ask(PreviewRequest(**fields, since_s=since_s)))
             case "waited" if number in self.previews:
-                self._commands.previews.resume(self.previews[number])
+                preview = self.previews.pop(number)
+                self._commands.previews.resume(preview)
+                self._note_preview(number, preview)
             case "looked" if "variable" in details:
-                content = self._value(details["variable"], details)
-                self._commands.previews.record_look(self.previews[number], details["variable"], content)
+                preview, content = self.previews.pop(number), self._value(details["variable"], details)
+                self._commands.previews.record_look(preview, details["variable"], content)
+                self._note_preview(number, preview)
             case "looked":
                 self._commands.previews.abandon(self.previews.pop(number), details.get("raised", ""))
             case "waited":

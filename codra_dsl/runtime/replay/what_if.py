@@ -128,6 +128,8 @@ class WhatIf:
                 self._end_recorded_wait(number)
             case "found" if number not in self._player.decisions:
                 pass  # the replay has answered the decision, so the main execution would not have looked
+            case "looked" if number not in self._player.previews:
+                pass  # likewise for a preview
             case what if what in _FOLLOWED_ELSEWHERE:
                 pass
             case what:

@@ -14,6 +14,7 @@ from operator import itemgetter
 from typing import Any, Generic, NamedTuple, Self, TypeVar, cast
 
 from codra_dsl.logic import Value
+from codra_dsl.runtime.values.declarations import DERIVED
 
 ValueT_co = TypeVar("ValueT_co", covariant=True)
 
@@ -116,6 +117,11 @@ class Reading(Generic[ValueT_co]):
             reason_text = f"{self.reason}: {self.detail}" if self.detail else str(self.reason)
             raise UnknownValueError(f"{self.name} is unknown ({reason_text})")
         return cast("ValueT_co", self.content)
+
+    @property
+    def holds_from_s(self) -> float:
+        """Return since when a history has this reading: since its evidence; if it is derived, since the derivation."""
+        return self.identified_s if self.source == DERIVED else self.evidence_s
 
     def age_s(self, now_s: float) -> float:
         """Return the time since the evidence was taken."""

@@ -95,10 +95,14 @@ class DerivedCell(Cell):
 
     def write(self, reading: Reading[Value]) -> bool:
         """Add a reading, which is now the present one, even if its evidence is older than that of the last one."""
-        self._readings.append(reading)
-        del self._readings[: -self._max_readings]
+        self._append(reading)
         self.replace_observed(reading)
         return True
+
+    def _append(self, reading: Reading[Value]) -> None:
+        """Add a reading to the history, which has the order of the derivations: each holds until the next one."""
+        self._readings.append(replace(reading, expires_s=FOREVER_S))
+        del self._readings[: -self._max_readings]
 
     def now(self, now_s: float) -> Reading[Value]:
         """Return the reading at the present instant, even if its inputs have just expired."""
@@ -138,7 +142,7 @@ class DerivedCell(Cell):
         except NotOfTypeError as error:
             return self._unknown_reading(Reason.FAILED, str(error), scope)
         if content is None:
-            unknown_readings = [scope.reading_of(name) for name in _unknown_inputs(self.term, scope)]
+            unknown_readings = [scope.reading_of(name) for name in unknown_inputs(self.term, scope)]
             reason = next((reading.reason for reading in unknown_readings), None) or Reason.REJECTED
             detail = ", ".join(f"{reading.name} is unknown ({reading.reason})" for reading in unknown_readings)
             return self._unknown_reading(reason, detail or "the expression has no value", scope)
@@ -212,14 +216,6 @@ def derived_cells_among(names: Iterable[str], cells: Mapping[str, Cell]) -> list
     return list(found_cells.values())
 
 
-def order_s(reading: Reading[Any]) -> float:
-    """Return the position of a reading in a history: its evidence, or for a derived variable when it was derived.
-
-    If one input changes, the evidence of a derived variable can be that of another input, and older than before.
-    """
-    return reading.identified_s if reading.source == DERIVED else reading.evidence_s
-
-
 def with_inputs(names: Iterable[str], cells: Mapping[str, Cell]) -> frozenset[str]:
     """Return some variables, with all inputs of those that are derived."""
     all_names = frozenset(names)
@@ -233,13 +229,16 @@ def _names_in(term: Term) -> Iterator[str]:
             yield from part.variables()
 
 
-def _unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
+def unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
     """Return the inputs because of which a term is unknown, in the order of the term."""
     if term.evaluate(scope) is not None:
         return ()
-    if not term.parts():
+    parts = term.parts()
+    if not parts:
         return tuple(term.variables())
-    return tuple(dict.fromkeys(name for part in term.parts() for name in _unknown_inputs(part, scope)))
+    if isinstance(term, Choice) and (truth := term.condition.evaluate(scope)) is not None:
+        parts = (term.then if truth else term.otherwise,)
+    return tuple(dict.fromkeys(name for part in parts for name in unknown_inputs(part, scope)))
 
 
 def _deciding_s(term: Term, scope: _InputScope, time_of: TimeOf) -> float:

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from codra_dsl.logic import Scope, Value
 from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.derived import unknown_inputs
 from codra_dsl.runtime.values.model import SkillModel
 
 TOO_OLD = "too_old"
@@ -99,11 +100,7 @@ def evaluate(skill: SkillModel, scope: PreviewScope) -> PreviewAnswer:
         skill=skill.name,
         violated=tuple(text for text, truth, _ in entries if truth is False),
         undecided=tuple(text for text, truth, _ in entries if truth is None),
-        unknown=tuple(
-            _unknown_variable(scope.reading(name))
-            for name in skill.preview
-            if name in open_names and scope.value(name) is None
-        ),
+        unknown=tuple(_unknown_variable(scope.reading(name)) for name in skill.preview if name in open_names),
     )
 
 
@@ -115,17 +112,19 @@ def with_details(answer: PreviewAnswer, detail_of: Mapping[str, str]) -> Preview
     return replace(answer, unknown=tuple(unknown))
 
 
-def _entries(skill: SkillModel, scope: PreviewScope) -> Iterator[tuple[str, bool | None, frozenset[str]]]:
-    """Yield the text, the result and the variables of each condition, and of each variable that is named alone."""
+def _entries(skill: SkillModel, scope: PreviewScope) -> Iterator[tuple[str, bool | None, tuple[str, ...]]]:
+    """Yield the text and the result of each condition and of each variable that is named alone.
+
+    If the result is unknown, the variables because of which it is unknown follow.
+    """
     names_in_conditions: set[str] = set()
     for condition in skill.preview_conditions:
-        names = condition.condition.variables()
-        names_in_conditions |= names
+        names_in_conditions |= condition.condition.variables()
         truth = condition.condition.evaluate(scope)
-        yield condition.text, None if truth is None else truth is True, names
+        yield condition.text, None if truth is None else truth is True, unknown_inputs(condition.condition, scope)
     for name in skill.preview:
         if name not in names_in_conditions:
-            yield name, True if scope.value(name) is not None else None, frozenset({name})
+            yield name, True if scope.value(name) is not None else None, (name,)
 
 
 def _unknown_variable(reading: Reading[Value]) -> UnknownVariable:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codra_dsl.runtime.why.explanation import LatestEventsAt, explain
+from codra_dsl.runtime.why.explanation import PREVIEW_PREFIX, LatestEventsAt, explain
 from codra_dsl.runtime.why.values import Condition, Look, MissingChange, Way, Why
 
-__all__ = ["Condition", "LatestEventsAt", "Look", "MissingChange", "Way", "Why", "explain"]
+__all__ = ["PREVIEW_PREFIX", "Condition", "LatestEventsAt", "Look", "MissingChange", "Way", "Why", "explain"]

@@ -157,7 +157,8 @@ def _unknown_input_lines(events: Mapping[str, Event], reading_of: ReadingOf) -> 
         reading = reading_of(input_details["variable"])
         if reading.known:
             continue
-        since_text = f"has been unknown since {instant_text(reading.identified_s)}"
+        since_s = reading.identified_s if reading.reason is Reason.STALE else reading.evidence_s
+        since_text = f"has been unknown since {instant_text(since_s)}"
         if reading.reason is Reason.NEVER_OBSERVED:
             since_text = "has never been known"
         detail_text = f": {reading.detail}" if reading.detail else ""

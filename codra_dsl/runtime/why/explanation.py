@@ -23,6 +23,10 @@ LatestEventsAt = Callable[[float], LatestEventsView]
 """Returns the latest events up to an instant."""
 
 
+PREVIEW_PREFIX = "preview of "
+"""What precedes the name of a skill in a question about its preview, whatever else has this name."""
+
+
 def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, at_s: float) -> Why:
     """Return the explanation of a variable at an instant, with its chain of causes.
 
@@ -34,13 +38,16 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
         latest_events_at: returns the latest events up to an instant.
         name: a variable of the spec; an element of the knowledge graph (a node, `node.attribute`, an edge as
             `origin -edge-> target`, or a task); a course or parameter; an action, to explain its weight; or a skill, to
-            explain its preview.
+            explain its preview, or `preview of SKILL` if something else has the skill's name.
         at_s: the instant.
 
     Raises:
         UnknownNameError: if the name is no variable and no course or parameter of a loop, and up to the instant no
             event is about an element of the knowledge graph with this name.
     """
+    skill = summary.skills.get(name.removeprefix(PREVIEW_PREFIX)) if name.startswith(PREVIEW_PREFIX) else None
+    if skill is not None:
+        return _Explanation(summary, latest_events_at).preview(skill, at_s)
     node, _, attribute = name.rpartition(".")
     if node and summary.nodes.get(attribute) == node:
         name = attribute  # `node.attribute` is another name of this context-variable
@@ -198,7 +205,7 @@ class _Explanation:
         rules += [
             Rule(source_text=name, python_text=f'value("{name}") == value("{name}")')  # holds if the variable is known
             for name in answer.undecided
-            if name in self._summary.variables
+            if name in self._summary.variables and name not in {rule.source_text for rule in rules}
         ]
         first_unknown = answer.unknown[0].reason if answer.unknown else Reason.NEVER_OBSERVED
         is_decided = answer.outcome is not PreviewOutcome.UNKNOWN

@@ -120,15 +120,27 @@ def compare_optionality(scope: Scope, _: str, old: bool, new: bool) -> Iterator[
 def compare_observability(scope: Scope, key: str, *_: Any) -> Iterator[Change]:
     """Yield a change if the guard that `observable_when` and `given` form together has changed."""
     guards = (
-        [*_conditions_with_pose_comparisons(algorithm.observable_when), *_given_conditions(algorithm)]
+        [*_conditions_with_pose_comparisons(algorithm.observable_when), *_known_conditions(algorithm.given)]
         for algorithm in scope.values
     )
     yield from guard_comparer(context_types)(scope, key, *guards)
 
 
 def compare_preview_conditions(scope: Scope, _: str, old: Sequence[Condition], new: Any) -> Iterator[Change]:
-    """Yield a change if the guard that the conditions of a preview form together has changed."""
-    guards = ([*_conditions_with_pose_comparisons(conditions)] for conditions in (old, new))
+    """Yield a change if the guard that the conditions of a preview form together has changed.
+
+    A variable that is named alone must be known. It counts if a condition reads it, too; other names are compared as
+    such.
+    """
+    trees = [condition.tree for condition in (*old, *new) if condition.tree is not None]
+    read_names = {name.name for tree in trees for name in names_in(tree)}
+    guards = (
+        [
+            *_conditions_with_pose_comparisons(skill.preview_conditions),
+            *_known_conditions(reference for reference in skill.preview_names if reference.name in read_names),
+        ]
+        for skill in scope.values
+    )
     yield from guard_comparer(context_types)(scope, "preview", *guards)
 
 
@@ -148,8 +160,8 @@ def _conditions_with_pose_comparisons(conditions: Iterable[Condition]) -> Iterat
         yield replace(condition, tree=None if condition.tree is None else spelt_out(condition.tree))
 
 
-def _given_conditions(algorithm: Algorithm) -> Iterator[Condition]:
-    for reference in algorithm.given:
+def _known_conditions(references: Iterable[Reference]) -> Iterator[Condition]:
+    for reference in references:
         yield Condition(text=f"known({reference.name})", tree=known_call(reference.name), place=reference.place)
 
 

@@ -131,6 +131,16 @@ def test_a_change_that_the_graph_refuses_fails_with_its_place() -> None:
             "'x' in timeline 'store' must be a length, not '1 s'",
             "0.5 m",
         ),
+        (
+            "poses: {world -robot_pose-> robot: {yow: 1 deg}}",
+            "unknown key 'yow' in 'world -robot_pose-> robot' of timeline 'store'",
+            "did you mean 'yaw'?",
+        ),
+        (
+            "leaves: {MoveTo: {retuns: success}}",
+            "unknown key 'retuns' in 'MoveTo' of timeline 'store'",
+            "did you mean 'returns'?",
+        ),
         ("loops: {mision: runs}", "spec 'store' has no loop 'mision'", "did you mean 'mission'?"),
         ("loops: {mission: stops}", "loop 'mission' is not running", "let it run first"),
         (

@@ -88,5 +88,19 @@ def test_an_observer_writes_at_its_period_or_at_the_interval_of_its_algorithm(
     assert codes(text) == ([] if is_covered else ["CDR7131"])
 
 
+def test_an_observer_that_looks_after_events_has_no_period() -> None:
+    text = spec(over="199 s", period="", source="observer, refresh: on_event") + OBSERVED.format(interval="rank: 1")
+    assert codes(text) == []
+
+
+@pytest.mark.parametrize(("over", "is_covered"), [("80 s", True), ("81 s", False)])
+def test_a_share_counts_the_time_after_the_newest_reading(over: str, is_covered: bool) -> None:
+    text = spec(over=over, period="period: 20 s", source="power", history=", history: 2")
+    text = text.replace("type: float, unit: percent, range: [0, 100]", "type: bool")
+    text = text.replace("unit: percent/min, range: [0, 5], rate_of", "range: [0, 1], share_of")
+    text = text.replace("drain > 1 percent/min", "drain > 0.5")
+    assert codes(text) == ([] if is_covered else ["CDR7131"])
+
+
 def test_the_check_needs_the_same_span_as_the_runtime() -> None:
     assert MIN_SPAN_SHARE == observations.MIN_SPAN_SHARE

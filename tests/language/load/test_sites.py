@@ -368,9 +368,9 @@ def test_the_unsaved_text_of_a_site_replaces_its_file(tmp_path: Path) -> None:
 
 
 def test_a_parameter_in_a_site_is_refused(tmp_path: Path) -> None:
-    findings = findings_of(tmp_path, "context: {light: {label: $(instance)}}\n")
+    findings = findings_of(tmp_path, "context: {light: {label: $(instance)}, $(instance)_open: {valid_for: 3 s}}\n")
 
-    assert [finding.rule.name for finding in findings] == ["parameter-outside-template"]
+    assert [finding.rule.name for finding in findings] == ["parameter-outside-template"] * 2
 
 
 @pytest.mark.parametrize(
@@ -391,6 +391,13 @@ def test_a_file_that_cannot_be_read_as_a_site_is_reported_and_the_spec_is_not_pl
     result = plan_paths([root / "specs"], root, sites=[root / SITE])
 
     assert {finding.place.span.file for finding in result.diagnostics} == {SITE}
+
+
+def test_the_help_about_an_empty_site_names_its_keys(tmp_path: Path) -> None:
+    root = project(tmp_path, "")
+    (finding,) = plan_paths([root / "specs"], root, sites=[root / SITE]).diagnostics
+
+    assert finding.help == "begin it with 'codra: 1' and 'overlays: ...'"
 
 
 def test_a_site_outside_of_the_project_is_not_read(tmp_path: Path) -> None:

@@ -359,6 +359,17 @@ def test_the_history_is_in_the_order_of_the_derivations() -> None:
         assert [reading.content for reading in codra.history("ready")] == [None, None, True, False, True]
 
 
+def test_the_history_ends_with_the_newest_derivations_even_if_their_evidence_is_old() -> None:
+    with started(small_house(ready=READY, calm=value("told") & value("agreed")), World(finds=dict(FOUND))) as codra:
+        codra.agent("house").set("agreed", True)
+        for step in range(300):
+            codra.clock.sleep(1.0)
+            codra.set("told", step % 2 == 1)
+        history = codra.history("calm")
+        assert [reading.content for reading in history] == [False, True] * 50
+        assert [reading.identified_s for reading in history] == [float(step) for step in range(201, 301)]
+
+
 def test_an_unknown_variable_names_the_inputs_because_of_which_it_is_unknown() -> None:
     clock, world = SimClock(), World(finds={**FOUND, "look_at_door": {"seen": None}})
     with started(small_house(ready=READY, calm=CALM), world, clock) as codra:

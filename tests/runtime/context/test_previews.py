@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,15 +21,21 @@ from codra_dsl.runtime import (
     NotOfTypeError,
     PreviewAnswer,
     PreviewOutcome,
+    Reading,
+    Reason,
     SimClock,
     UnknownNameError,
 )
+from codra_dsl.runtime.context.previews import PreviewContext, PreviewRequest
 from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.fields import preview_schema
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.values.conditions import age, choose, value
+from codra_dsl.runtime.values.model import PreviewCondition, SkillModel
+from codra_dsl.runtime.values.previews import evaluate
 from codra_dsl.runtime.why import explain
-from tests.runtime.cycler import HOLDS, MODEL, OBSERVED, Manager, cycler
+from tests.runtime.cycler import HOLDS, MODEL, OBSERVED, OPEN_CYCLER, Manager, cycler
 from tests.runtime.door import Door
 from tests.runtime.journal.journals import messages, read
 
@@ -62,6 +69,21 @@ def test_an_unknown_variable_that_the_conditions_do_not_need_is_no_reason() -> N
     assert answer_for({**HOLDS, "level": None}).holds
     assert [variable.name for variable in answer_for({**HOLDS, "gap": None}).unknown] == ["gap"]
     assert [variable.name for variable in answer_for({**HOLDS, "tube": None}).unknown] == ["tube"]
+
+
+def test_a_variable_on_which_no_undecided_condition_depends_is_no_reason() -> None:
+    terms = {
+        "a or (b and c)": value("a") | (value("b") & value("c")),
+        "c if b else a": choose(value("c"), value("b"), value("a")),
+    }
+    for text, term in terms.items():
+        condition = PreviewCondition(text=text, condition=term)
+        skill = SkillModel(name="go", preview=("a", "b", "c"), preview_conditions=(condition,))
+        unknown: Reading[Value] = Reading(name="a", reason=Reason.NEVER_OBSERVED)
+        readings = {"a": unknown, "b": replace(unknown, name="b", content=False, reason=None)}
+        readings["c"] = replace(unknown, name="c")
+        answer = evaluate(skill, PreviewContext(PreviewRequest(skill="go"), readings, {}, 0.0))
+        assert [variable.name for variable in answer.unknown] == ["a"]
 
 
 def test_an_answer_has_no_truth_value() -> None:
@@ -372,3 +394,41 @@ def test_why_explains_a_preview_at_any_instant_of_a_journal(tmp_path: Path) -> N
     assert not unknown.known
     assert "  tube is unknown (never_observed) at 5 s" in str(unknown).splitlines()
     assert str(explain(header.summary, journal.latest_events, "open_cycler", 0.0)) == violated
+
+
+def test_why_names_a_variable_once_and_finds_a_preview_whose_skill_shares_its_name() -> None:
+    conditions = (
+        PreviewCondition(text="tube or gap < 3 cm", condition=value("tube") | (value("gap") < 0.03)),
+        PreviewCondition(text="tube", condition=value("tube") == value("tube")),  # named alone as well
+    )
+    skill = SkillModel(name="locked", preview=("tube", "gap"), preview_conditions=conditions)
+    with Manager(replace(MODEL, skills=(skill,)), clock=SimClock(), resources={}) as manager:
+        lines = str(manager.why("preview of locked")).splitlines()
+        assert lines[1].startswith("  the preview is unknown: tube (never_observed), gap (never_observed)")
+        assert [line for line in lines if line.startswith("  tube ")] == [
+            "  tube or gap < 3 cm is unknown",
+            "  tube is unknown (never_observed) at 0 s, as explained above",
+        ]
+        assert manager.why("locked").reading.name == "locked"
+        assert str(manager.why("locked")).startswith("locked is unknown (never_observed) at 0 s")
+
+
+def test_a_look_that_a_changed_spec_does_not_need_is_no_evidence_in_a_replay(tmp_path: Path) -> None:
+    with cycler({**HOLDS, "tube": None}, Journal(tmp_path / "run.mcap")) as (manager, _):
+        assert manager.preview("open_cycler", otherwise=lambda _: True).holds
+    header, events = read(tmp_path / "run.mcap")
+    skill = replace(OPEN_CYCLER, preview=OPEN_CYCLER.preview[:-1])  # without the tube
+    replayed = replay(header, events, replace(MODEL, skills=(skill,)), Manager, None)
+
+    assert (replayed.derived[Kind.PREVIEW], replayed.derived[Kind.VARIABLE]) == (1, len(HOLDS) - 1)
+    assert replayed.skipped_inputs == {}
+
+
+def test_a_preview_ends_its_wait_when_an_age_decides_it() -> None:
+    condition = PreviewCondition(text="tube or age(gap) > 3 s", condition=value("tube") | (age("gap") > 3.0))
+    skill = SkillModel(name="open_cycler", preview=("tube", "gap"), preview_conditions=(condition,))
+    clock = SimClock()
+    with Manager(replace(MODEL, skills=(skill,)), clock=clock, resources={}) as manager:
+        manager.set("gap", 0.1)
+        assert manager.preview("open_cycler", wait_up_to_s=30.0).holds
+        assert clock.now_s() == pytest.approx(3.0)

@@ -125,27 +125,17 @@ def test_a_share_is_unknown_while_its_variable_is_and_tells_how_long_it_was_know
     assert (observed.value, observed.because) == (None, "bumped is known for 5 s only")
 
 
-def derived_history(*readings: tuple[float, float | bool, float]) -> list[Reading[Value]]:
-    """Return readings of a derived variable, by when they were derived, their value, and the instant of the evidence.
-
-    Each of them must be derived again after 1 s, and stays the same.
-    """
+def derived_history(*derivations: tuple[float, float | bool, float]) -> list[Reading[Value]]:
+    """Return readings by the instant of the derivation, their value, and the instant of the evidence."""
     return [
-        Reading(
-            name="derived",
-            content=content,
-            evidence_s=evidence_s,
-            identified_s=derived_s,
-            expires_s=derived_s + 1.0,
-            source=DERIVED,
-        )
-        for derived_s, content, evidence_s in readings
+        Reading(name="derived", content=content, evidence_s=evidence_s, identified_s=derived_s, source=DERIVED)
+        for derived_s, content, evidence_s in derivations
     ]
 
 
 def test_readings_of_a_derived_variable_count_from_their_derivation() -> None:
-    bools = derived_history((80.0, True, 0.0), (90.0, False, 90.0), (95.0, True, 0.0))
-    assert share(BUMPY, bools, TRUE, 100.0).value == pytest.approx(0.75)
+    bools = derived_history((80.0, True, 2.0), (90.0, False, 90.0), (94.0, True, 2.0))
+    assert share(BUMPY, bools, TRUE, 100.0).value == pytest.approx(16 / 20)
     numbers = derived_history((80.0, 50.0, 0.0), (90.0, 49.0, 0.0), (100.0, 48.0, 0.0))
     observed_rate = rate(DRAIN, numbers, KNOWN, 100.0)
     assert observed_rate.value == pytest.approx(6.0)

@@ -149,6 +149,17 @@ def test_a_loop_that_starts_again_confirms_the_same_value_at_once() -> None:
     assert len(settings(shop)) == 1
 
 
+@pytest.mark.parametrize("speed", [0.5, None])
+def test_a_parameter_stays_valid_beneath_an_override(speed: float | None) -> None:
+    shop = Shop(mape())
+    shop.begin()
+    shop.codra.override("max_speed", speed, for_s=60.0, reason="a test drive")
+    shop.pass_s(10.5)
+    shop.codra.clear_override("max_speed")
+    assert shop.codra.get("max_speed").value == 1.2
+    assert all(later_s - earlier_s >= VALID_FOR_S / 2 for earlier_s, later_s in pairwise(writes(shop)))
+
+
 def journaled_shop(path: Path) -> Shop:
     shop = Shop(mape(), record=Journal(path))
     shop.begin()
@@ -192,6 +203,13 @@ def test_why_tells_what_became_unknown_after_the_last_change_even_if_the_value_i
     shop.clock.sleep(5.0)
     assert shop.codra.get("max_speed").value == 0.3
     assert any("person_distance has been unknown since" in line for line in shop.codra.why("max_speed").story)
+
+
+def test_why_tells_since_when_a_rate_is_unknown_although_each_analysis_computes_it() -> None:
+    shop = Shop(mape(replace(DIRECT, value=choose(0.3, value("battery_drain") > 1.0, 1.2))))
+    shop.mape.start()
+    shop.pass_s(5.0)
+    assert "battery_drain has been unknown since 0 s (rejected)" in shop.codra.why("max_speed").story
 
 
 # Inputs that were never known

@@ -148,6 +148,21 @@ def test_a_change_of_a_key_has_the_category_of_its_effect_on_a_robot(
         assert change_texts(review_edits(BASE, (old, new))) == sorted(expected)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("hot, hot or lid", "hot or lid", ["weaker oven/skill/bake"]),
+        ("hot or lid", "hot, hot or lid", ["stronger oven/skill/bake"]),
+        ("hot and lid, hot", "hot and lid", []),
+    ],
+)
+def test_a_preview_that_no_longer_needs_a_variable_to_be_known_holds_more_often(
+    old: str, new: str, expected: list[str]
+) -> None:
+    before = BASE.replace("preview: [hot,", f"preview: [{old},")
+    assert change_texts(review_edits(before, (f"preview: [{old},", f"preview: [{new},"))) == expected
+
+
 def test_a_renamed_algorithm_does_not_rename_its_observer_as_well() -> None:
     """The name of the observer follows from that of the algorithm."""
     result = review_edits(BASE, ("  watch:\n", "  look:\n"))

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.model import DEFAULT_PERIOD_S, Variable
+from codra_dsl.language.model import DEFAULT_PERIOD_S, Refresh, Variable
 
 MIN_SPAN_SHARE = 0.5
 """The smallest share of `over` that readings must span; the same as in `codra_dsl.runtime.loops.observations`."""
@@ -31,7 +31,8 @@ def uncovered_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
             continue
         period_s, writer_text, place = min(periods, key=lambda period: period[0])
         over_s = variable.rate.over_s
-        span_s = (base.history - 1) * period_s
+        # A share counts the time until the next reading as well.
+        span_s = (base.history - (0 if variable.rate.is_share else 1)) * period_s
         noun = "share" if variable.rate.is_share else "rate"
         problem = ""
         if span_s < MIN_SPAN_SHARE * over_s - _ROUNDING:
@@ -70,7 +71,10 @@ def _is_checkable(spec_index: SpecIndex, faults: FaultyElements, variable: Varia
 
 
 def _stated_periods(spec_index: SpecIndex, variable: Variable) -> list[tuple[float, str, Place]]:
-    """Return the period of each writer of a variable that has one, with what the writer does, and the place."""
+    """Return the period of each writer of a variable that has one, with what the writer does, and the place.
+
+    An observer of a variable with `refresh: on_event` has none.
+    """
     source_names = {source.name for source in variable.sources}
     periods = [
         (agent.period_s, f"agent '{agent.name}' writes it", agent.conduct.places.get("period", agent.place))
@@ -78,7 +82,7 @@ def _stated_periods(spec_index: SpecIndex, variable: Variable) -> list[tuple[flo
         if agent.name in source_names and agent.period_s is not None
     ]
     producers = spec_index.producers.get(variable.name, ())
-    if producers:
+    if producers and variable.refresh is Refresh.PERIODIC:
         setting = spec_index.claims[variable.name][0] if variable.name in spec_index.claims else None
         observer_period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
         algorithm = min(

@@ -17,7 +17,7 @@ from codra_dsl.language.check.solver.contradictions import (
 )
 from codra_dsl.language.check.solver.satisfiable import always_holds, implies, known_call
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Call
+from codra_dsl.language.expression import Call, reads_of
 from codra_dsl.language.model import Reference, Skill, Variable
 
 
@@ -48,14 +48,15 @@ def always_holding_previews(spec_index: SpecIndex, faults: FaultyElements) -> It
         for condition in parts_of_conditions(spec_index, skill.preview_conditions):
             if always_holds(condition.tree, types):
                 depends_on_range = not always_holds(condition.tree, types_without_ranges(types, [condition.tree]))
-                names = " and ".join(f"'{name}'" for name in names_of_condition(condition))
+                names = tuple(names_of_condition(condition))
+                names_text = " and ".join(f"'{name}'" for name in names)
                 yield finding(
                     "always-holds",
                     f"'{condition.text}' holds for every possible value ('preview' of skill '{skill.name}')",
                     condition.place,
                     path=f"skills.{skill.name}.preview",
-                    help=f"change the condition, or name {names} alone if it is enough that the value is known"
-                    if names
+                    help=f"change the condition, or name {names_text} alone if it is enough that the value is known"
+                    if names and all(map(_can_be_named, names))
                     else "remove the condition",
                     related=tuple(limit_places([condition.tree], _variables_of(spec_index, condition)))
                     if depends_on_range
@@ -83,6 +84,8 @@ def known_calls_in_previews(spec_index: SpecIndex, faults: FaultyElements) -> It
         for condition in parts_of_conditions(spec_index, skill.preview_conditions):
             if isinstance(condition.tree, Call) and condition.tree.function == "known":
                 (name,) = names_of_condition(condition)
+                if not _can_be_named(name):
+                    continue
                 yield finding(
                     "known-in-preview",
                     f"'{condition.text}' is violated while '{name}' is unknown, so that nobody looks for '{name}' "
@@ -102,6 +105,11 @@ def _skills_with_conditions(spec_index: SpecIndex, faults: FaultyElements) -> It
         is_readable = spec_index.is_readable("skills", skill.name, "preview")
         if skill.preview_conditions and is_readable and faults.is_sound("skills", skill.name):
             yield skill
+
+
+def _can_be_named(name: str) -> bool:
+    """Return whether a preview can name something alone: a variable, but no poses, for which nobody can look."""
+    return not reads_of(name)[0]
 
 
 def _variables_of(spec_index: SpecIndex, *conditions: StatedCondition) -> list[Variable]:

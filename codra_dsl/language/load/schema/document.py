@@ -87,15 +87,19 @@ def take_section(root: MappingNode, section: str) -> MappingNode | None:
     return node
 
 
-def read_root(source: Source, findings: Findings) -> MappingNode | None:
-    """Return the keys of a file, or None if it has none or is not of this version of the language."""
+def read_root(source: Source, findings: Findings, second_key: str = "name") -> MappingNode | None:
+    """Return the keys of a file, or None if it has none or is not of this version of the language.
+
+    `second_key` is the key after `codra`, for the help about an empty file.
+    """
     before = len(findings)
     root = compose(source, findings)
     if root is None and len(findings) > before:
         return None
     if not isinstance(root, MappingNode) or not root.entries:
         message = "the file is empty" if root is None else "the file has no keys"
-        findings.add("not-a-spec", message, file_place(source.file), help="begin it with 'codra: 1' and 'name: ...'")
+        help_text = f"begin it with 'codra: 1' and '{second_key}: ...'"
+        findings.add("not-a-spec", message, file_place(source.file), help=help_text)
         return None
     if not _check_version(root, source, findings):
         return None

@@ -31,6 +31,8 @@ _FORMS = {
     "saying": ("said_values", "silence"),
     "behaviour": ("behaviour_object", "behaviour_word"),
     "override": ("override_object", "cleared"),
+    "placement": ("pose", "placement_word"),
+    "leaf_behaviour": ("leaf_behaviour_object", "leaf_behaviour_word"),
     "belief": ("belief_object", "literal"),
     "preview_outcome": ("preview_outcome_object", "preview_outcome_word"),
 }

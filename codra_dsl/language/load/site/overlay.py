@@ -176,7 +176,8 @@ class Overlay:
             damaged_names: for each section, the names that could not be read completely, as in `Spec.damaged`.
         """
         for (section, name), (key, _) in self._entries.items():
-            if (section, name) not in self._applied and name not in damaged_names.get(section, frozenset()):
+            is_known = (section, name) in self._applied or name in damaged_names.get(section, frozenset())
+            if not is_known and not key.reported:
                 subject = Subject(section, key, self.site.origin)
                 message = f"{spec} has no {NOUNS[section]} {shown(name)}"
                 related = Related("the spec", spec.origin.of(spec.key))

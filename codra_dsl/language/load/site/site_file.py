@@ -48,7 +48,7 @@ def read_site_file(
         texts: the contents of files that are not read from disk.
     """
     source = read(path, file, root, findings, texts)
-    node = None if source is None else read_root(source, findings)
+    node = None if source is None else read_root(source, findings, SITE_KEY)
     if source is None or node is None:
         return None
     key = next(iter(node.entries.values()))[0]
