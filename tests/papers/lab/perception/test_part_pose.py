@@ -40,8 +40,8 @@ def degrees_between(one_pose: Pose, other_pose: Pose) -> float:
     return degrees(acos(min(1.0, (float(np.trace(one_pose.rotation.T @ other_pose.rotation)) - 1.0) / 2.0)))
 
 
-MAX_ROLL_RAD = pi - 1e-5
-"""Nearer to pi, OpenCV's method for squares can give a wrong pose."""
+MAX_ROLL_RAD = pi - 0.01
+"""Nearer to pi, the pose from OpenCV's method for squares alone is less exact, and can be wrong."""
 
 
 @pytest.mark.parametrize("roll_rad", [3.1415926535, 3.1415926535897927, pi])
