@@ -65,15 +65,15 @@ class _Sighting:
 def tag_poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> tuple[TagPose, ...]:
     """Return the poses that fit one tag's corners, the better pose first: two poses, or one if the other is impossible.
 
-    IPPE computes both poses. If a tag is seen exactly from the front, both poses are equal and IPPE divides by zero. In
-    this case SQPnP computes the pose.
+    IPPE computes both poses. It divides by zero if a tag is seen exactly from the front, where both poses are equal,
+    and at some other angles. In these cases SQPnP computes the poses; it can find the second pose several times.
     """
     square_m = _square_m(size_m)
     candidates = [
         TagPose(camera_from_tag=pose, error_px=_error_px(pose, square_m, detection.corners_px, intrinsics))
         for pose in _poses(detection, size_m, intrinsics)
     ]
-    return tuple(sorted(candidates, key=lambda pose: pose.error_px))
+    return tuple(sorted(candidates, key=lambda pose: pose.error_px)[:2])
 
 
 def _poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> list[Pose]:

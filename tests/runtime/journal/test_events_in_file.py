@@ -306,4 +306,4 @@ def test_a_long_file_is_not_held_in_memory(long_run: Path) -> None:
         with JournalReader(long_run) as reader:
             events_by_subject(EventsInFile(reader, reader.header().summary).latest_events(100.0))
 
-    assert 8 * measure_peak_memory_bytes(read_latest_events) < measure_peak_memory_bytes(lambda: read(long_run))
+    assert 4 * measure_peak_memory_bytes(read_latest_events) < measure_peak_memory_bytes(lambda: read(long_run))

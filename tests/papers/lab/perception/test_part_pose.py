@@ -62,6 +62,7 @@ def test_a_tag_that_is_turned_by_nearly_pi_is_localised(roll_rad: float) -> None
     roll_rad=st.floats(-MAX_ROLL_RAD, MAX_ROLL_RAD),
 )
 @example(distance_m=0.5, tilt_rad=0.5, tilt_axis_rad=pi, roll_rad=3.140625)  # OpenCV rounds turns of nearly pi
+@example(distance_m=1.25, tilt_rad=0.140625, tilt_axis_rad=0.0, roll_rad=0.625)  # IPPE divides by zero
 def test_the_better_of_a_tags_poses_is_the_true_one_and_comes_first(
     distance_m: float, tilt_rad: float, tilt_axis_rad: float, roll_rad: float
 ) -> None:
