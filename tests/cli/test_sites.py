@@ -99,6 +99,22 @@ def test_the_folder_of_a_site_can_be_imported(project: Path) -> None:
     assert (project / "generated_hall_3_site/door/door.py").is_file()
 
 
+def test_a_site_does_not_replace_the_packages_of_another_site_with_the_same_name(project: Path) -> None:
+    other = project / "shops/hall-1.yaml"
+    other.parent.mkdir()
+    other.write_text(HALL_1)
+    codra("compile", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    compile_other = ("compile", "specs", "--site", "shops/hall-1.yaml")
+    refused = codra(*compile_other, cwd=project)
+    elsewhere = codra(*compile_other, "--out", "generated_shop", cwd=project)
+    (project / "sites/hall_1.yaml").unlink()
+    moved = codra(*compile_other, cwd=project)
+
+    assert [process.returncode for process in (refused, elsewhere, moved)] == [2, 0, 0]
+    message = "generated_hall_1 has the packages of the site 'sites/hall_1.yaml': choose another folder with --out"
+    assert message in " ".join(refused.stderr.split())
+
+
 def test_check_compares_the_package_of_a_site_and_notices_an_edited_site(project: Path) -> None:
     compile_site = ("compile", "specs", "--site", "sites/hall_1.yaml")
     codra(*compile_site, cwd=project)
