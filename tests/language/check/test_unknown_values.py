@@ -26,6 +26,8 @@ context:
   pallets: {type: int, range: [0, 9], source: fork, valid_for: forever}
   per_pallet: {type: float, derived: 10 / pallets}
   per_place: {type: float, derived: 10 / (pallets + 1)}
+  braking: {type: float, unit: m, range: [0, 20], derived: 1 m + (gap else 10 m)}
+  least_gap: {type: float, unit: m, range: [0, 20], derived: min(sonar else gap, 10 m)}
   max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation, valid_for: 5 s}
 knowledge:
   nodes: {world: world, robot: robot, visitor: person, table: table, lamp: lamp}
@@ -68,6 +70,7 @@ CULPRITS_BY_VALUE = {
     "1.2 m/s if clear else 0.3 m/s": "'clear' is",
     "0.3 m/s if visitor_gap < 2 m else 1.2 m/s": "'visitor_gap' is",
     "0.3 m/s if per_pallet < 1 else 1.2 m/s": "'per_pallet' is",
+    "0.3 m/s if least_gap < 1 m else 1.2 m/s": "'least_gap' is",
 }
 
 VALUES_ALWAYS_KNOWN = (
@@ -87,6 +90,7 @@ VALUES_ALWAYS_KNOWN = (
     "0.3 m/s if gap_or_far < 1.5 m else 1.2 m/s",
     "0.3 m/s if tables > 0 else 1.2 m/s",
     "0.3 m/s if per_place < 1 else 1.2 m/s",
+    "0.3 m/s if braking < 2 m else 1.2 m/s",
     "1 m/s / pallets if pallets > 0 else 1.2 m/s",
     "1 m/s / max(pallets, 1)",
     "1 m/s / (pallets * pallets + pallets + 1)",
