@@ -110,7 +110,7 @@ skills:
 
 def number_findings(declared: str, expression: str) -> list[tuple[str, str]]:
     findings = check_text(NUMBER.replace("TYPE", declared).replace("EXPRESSION", expression))[1]
-    return [(finding.code, finding.message) for finding in findings]
+    return [(finding.code, finding.message) for finding in findings if finding.code != "CDR7102"]
 
 
 @pytest.mark.parametrize(

@@ -95,9 +95,10 @@ def never_derived_values(spec_index: SpecIndex, faults: FaultyElements) -> Itera
             equality = Compare(start=0, end=0, first=condition.tree, rest=(in_range,))
             if not can_hold([equality], (), types) and not current_budget().has_undecided:
                 low, high = declared.range
+                reason = f"no value of '{condition.text}' is in its range"
                 yield finding(
                     "never-holds",
-                    f"context-variable '{variable.name}' is never known: no value of '{condition.text}' is in its range",
+                    f"context-variable '{variable.name}' is never known: {reason}",
                     condition.place,
                     path=f"context.{variable.name}.derived",
                     help="change the expression, or write another range",
