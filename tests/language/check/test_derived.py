@@ -102,7 +102,7 @@ agents: {lasers: {}}
 context:
   gap: {type: float, unit: m, range: [0, 10], source: lasers, valid_for: 1 s}
   pallets: {type: int, range: [0, 9], source: lasers, valid_for: 1 s}
-  number: {type: TYPE, derived: EXPRESSION}
+  number: {type: TYPE, derived: 'EXPRESSION'}
 skills:
   leave: {preview: [number]}
 """

@@ -27,7 +27,7 @@ context:
   per_pallet: {type: float, derived: 10 / pallets}
   per_place: {type: float, derived: 10 / (pallets + 1)}
   braking: {type: float, unit: m, range: [0, 20], derived: 1 m + (gap else 10 m)}
-  least_gap: {type: float, unit: m, range: [0, 20], derived: min(sonar else gap, 10 m)}
+  least_gap: {type: float, unit: m, range: [0, 20], derived: 'min(sonar else gap, 10 m)'}
   max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation, valid_for: 5 s}
 knowledge:
   nodes: {world: world, robot: robot, visitor: person, table: table, lamp: lamp}

@@ -83,29 +83,24 @@ def never_derived_values(spec_index: SpecIndex, faults: FaultyElements) -> Itera
     types = spec_index.context_types
     for variable in spec_index.spec.context:
         declared, derived = types.get(variable.name), variable.derived
-        if (
-            derived is None
-            or declared is None
-            or declared.range is None
-            or not faults.is_sound("context", variable.name)
-        ):
+        tree = None if derived is None or not faults.is_sound("context", variable.name) else derived.tree
+        if derived is None or tree is None or declared is None or declared.range is None:
             continue
-        for condition in sound_conditions(spec_index, [derived]):
-            in_range = (Comparison.EQUAL, Name(start=0, end=0, name=variable.name))
-            equality = Compare(start=0, end=0, first=condition.tree, rest=(in_range,))
-            if not can_hold([equality], (), types) and not current_budget().has_undecided:
-                low, high = declared.range
-                reason = f"no value of '{condition.text}' is in its range"
-                yield finding(
-                    "never-holds",
-                    f"context-variable '{variable.name}' is never known: {reason}",
-                    condition.place,
-                    path=f"context.{variable.name}.derived",
-                    help="change the expression, or write another range",
-                    related=(
-                        Related(f"the range is [{low:g}, {high:g}]", variable.type.places.get("range", variable.place)),
-                    ),
-                )
+        in_range = (Comparison.EQUAL, Name(start=0, end=0, name=variable.name))
+        equality = Compare(start=0, end=0, first=tree, rest=(in_range,))
+        if not can_hold([equality], (), types) and not current_budget().has_undecided:
+            low, high = declared.range
+            reason = f"no value of '{derived.text}' is in its range"
+            yield finding(
+                "never-holds",
+                f"context-variable '{variable.name}' is never known: {reason}",
+                derived.place,
+                path=f"context.{variable.name}.derived",
+                help="change the expression, or write another range",
+                related=(
+                    Related(f"the range is [{low:g}, {high:g}]", variable.type.places.get("range", variable.place)),
+                ),
+            )
 
 
 CONDITION_CHECKS = (never_holding_conditions, always_holding_conditions, never_derived_values)
