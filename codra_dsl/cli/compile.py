@@ -74,7 +74,7 @@ def compile_command(
 
     paths, sites = existing(paths), existing(site or ())
     root = common_root([*paths, *sites])
-    folder = (out if out is not None else _default_output_folder(paths[0], sites)).absolute()
+    folder = (out if out is not None else _default_output_folder(paths[0], sites, root)).absolute()
     stage_timings = make_timings(timings)
     cache = None if no_cache or timings else cache_of(root, "compile", paths, sites)
     run, output_result = _compile_or_recall(
@@ -104,12 +104,22 @@ def compile_command(
     )
 
 
-def _default_output_folder(path: Path, sites: Sequence[Path]) -> Path:
-    """Return the folder `generated`, or `generated_SITE`, whose name programs can import."""
-    from codra_dsl.language.project import project_of
+def _default_output_folder(path: Path, sites: Sequence[Path], root: Path) -> Path:
+    """Return the folder `generated`, or `generated_SITE`, whose name programs can import.
+
+    Sites with the same name in different folders would replace the packages of each other. This is a usage error.
+    """
+    from codra_dsl.generation.output import sites_in
+    from codra_dsl.language.project import project_of, relative_path
 
     site_names = (re.sub(r"\W", "_", site.stem) for site in sites)
-    return (project_of(path) or Path.cwd()) / "_".join(["generated", *site_names])
+    folder = (project_of(path) or Path.cwd()) / "_".join(["generated", *site_names])
+    others = sites_in(folder) - {relative_path(site, root) for site in sites} if sites else ()
+    other = next((site for site in sorted(others) if (root / site).is_file()), None)
+    if other is not None:
+        message = f"{folder.name} has the packages of the site '{other}': choose another folder with --out"
+        raise typer.BadParameter(message, param_hint="--site")
+    return folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -223,6 +223,11 @@ def _is_our_package(folder: Path) -> bool:
     return not folder.is_symlink() and f'"{MANIFEST_FORMAT}"' in _read_text(folder / MANIFEST)
 
 
+def sites_in(out: Path) -> frozenset[str]:
+    """Return the files of the sites for which the packages in an output folder were made, relative to the project."""
+    return frozenset(filter(None, (_manifest_entry(folder, "site") for folder in _folder_entries(out))))
+
+
 def _folder_entries(folder: Path) -> list[Path]:
     """Return the entries of a folder that can be output, sorted; an empty list if the folder does not exist."""
     if not folder.is_dir():
@@ -301,11 +306,16 @@ def _unchecked_bytecode(folder: Path, out: Path) -> Iterator[str]:
 
 def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
     """Return whether this run covers the spec of a package."""
+    spec = _manifest_entry(package, "spec")
+    return bool(spec) and covers(covered, spec)
+
+
+def _manifest_entry(package: Path, key: str) -> str:
+    """Return a text of a package's manifest; empty if there is none."""
     try:
-        spec = str(json.loads(_read_text(package / MANIFEST))["spec"])
-    except (ValueError, TypeError, LookupError):
-        return False
-    return covers(covered, spec)
+        return str(json.loads(_read_text(package / MANIFEST))[key])
+    except (ValueError, TypeError, LookupError, RecursionError):
+        return ""
 
 
 def _holds(path: Path, text: str) -> bool:

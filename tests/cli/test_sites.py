@@ -37,6 +37,29 @@ overlays: room
 perception: {look: {observable_when: [light > 80 lux]}}
 resources: {camera: {call: room_world:Camera, with: {people: 0}}}
 """
+MERGED = (
+    LIT.replace("    returns:", "    with: {threshold: 2, count: 3}\n    returns:")
+    + """\
+knowledge:
+  nodes: {world: world, lamp: lamp}
+  edges: {lamp_pose: {label: RT, from: world, to: lamp, static: true, pose: {x: 3 m, y: 1 m}}}
+templates:
+  brightness:
+    parameters: {limit: quantity}
+    context:
+      $(instance): {type: bool, derived: light > $(limit)}
+use:
+  bright_1: {template: brightness, limit: 50 lux}
+"""
+)
+MERGED_SITE = """\
+codra: 1
+overlays: room
+perception: {look: {with: {threshold: 4}}}
+resources: {camera: {call: room_world:Camera, with: {people: 0}}}
+knowledge: {edges: {lamp_pose: {pose: {x: 4 m}}}}
+use: {bright_1: {limit: 60 lux}}
+"""
 ROOM_WORLD = """\
 class Camera:
     def __init__(self, people):
@@ -97,6 +120,22 @@ def test_the_folder_of_a_site_can_be_imported(project: Path) -> None:
     compiled = codra("compile", "specs", "--site", "sites/hall-3.site.yaml", cwd=project)
     assert compiled.returncode == 0
     assert (project / "generated_hall_3_site/door/door.py").is_file()
+
+
+def test_a_site_does_not_replace_the_packages_of_another_site_with_the_same_name(project: Path) -> None:
+    other = project / "shops/hall-1.yaml"
+    other.parent.mkdir()
+    other.write_text(HALL_1)
+    codra("compile", "specs", "--site", "sites/hall_1.yaml", cwd=project)
+    compile_other = ("compile", "specs", "--site", "shops/hall-1.yaml")
+    refused = codra(*compile_other, cwd=project)
+    elsewhere = codra(*compile_other, "--out", "generated_shop", cwd=project)
+    (project / "sites/hall_1.yaml").unlink()
+    moved = codra(*compile_other, cwd=project)
+
+    assert [process.returncode for process in (refused, elsewhere, moved)] == [2, 0, 0]
+    message = "generated_hall_1 has the packages of the site 'sites/hall_1.yaml': choose another folder with --out"
+    assert message in " ".join(refused.stderr.split())
 
 
 def test_check_compares_the_package_of_a_site_and_notices_an_edited_site(project: Path) -> None:
@@ -191,6 +230,27 @@ def test_diff_shows_what_a_site_changes_and_how_two_sites_differ(project: Path) 
         " identifies.door_open: the value is computed in another way: was 'gap > 40 cm', is 'gap > 60 cm'\n"
         "verdict: caution (2 caution)\n"
     )
+
+
+def test_diff_shows_the_place_in_the_site_of_merged_values_handles_and_arguments(project: Path) -> None:
+    (project / "specs/room.yaml").write_text(MERGED)
+    (project / "sites/dark.yaml").write_text(MERGED_SITE)
+    (project / "sites/darker.yaml").write_text(MERGED_SITE.replace("people: 0", "people: 1").replace("x: 4", "x: 5"))
+    sites = ("--site", "sites/dark.yaml")
+    from_spec = codra("diff", "specs", *sites, "--format", "concise", cwd=project)
+    between = codra("diff", "specs", *sites, "--site", "sites/darker.yaml", "--format", "concise", cwd=project)
+
+    places = {line.split(": ")[0]: line.split(": ")[2] for line in from_spec.stdout.splitlines()[:-1]}
+    assert places == {
+        "sites/dark.yaml:3:39": "room/perception/look",
+        "sites/dark.yaml:4:28": "room/resource/camera",
+        "sites/dark.yaml:5:43": "room/edge/lamp_pose",
+        "sites/dark.yaml:6:25": "room/context/bright_1",
+    }
+    assert [line.split(": ")[0] for line in between.stdout.splitlines()[:-1]] == [
+        "sites/darker.yaml:5:43",
+        "sites/darker.yaml:4:28",
+    ]
 
 
 @pytest.mark.parametrize(

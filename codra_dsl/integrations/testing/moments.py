@@ -106,9 +106,10 @@ class MomentReader:
             if isinstance(value, MappingNode):
                 names = [name for name, variable in self._package.variables.items() if key.text in variable.sources]
                 problem = f"agent '{key.text}' is not a source of"
-                yield Saying(agent=key.text, values=dict(self._values(value, names, problem, (*steps, key.text))))
+                values = dict(self._values(value, names, problem, (*steps, key.text)))
+                yield Saying(agent=key.text, values=values, place=self._place(key))
             elif not value.reported:
-                yield Saying(agent=key.text, values=None)
+                yield Saying(agent=key.text, values=None, place=self._place(key))
 
     def _behaviours(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
         for key, value in self._known_entries(

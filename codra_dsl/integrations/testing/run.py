@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any, Protocol, Self
 
@@ -16,6 +16,7 @@ from codra_dsl.integrations.testing.script import Script, Speakers
 from codra_dsl.integrations.testing.timeline import (
     Alteration,
     Behaviour,
+    Change,
     Clearing,
     DecisionArguments,
     LeafBehaviour,
@@ -195,7 +196,7 @@ class Run:
             find=self._script.function_for,
             knowledge=self._package.knowledge,
         )
-        speakers = Speakers(self.codra, clock, self._timeline.repeat_intervals_s)
+        speakers = Speakers(self.codra, clock, self._timeline.repeat_intervals_s, self._refusals_at)
         self._loops = StoryLoops(self.codra, self._package.mape, clock)
         for moment in self._story.moments:
             if moment.at_s > 0:
@@ -221,34 +222,43 @@ class Run:
 
     def _apply_changes(self, moment: Moment, speakers: Speakers) -> None:
         """Apply the changes of the world at a moment."""
+        __tracebackhide__ = True
         for change in moment.changes:
-            match change:
-                case Saying():
-                    speakers.say(change)
-                case Behaviour():
-                    self._script.change(change)
-                case Overriding():
-                    self.codra.override(change.variable, change.value, for_s=change.for_s, reason=change.reason)
-                case Clearing():
-                    self.codra.clear_override(change.variable)
-                case Alteration():
-                    alter(self.resources.get(change.resource), change)
-                case Placement() | Removal():
-                    self._change_graph(change, speakers)
-                case LoopSwitch():
-                    self._loops.switch(change)
-                case LeafBehaviour():
-                    self._loops.change_leaf(change)
+            with self._refusals_at(change):
+                self._apply(change, speakers)
 
-    def _change_graph(self, change: Placement | Removal, speakers: Speakers) -> None:
+    def _apply(self, change: Change, speakers: Speakers) -> None:
+        match change:
+            case Saying():
+                speakers.say(change)
+            case Behaviour():
+                self._script.change(change)
+            case Overriding():
+                self.codra.override(change.variable, change.value, for_s=change.for_s, reason=change.reason)
+            case Clearing():
+                self.codra.clear_override(change.variable)
+            case Alteration():
+                alter(self.resources.get(change.resource), change)
+            case Placement():
+                speakers.place(change)
+            case Removal():
+                speakers.remove(change)
+            case LoopSwitch():
+                self._loops.switch(change)
+            case LeafBehaviour():
+                self._loops.change_leaf(change)
+
+    @contextmanager
+    def _refusals_at(self, change: Change) -> Iterator[None]:
+        """Let the story fail at the place of a change that the knowledge graph or the context manager refuses."""
         __tracebackhide__ = True
         try:
-            if isinstance(change, Placement):
-                speakers.place(change)
-            else:
-                speakers.remove(change)
+            yield
         except (LookupError, ValueError, PermissionError, RuntimeError) as error:
-            message = f"the graph does not allow this: {type(error).__name__}: {error}"
+            if not isinstance(change, (Saying, Placement, Removal, LoopSwitch)):
+                raise
+            refuses = "the loop cannot run" if isinstance(change, LoopSwitch) else "the graph does not allow this"
+            message = f"{refuses}: {type(error).__name__}: {error}"
             raise StoryFailed(failures_text([Failure(change.place, message)], self._timeline.source)) from error
 
     def _perform_step(self, step: Step) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -180,13 +181,27 @@ def _with_garbage(garbage: object, run_without_fault: Callable[[], object]) -> o
 class Speakers:
     """The agents of a story: they write values, repeat their last values, and fall silent."""
 
-    def __init__(self, codra: ContextManager[Any, Any], clock: Clock, repeat_intervals_s: Mapping[str, float]) -> None:
-        """Write to a context manager. The agents in `repeat_intervals_s` repeat their values periodically."""
+    def __init__(
+        self,
+        codra: ContextManager[Any, Any],
+        clock: Clock,
+        repeat_intervals_s: Mapping[str, float],
+        refusals_at: Callable[[Saying | Placement], AbstractContextManager[None]],
+    ) -> None:
+        """Write to a context manager.
+
+        Args:
+            codra: the context manager.
+            clock: the clock of the story.
+            repeat_intervals_s: how often agents repeat their values and edges.
+            refusals_at: reports a repetition that is refused, at the place of what is repeated.
+        """
         self._codra = codra
         self._types = {variable.name: variable.type for variable in codra.model.variables}
         self._clock = clock
         self._repeat_intervals_s = repeat_intervals_s
-        self._last_values: dict[str, dict[str, Literal | None]] = {}
+        self._refusals_at = refusals_at
+        self._last_sayings: dict[str, Saying] = {}
         self._last_placements: dict[str, dict[tuple[str, str, str], Placement]] = {}
         self._inserting_agents: dict[str, str] = {}
         self._timers: dict[str, Timer] = {}
@@ -197,8 +212,9 @@ class Speakers:
         if agent in self._timers:
             self._timers.pop(agent).cancel()
         if saying.values is not None:
-            self._last_values.setdefault(agent, {}).update(saying.values)
-            self._write(agent, saying.values)
+            before = self._last_sayings.get(agent, saying).values or {}
+            self._last_sayings[agent] = replace(saying, values={**before, **saying.values})
+            self._write(saying)
             self._repeat_later(agent)
 
     def place(self, placement: Placement) -> None:
@@ -249,12 +265,16 @@ class Speakers:
 
     def _repeat(self, agent: str) -> None:
         """Write the last values and edges of an agent again."""
-        self._write(agent, self._last_values.get(agent, {}))
+        __tracebackhide__ = True
+        if agent in self._last_sayings:
+            with self._refusals_at(self._last_sayings[agent]):
+                self._write(self._last_sayings[agent])
         for placement in self._last_placements.get(agent, {}).values():
-            self._write_edge(placement)
+            with self._refusals_at(placement):
+                self._write_edge(placement)
         self._repeat_later(agent)
 
-    def _write(self, agent: str, values: Mapping[str, Literal | None]) -> None:
+    def _write(self, saying: Saying) -> None:
         """Write for an agent. This is possible whether or not the program has a handle of this agent."""
-        for name, value in values.items():
-            self._codra.commands.write(name, self._types[name].convert(value), agent, None)
+        for name, value in (saying.values or {}).items():
+            self._codra.commands.write(name, self._types[name].convert(value), saying.agent, None)

@@ -36,6 +36,7 @@ class Saying:
 
     agent: str
     values: Mapping[str, Literal | None] | None
+    place: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,6 +57,10 @@ class Pending:
             self._end_wait()
         return self.state
 
+    def next_check_s(self) -> float:
+        """Return the next instant at which time alone can end the wait."""
+        return self._until_s
+
     def _is_wait_over(self) -> bool:
         """Return whether context can answer now, or is closed."""
         raise NotImplementedError

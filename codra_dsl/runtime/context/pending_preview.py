@@ -74,6 +74,10 @@ class PendingPreview(Pending):
                 return super().wait(until_s - self._clock.now_s())
         return self.state
 
+    def next_check_s(self) -> float:
+        """Return the next instant at which the wait ends, or an age in a condition passes its limit."""
+        return min(self._until_s, self._clock.now_s() + self._commands.flips_s(self._preview))
+
     def record_result(self, value: object) -> DecisionState:
         """Report the value that was found for the first missing variable; None or NaN if there was none.
 

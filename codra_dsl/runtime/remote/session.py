@@ -267,20 +267,19 @@ class Session:
     def _decide(self, request_id: int | str | None, variable: str, **options: Any) -> PlainData | None:
         _check_number("decisions that wait", self._waiting_decisions, MAX_WAITING_DECISIONS)
         decision = self._codra.ask(variable, **options)
-        return self._answer_or_wait(request_id, decision, [variable], options.get("wait_up_to_s", 0.0))
+        return self._answer_or_wait(request_id, decision, [variable])
 
     def _preview(self, request_id: int | str | None, skill: str, **options: Any) -> PlainData | None:
         _check_number("decisions that wait", self._waiting_decisions, MAX_WAITING_DECISIONS)
         preview = self._codra.ask_preview(self._skill(skill), **options)
         variables = self._codra.skills()[skill].preview
-        return self._answer_or_wait(request_id, preview, variables, options.get("wait_up_to_s", 0.0))
+        return self._answer_or_wait(request_id, preview, variables)
 
     def _answer_or_wait(
         self,
         request_id: int | str | None,
         decision: PendingDecision | PendingPreview,
         variables: Iterable[str],
-        wait_up_to_s: float,
     ) -> PlainData | None:
         """Return the answer to a decision; None if the decision waits, so that it is answered later."""
         if decision.state is not DecisionState.WAITING:
@@ -288,7 +287,7 @@ class Session:
         self._waiting_decisions[decision.number] = _WaitingDecision(
             decision=decision,
             request_id=request_id,
-            timer=self._clock.call_at(self._clock.now_s() + wait_up_to_s, lambda: self._resume(decision)),
+            timer=self._clock.call_at(decision.next_check_s(), lambda: self._resume(decision)),
             subscriptions=tuple(self._codra.follow(variable, lambda: self._resume(decision)) for variable in variables),
         )
         self._resume(decision)  # for events that happened before `follow` could call back
@@ -297,11 +296,22 @@ class Session:
     def _resume(self, decision: PendingDecision | PendingPreview) -> None:
         """Answer a decision that has waited, if it can be answered or has waited long enough."""
         with self._lock:
-            if decision.number not in self._waiting_decisions or decision.poll() is DecisionState.WAITING:
+            waiting_decision = self._waiting_decisions.get(decision.number)
+            if waiting_decision is None:
                 return
-            waiting_decision = self._waiting_decisions.pop(decision.number)
+            if decision.poll() is DecisionState.WAITING:
+                self._schedule(waiting_decision)
+                return
+            del self._waiting_decisions[decision.number]
             waiting_decision.end()
             self._send(answer_to(waiting_decision.request_id, self._decision_answer(decision)))
+
+    def _schedule(self, waiting_decision: _WaitingDecision) -> None:
+        """Make sure that a decision is continued at the next instant at which time alone can end its wait."""
+        decision, check_s = waiting_decision.decision, waiting_decision.decision.next_check_s()
+        if waiting_decision.timer.is_cancelled or check_s < waiting_decision.timer.instant_s:
+            waiting_decision.timer.cancel()
+            waiting_decision.timer = self._clock.call_at(check_s, lambda: self._resume(decision))
 
     def _decision_answer(self, decision: PendingDecision | PendingPreview) -> PlainData:
         if decision.state is DecisionState.LOOKING:
@@ -367,9 +377,9 @@ def _check_number(what: str, elements: Sized, maximum: int) -> None:
         raise ValueError(f"a session may have at most {maximum} {what}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class _WaitingDecision:
-    """A decision that is answered later."""
+    """A decision that is answered later. The timer continues it when time alone can end its wait."""
 
     decision: PendingDecision | PendingPreview
     request_id: int | str | None

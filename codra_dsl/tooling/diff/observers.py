@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from codra_dsl.generation.build_plan import Tree
-from codra_dsl.language.model import Access
+from codra_dsl.language.model import Access, Handle
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.comparers import growth_comparer, order_comparer, show_nothing
 from codra_dsl.tooling.diff.version import Pair, Side
@@ -99,10 +99,11 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
         yield from _HANDLE_COMPARER(
             resource_scope, "", *(bool(side.users(name, Access.READ)) for side in scope.pair.sides)
         )
-        made_before, made_after = (_handle_text(side, name) for side in scope.pair.sides)
-        if made_before != made_after:
+        handles = _handle(scope.pair.old, name), _handle(scope.pair.new, name)
+        texts = [handle and str(handle) for handle in handles]
+        if texts[0] != texts[1]:
             message = "the site makes the handle in another way"
-            yield resource_scope.make_change(Category.PERCEIVED_OTHERWISE, "", message, made_before, made_after)
+            yield resource_scope.make_change(Category.PERCEIVED_OTHERWISE, "", message, *texts, changed_parts=handles)
         if before and after:
             user_counts = (len(side.users(name, Access.SLOT)) for side in scope.pair.sides)
             yield from _SLOTS_COMPARER(resource_scope, "", *zip(user_counts, (before.slots, after.slots), strict=True))
@@ -112,11 +113,10 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
             yield resource_scope.make_change(Category.ADDED, "", "new resource with slots")
 
 
-def _handle_text(side: Side, resource: str) -> str:
-    """Return how the site makes the handle of a resource; empty if no site does."""
-    site = side.plan.checked.spec.site
-    handles = (handle for handle in (() if site is None else site.handles) if handle.resource == resource)
-    return next((str(handle) for handle in handles), "")
+def _handle(side: Side, resource: str) -> Handle | None:
+    """Return how the site makes the handle of a resource; None if no site does."""
+    site = side.spec.site
+    return next((handle for handle in (() if site is None else site.handles) if handle.resource == resource), None)
 
 
 def compare_layout(scope: Scope) -> Iterator[Change]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import chain
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, suggest
+from codra_dsl.language.model import Replacement, Site
 from codra_dsl.tooling.diff.changes import Category, Change, Latency, Review, sort_changes
 from codra_dsl.tooling.diff.observers import compare_layout
 from codra_dsl.tooling.diff.table import FIELD_COMPARERS, KIND_BY_SECTION
@@ -48,8 +50,30 @@ def review(before: Version, after: Version) -> Review:
 def _compare_spec(pair: Pair) -> Iterator[Change]:
     specs = pair.old.spec, pair.new.spec
     scope = Scope(pair=pair, comparer_table=FIELD_COMPARERS, id=pair.new.spec.name, elements=specs, values=specs)
-    yield from scope.changes()
-    yield from compare_layout(scope)
+    for change in (*scope.changes(), *compare_layout(scope)):
+        old_place, new_place = (
+            _place_at_site(change, place, spec.site)
+            for place, spec in zip((change.old_place, change.new_place), specs, strict=True)
+        )
+        yield replace(change, old_place=old_place, new_place=new_place)
+
+
+def _place_at_site(change: Change, place: Place | None, site: Site | None) -> Place | None:
+    """Return the place of the site's value that a change concerns; the place in the spec if there is no such value.
+
+    A value that is merged into a mapping, such as a coordinate of a pose, is reported at the mapping of the spec. An
+    argument of a use concerns all elements of the template.
+    """
+    if site is None or place is None or place.span.file == site.file:
+        return place
+    values = (value.place for value in site.replacements if value.element.span == place.use or _concerns(change, value))
+    return next(values, place)
+
+
+def _concerns(change: Change, value: Replacement) -> bool:
+    _, _, kind_and_name = change.element.partition("/")
+    is_inside = f"{value.key}.".startswith(f"{change.key}.") or f"{change.key}.".startswith(f"{value.key}.")
+    return kind_and_name == f"{KIND_BY_SECTION.get(value.section)}/{value.name}" and is_inside
 
 
 def _latencies(pair: Pair) -> Iterator[Latency]:

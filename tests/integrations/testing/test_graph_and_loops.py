@@ -10,7 +10,10 @@ from codra_dsl.integrations.testing.timeline import LeafBehaviour
 from codra_dsl.runtime import Event, Kind, SimClock
 from codra_dsl.runtime.behavior_trees import Ports, Result, Scope
 from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge.operations import Operation, Verb
+from codra_dsl.runtime.loops import Mape
 from generated.store.knowledge import KNOWLEDGE
+from generated.store.mape import MAPE
 from tests.integrations.testing.timelines import HEAD, findings, run_of_only_story
 
 STORE = "codra: 1\ntimeline: store\n"
@@ -105,6 +108,31 @@ def test_a_change_that_the_graph_refuses_fails_with_its_place() -> None:
     text = failure_text(f"{STORE}stories: {{case: {{1 s: {{poses: {{ann: gone}}}}, 2 s: {{}}}}}}\n")
 
     assert text.startswith("tests/case.timeline.yaml:3:32: the graph does not allow this: AbsentError: ")
+
+
+def test_a_repetition_that_the_graph_refuses_fails_with_the_place_of_what_is_repeated() -> None:
+    run = run_of_only_story(
+        f"{STORE}agents: {{person_detection: {{every: 1 s}}}}\nstories:\n  case:\n"
+        f"    1 s: {{poses: {PERSON}}}\n    3 s: {{}}\n"
+    )
+    with run:
+        run.until(1.5)
+        run.codra.knowledge.write_as("person_detection", [Operation(Verb.DELETE_NODE, ("ann",))])
+        container = Operation(Verb.INSERT_NODE, ("ann", "roll_container", {}))
+        run.codra.knowledge.write_as("container_detection", [container])
+        with pytest.raises(StoryFailed, match=r"^tests/case.timeline.yaml:6:19: the graph does not allow this: "):
+            run.until(2.0)
+
+
+def test_a_loop_that_a_program_already_runs_fails_with_the_place_at_which_the_story_starts_it() -> None:
+    run = run_of_only_story(f"{STORE}stories: {{case: {{1 s: {{loops: {{mission: runs}}}}, 2 s: {{}}}}}}\n")
+    with run:
+        loops = Mape(run.codra, MAPE, clock=run.clock, robot=StatedRobot(run.clock))
+        with pytest.raises(
+            StoryFailed, match=r"^tests/case.timeline.yaml:3:32: the loop cannot run: AgentTakenError: "
+        ):
+            run.until(1.0)
+        loops.close()
 
 
 @pytest.mark.parametrize(

@@ -93,3 +93,54 @@ def test_variables_that_read_each_other_often_are_judged_once_each() -> None:
     text += "adaptation:\n  pace: {set: speed, value: 1 if step_59 else 0}\nloops:\n  pace: {adapt: [pace]}\n"
     rules = [finding.rule.name for finding in check_text(text)[1]]
     assert rules == ["unknown-adapted-value"]
+
+
+NUMBER = """\
+codra: 1
+name: ward
+agents: {lasers: {}}
+context:
+  gap: {type: float, unit: m, range: [0, 10], source: lasers, valid_for: 1 s}
+  pallets: {type: int, range: [0, 9], source: lasers, valid_for: 1 s}
+  number: {type: TYPE, derived: 'EXPRESSION'}
+skills:
+  leave: {preview: [number]}
+"""
+
+
+def number_findings(declared: str, expression: str) -> list[tuple[str, str]]:
+    findings = check_text(NUMBER.replace("TYPE", declared).replace("EXPRESSION", expression))[1]
+    return [(finding.code, finding.message) for finding in findings if finding.code != "CDR7102"]
+
+
+@pytest.mark.parametrize(
+    ("declared", "expression"),
+    [
+        ("float, unit: cm, range: [0, 500]", "gap + 6 m"),
+        ("int, range: [0, 5]", "pallets + 6"),
+        ("float, range: [0, 5]", "-pallets - 1 if known(gap) else 7"),
+        ("float, range: [0, 5]", "(-pallets - 1) else 7"),
+        ("float, range: [0, 5]", "pallets / (2 - 2)"),
+    ],
+)
+def test_a_derived_number_that_is_always_outside_of_its_range_is_never_known(declared: str, expression: str) -> None:
+    message = f"context-variable 'number' is never known: no value of '{expression}' is in its range"
+    assert number_findings(declared, expression) == [("CDR7105", message)]
+
+
+@pytest.mark.parametrize(
+    ("declared", "expression"),
+    [
+        ("float, unit: cm, range: [0, 500]", "gap + 5 m"),
+        ("int, range: [9, 20]", "max(pallets, 9)"),
+        ("int, range: [0, 5]", "(pallets + 6) else 5"),
+        ("float", "pallets / 2"),
+    ],
+)
+def test_a_derived_number_that_can_be_in_its_range_is_not_reported(declared: str, expression: str) -> None:
+    assert number_findings(declared, expression) == []
+
+
+def test_a_division_by_the_number_0_is_an_error() -> None:
+    message = "pallets / 0 has no value, because it divides by 0 ('derived' of context-variable 'number')"
+    assert number_findings("float", "pallets / 0") == [("CDR4102", message)]

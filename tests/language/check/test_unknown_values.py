@@ -23,6 +23,11 @@ context:
   gap_or_far: {type: float, unit: m, range: [0, 10], derived: gap else 10 m}
   visitor_gap: {type: float, unit: m, range: [0, 10], derived: 'distance(robot, visitor)', resolution: 10 cm}
   tables: {type: int, range: [0, 9], derived: count(some table)}
+  pallets: {type: int, range: [0, 9], source: fork, valid_for: forever}
+  per_pallet: {type: float, derived: 10 / pallets}
+  per_place: {type: float, derived: 10 / (pallets + 1)}
+  braking: {type: float, unit: m, range: [0, 20], derived: 1 m + (gap else 10 m)}
+  least_gap: {type: float, unit: m, range: [0, 20], derived: 'min(sonar else gap, 10 m)'}
   max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation, valid_for: 5 s}
 knowledge:
   nodes: {world: world, robot: robot, visitor: person, table: table, lamp: lamp}
@@ -64,6 +69,8 @@ CULPRITS_BY_VALUE = {
     "0.3 m/s if not known(gap) and sonar < 1 m else 1.2 m/s": "'gap' and 'sonar' are",
     "1.2 m/s if clear else 0.3 m/s": "'clear' is",
     "0.3 m/s if visitor_gap < 2 m else 1.2 m/s": "'visitor_gap' is",
+    "0.3 m/s if per_pallet < 1 else 1.2 m/s": "'per_pallet' is",
+    "0.3 m/s if least_gap < 1 m else 1.2 m/s": "'least_gap' is",
 }
 
 VALUES_ALWAYS_KNOWN = (
@@ -82,6 +89,11 @@ VALUES_ALWAYS_KNOWN = (
     "0.3 m/s if known(max_speed) and safety < 0.5 else 1.2 m/s",
     "0.3 m/s if gap_or_far < 1.5 m else 1.2 m/s",
     "0.3 m/s if tables > 0 else 1.2 m/s",
+    "0.3 m/s if per_place < 1 else 1.2 m/s",
+    "0.3 m/s if braking < 2 m else 1.2 m/s",
+    "1 m/s / pallets if pallets > 0 else 1.2 m/s",
+    "1 m/s / max(pallets, 1)",
+    "1 m/s / (pallets * pallets + pallets + 1)",
 )
 
 
@@ -99,6 +111,14 @@ def test_a_value_that_can_become_unknown_needs_otherwise(value: str) -> None:
 @pytest.mark.parametrize("value", VALUES_ALWAYS_KNOWN)
 def test_a_value_that_is_always_known_needs_no_otherwise(value: str) -> None:
     assert messages(value) == []
+
+
+def test_a_value_that_can_divide_by_zero_needs_otherwise() -> None:
+    value = "1 m/s / pallets if bumped else 1.2 m/s"
+    assert messages(value) == [
+        "adaptation 'speed' keeps the last value of 'max_speed' while 1 m/s / pallets divides by 0"
+    ]
+    assert messages(f"{value}', otherwise: '0.3 m/s") == []
 
 
 def test_a_value_that_only_two_unknown_inputs_together_make_unknown_is_reported() -> None:

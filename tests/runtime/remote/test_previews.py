@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import pytest
 
 from codra_dsl.runtime import Kind, NotOfTypeError, PreviewOutcome, SimClock, UnknownNameError, WallClock
 from codra_dsl.runtime.remote import RemoteContext, Server, Session, open_session
+from codra_dsl.runtime.values.conditions import age, value
+from codra_dsl.runtime.values.model import PreviewCondition, SkillModel
 from tests.runtime.cycler import HOLDS, MODEL, OBSERVED, Manager, cycler
 from tests.runtime.door import Door
 
@@ -56,6 +59,24 @@ def test_a_preview_that_waits_is_answered_when_observers_decide_it() -> None:
         clock.sleep(2.0)
         (message,) = program.received[before:]
     assert (message["id"], message["answer"]["preview"]["outcome"]) == (7, "holds")
+
+
+@pytest.mark.parametrize(("wait_up_to_s", "answers"), [(30.0, {3.0: "holds"}), (2.0, {2.0: "unknown"})])
+def test_a_preview_that_waits_is_answered_when_an_age_decides_it(
+    wait_up_to_s: float, answers: dict[float, str]
+) -> None:
+    condition = PreviewCondition(text="tube or age(gap) > 3 s", condition=value("tube") | (age("gap") > 3.0))
+    skill = SkillModel(name="open_cycler", preview=("tube", "gap"), preview_conditions=(condition,))
+    clock = SimClock()
+    received: dict[float, str] = {}
+    with Manager(replace(MODEL, skills=(skill,)), clock=clock, resources={}) as codra:
+        codra.set("gap", 0.1)
+        session = open_session(
+            codra, lambda message: received.update({clock.now_s(): message["answer"]["preview"]["outcome"]})
+        )
+        session.receive({"codra": 1, "ask": "preview", "skill": "open_cycler", "wait_up_to_s": wait_up_to_s})
+        clock.sleep(4.0)
+    assert {round(at_s, 3): outcome for at_s, outcome in received.items()} == answers
 
 
 def test_a_session_that_ends_abandons_its_previews() -> None:

@@ -13,12 +13,13 @@ from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.loops.firing import silent_combinations
 from codra_dsl.language.check.solver.budget import current_budget
-from codra_dsl.language.check.solver.satisfiable import is_always_known
+from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Count, Node, names_in, reads_of
+from codra_dsl.language.expression import Arithmetic, Compare, Comparison, Count, Node, Number, names_in, reads_of, walk
 from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, weight_name
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
+_ZERO = Number(start=0, end=0, value=0.0, unit=None)
 
 
 def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -36,10 +37,13 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
             if read_name not in _set_by_same_loop(spec_index, adaptation.name)
             and (reason := _reason_for_unknown(spec_index, faults, read_name, reasons_of_derived))
         }
-        culprits = _decisive_names(spec_index, tree, tuple(reasons))
-        if not culprits:
+        division = _division_by_zero(spec_index, tree)
+        culprits = () if division else _decisive_names(spec_index, tree, tuple(reasons))
+        if division is None and not culprits:
             continue
-        state_text = _state_text(spec_index, tree, culprits)
+        state_text = (
+            f"{does.value.text_of(division)} divides by 0" if division else _state_text(spec_index, tree, culprits)
+        )
         yield finding(
             "unknown-adapted-value",
             f"adaptation '{adaptation.name}' keeps the last value of '{name}' while {state_text}",
@@ -81,6 +85,25 @@ def _decisive_names(spec_index: SpecIndex, tree: Node, names: Sequence[str]) -> 
         return ()
     decisive_names = tuple(name for name in names if not is_always_known(tree, (name,), types))
     return decisive_names or tuple(names)
+
+
+def _division_by_zero(spec_index: SpecIndex, tree: Node) -> Node | None:
+    """Return a division that makes a value unknown although all names are known, because its divisor is 0; or None.
+
+    A divisor that reads a name twice is not judged: its possible values are not known exactly.
+    """
+    types = spec_index.context_types
+    for part in walk(tree):
+        if isinstance(part, Arithmetic) and part.operator == "/":
+            names = [name.name for name in names_in(part.right)]
+            is_zero = Compare(start=0, end=0, first=part.right, rest=((Comparison.EQUAL, _ZERO),))
+            if (
+                len(set(names)) == len(names)
+                and can_hold([is_zero], (), types)
+                and not is_always_known(tree, (), types)
+            ):
+                return None if current_budget().has_undecided else part
+    return None
 
 
 def _state_text(spec_index: SpecIndex, tree: Node, culprits: Sequence[str]) -> str:
@@ -137,6 +160,8 @@ def _reason_of_inputs(
             reason = _reason_for_unknown(spec_index, faults, input_name.name, reasons_of_derived)
             if reason:
                 reasons.setdefault(name.name, reason)
+    if tree is not None and _division_by_zero(spec_index, tree):
+        return "it divides by a number that can be 0"
     culprits = () if tree is None else _decisive_names(spec_index, tree, tuple(reasons))
     return f"it is derived from '{culprits[0]}': {reasons[culprits[0]]}" if culprits else ""
 

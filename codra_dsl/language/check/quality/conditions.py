@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
+from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.contradictions import (
     StatedCondition,
     contradiction,
@@ -16,9 +17,9 @@ from codra_dsl.language.check.solver.contradictions import (
     state_condition,
     types_without_ranges,
 )
-from codra_dsl.language.check.solver.satisfiable import always_holds
+from codra_dsl.language.check.solver.satisfiable import always_holds, can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Name, Node, Not, Truth, names_in, spelt_out
+from codra_dsl.language.expression import Compare, Comparison, Name, Node, Not, Truth, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
 
 MAX_MEMBERS = 30
@@ -77,7 +78,32 @@ def _always_holding_findings(
                 yield _always_holds_finding(algorithm, key, condition, returned_types, algorithm.returns)
 
 
-CONDITION_CHECKS = (never_holding_conditions, always_holding_conditions)
+def never_derived_values(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """The expression of a derived number has some value in the range of the variable."""
+    types = spec_index.context_types
+    for variable in spec_index.spec.context:
+        declared, derived = types.get(variable.name), variable.derived
+        tree = None if derived is None or not faults.is_sound("context", variable.name) else derived.tree
+        if derived is None or tree is None or declared is None or declared.range is None:
+            continue
+        in_range = (Comparison.EQUAL, Name(start=0, end=0, name=variable.name))
+        equality = Compare(start=0, end=0, first=tree, rest=(in_range,))
+        if not can_hold([equality], (), types) and not current_budget().has_undecided:
+            low, high = declared.range
+            reason = f"no value of '{derived.text}' is in its range"
+            yield finding(
+                "never-holds",
+                f"context-variable '{variable.name}' is never known: {reason}",
+                derived.place,
+                path=f"context.{variable.name}.derived",
+                help="change the expression, or write another range",
+                related=(
+                    Related(f"the range is [{low:g}, {high:g}]", variable.type.places.get("range", variable.place)),
+                ),
+            )
+
+
+CONDITION_CHECKS = (never_holding_conditions, always_holding_conditions, never_derived_values)
 """The checks of this module."""
 
 

@@ -25,6 +25,7 @@ from codra_dsl.language.expression import (
     Call,
     Choice,
     Compare,
+    Fallback,
     In,
     Name,
     Negative,
@@ -389,6 +390,14 @@ def _choice(node: Node, context: Context) -> Values:
     return _merge_intervals(values)
 
 
+def _fallback(node: Node, context: Context) -> Values:
+    assert isinstance(node, Fallback)
+    values = possible_values(node.value, context)
+    if None not in values:
+        return values
+    return _merge_intervals(values - UNKNOWN | possible_values(node.otherwise, context))
+
+
 def _merge_intervals(values: Iterable[Value]) -> Values:
     """Return values without equal intervals. If there are too many intervals, their hull replaces them."""
     ranges = {
@@ -436,5 +445,6 @@ _EVALUATORS: Mapping[type[Node], Callable[[Node, Context], Values]] = {
     Arithmetic: _arithmetic,
     Negative: _negative,
     Choice: _choice,
+    Fallback: _fallback,
     Call: _call,
 }
