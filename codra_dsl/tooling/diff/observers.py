@@ -100,7 +100,7 @@ def compare_resources(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Ch
             resource_scope, "", *(bool(side.users(name, Access.READ)) for side in scope.pair.sides)
         )
         handles = _handle(scope.pair.old, name), _handle(scope.pair.new, name)
-        texts = [handle and str(handle) for handle in handles]
+        texts = [None if handle is None else str(handle) for handle in handles]
         if texts[0] != texts[1]:
             message = "the site makes the handle in another way"
             yield resource_scope.make_change(Category.PERCEIVED_OTHERWISE, "", message, *texts, changed_parts=handles)

@@ -120,7 +120,7 @@ def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
         ("(b1 and b2) == b1", '(value("b1") & value("b2")) == value("b1")'),
         ("min(x, 1 m, y) > 0", 'minimum(value("x"), 1, value("y") * 0.001) > 0'),
         ("(x if b1 else y) > 1 m", 'choose(value("x"), value("b1"), value("y") * 0.001) > 1'),
-        ("1 / 0 > 2", "literal(1) / 0 > 2"),
+        ("1 / 4 > 2", "literal(1) / 4 > 2"),
         ("1 < 2", "literal(1) < 2"),
         ("abs(-3) == n", 'abs(literal(-3)) == value("n")'),
         ("b1 == true", 'value("b1")'),
