@@ -1,4 +1,4 @@
-"""The context of 'store': 0 observers, 26 context-variables, 0 skills.
+"""The context of 'store': 0 observers, 30 context-variables, 0 skills.
 
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
@@ -51,6 +51,10 @@ FloatName = Literal[
     "weight_of_deliver",
     "weight_of_start",
     "weight_of_dock",
+    "filtered_weight_of_pick",
+    "filtered_weight_of_deliver",
+    "filtered_weight_of_start",
+    "filtered_weight_of_dock",
 ]
 BoolName = Literal["charging", "camera_steady", "bumped", "loaded", "order_open", "picking_up"]
 ContainerLoadName = Literal["container_load"]

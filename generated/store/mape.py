@@ -299,6 +299,12 @@ MAPE = MapeModel(
             always=(
                 HardRuleModel(condition=value("battery_level") < 10, action="dock", text="battery_level < 10 percent"),
             ),
+            filtered_weights={
+                "pick": "filtered_weight_of_pick",
+                "deliver": "filtered_weight_of_deliver",
+                "start": "filtered_weight_of_start",
+                "dock": "filtered_weight_of_dock",
+            },
         ),
     ),
     parameters=(

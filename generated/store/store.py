@@ -116,6 +116,30 @@ VARIABLES: tuple[VariableModel, ...] = (
         label="Course of the mission",
         sources=("adaptation",),
     ),
+    VariableModel(
+        name="filtered_weight_of_pick",
+        type=real(0.0, 1.0),
+        label="Filtered weight of Fetch and bring",
+        sources=("analysis",),
+    ),
+    VariableModel(
+        name="filtered_weight_of_deliver",
+        type=real(0.0, 1.0),
+        label="Filtered weight of Bring to the general delivery pose",
+        sources=("analysis",),
+    ),
+    VariableModel(
+        name="filtered_weight_of_start",
+        type=real(0.0, 1.0),
+        label="Filtered weight of Return to the start",
+        sources=("analysis",),
+    ),
+    VariableModel(
+        name="filtered_weight_of_dock",
+        type=real(0.0, 1.0),
+        label="Filtered weight of Go and charge",
+        sources=("analysis",),
+    ),
 )
 
 OBSERVERS: tuple[ObserverModel, ...] = ()

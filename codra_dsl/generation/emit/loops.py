@@ -35,7 +35,7 @@ from codra_dsl.language.fuzzy import compile_engine
 from codra_dsl.language.fuzzy.dialects import NUMBERS
 from codra_dsl.language.fuzzy.model import Term, propositions
 from codra_dsl.language.fuzzy.shapes import membership
-from codra_dsl.language.model import Course, HardRule, Kind, Parameter, Repeat, Worse
+from codra_dsl.language.model import Course, HardRule, Kind, Parameter, Repeat, Worse, filtered_weight_name
 
 MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     "CourseModel": {
@@ -47,6 +47,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "cooldown_s": "0.0",
         "abort_s": "2.0",
         "always": "()",
+        "filtered_weights": "{}",
     },
     "HardRuleModel": {"for_s": "0.0"},
     "InputModel": {"members": "()", "terms": "{}"},
@@ -237,6 +238,11 @@ class _Writer:
             cooldown_s=literal(course.cooldown_s),
             abort_s=literal(course.abort_s),
             always=tuple_of(rules),
+            filtered_weights=dictionary(
+                {literal(action.name): literal(filtered_weight_name(action.name)) for action in course.choose}
+                if course.node is not None
+                else {}
+            ),
         )
         return call("CourseModel", **fields)
 

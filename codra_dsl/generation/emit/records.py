@@ -46,6 +46,7 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
     {
         (Agent, "conduct"),
         (Agent, "period_s"),
+        (Course, "node"),
         (HardRule, "for_s"),
         (Output, "hold_s"),
         (Parameter, "otherwise"),
@@ -262,6 +263,7 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
         if isinstance(does, Parameter) and does.otherwise is not None:
             yield adaptation.name, does.otherwise
         if isinstance(does, Course):
+            yield from () if does.node is None else ((adaptation.name, "of", does.node.name),)
             yield from ((adaptation.name, number, rule.for_s) for number, rule in enumerate(does.always) if rule.for_s)
     yield from ((variable.name, "share") for variable in spec.context if variable.rate and variable.rate.is_share)
     yield from ((action.name, "hold", action.hold_s) for action in spec.actions if action.hold_s is not None)

@@ -1,4 +1,4 @@
-"""The context-variables that loops imply: one for each metric, each weight and each course.
+"""The context-variables that loops imply: one for each metric, each weight, each filtered weight and each course.
 
 They can be read like any other context-variable, have a history, and appear in the journal and in `why`.
 """
@@ -14,6 +14,7 @@ from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.model import (
     ADAPTER,
     ANALYST,
+    CONTEXT_NODE,
     Adaptation,
     Agent,
     Course,
@@ -23,6 +24,7 @@ from codra_dsl.language.model import (
     Spec,
     ValueType,
     Variable,
+    filtered_weight_name,
     weight_name,
 )
 
@@ -41,13 +43,13 @@ def with_loop_variables(spec: Spec, findings: Findings) -> Spec:
     variables_by_name = {variable.name.casefold(): variable for variable in declared_variables}
     origins = dict(spec.origins)
     implied_variables: list[Variable] = []
-    for section, variable in _implied_variables(spec):
+    for section, element, variable in _implied_variables(spec):
         existing_variable = variables_by_name.setdefault(variable.name.casefold(), variable)
         if existing_variable is variable:
             implied_variables.append(variable)
-            origins["context", variable.name] = spec.origins[section, _element_name(section, variable.name)]
+            origins["context", variable.name] = spec.origins[section, element]
         else:
-            _report(section, variable, existing_variable, findings)
+            _report(section, element, variable, existing_variable, findings)
     context = (*declared_variables, *implied_variables)
     needed_agents = {
         source.name for variable in context if variable.is_derived or variable.rate for source in variable.sources
@@ -67,19 +69,34 @@ def _with_source(variable: Variable) -> Variable:
     return replace(variable, sources=(Reference(name=ANALYST, place=variable.rate.of.place),))
 
 
-def _implied_variables(spec: Spec) -> Iterator[tuple[str, Variable]]:
-    yield from (("metrics", _output_variable(metric, metric.name)) for metric in spec.metrics)
-    yield from (("actions", _output_variable(action, weight_name(action.name))) for action in spec.actions)
+def _implied_variables(spec: Spec) -> Iterator[tuple[str, str, Variable]]:
+    """Yield the section and the name of the element that implies a variable, and the variable."""
+    courses = [(adaptation, adaptation.does) for adaptation in spec.adaptation if isinstance(adaptation.does, Course)]
+    filtering_courses = [course for _, course in courses if course.node is not None]
+    nodes = {action.name: _node(spec, course) for course in filtering_courses for action in course.choose}
+    yield from (("metrics", metric.name, _output_variable(metric, metric.name)) for metric in spec.metrics)
+    for action in spec.actions:
+        weight = _output_variable(action, weight_name(action.name), "Weight of ")
+        yield "actions", action.name, replace(weight, node=nodes.get(action.name, CONTEXT_NODE))
     yield from (
-        ("adaptation", _course_variable(adaptation, adaptation.does))
-        for adaptation in spec.adaptation
-        if isinstance(adaptation.does, Course)
+        ("adaptation", adaptation.name, replace(_course_variable(adaptation, course), node=_node(spec, course)))
+        for adaptation, course in courses
     )
+    actions = {action.name: action for action in spec.actions}
+    for course in filtering_courses:
+        for name in dict.fromkeys(action.name for action in course.choose if action.name in actions):
+            variable = _output_variable(actions[name], filtered_weight_name(name), "Filtered weight of ")
+            yield "actions", name, replace(variable, node=_node(spec, course))
 
 
-def _output_variable(output: Output, name: str) -> Variable:
-    is_metric = name == output.name
-    label = output.label or name if is_metric else f"Weight of {output.label}" if output.label else name
+def _node(spec: Spec, course: Course) -> str:
+    """Return the node of the variables of a course. A node that does not exist is reported at the course alone."""
+    names = {*(node.name for node in spec.nodes), *(task.name for task in spec.tasks)}
+    return course.node.name if course.node is not None and course.node.name in names else CONTEXT_NODE
+
+
+def _output_variable(output: Output, name: str, label_prefix: str = "") -> Variable:
+    label = f"{label_prefix}{output.label}" if output.label else name
     return Variable(
         name=name,
         type=_SHARE,
@@ -104,15 +121,10 @@ def _course_variable(adaptation: Adaptation, course: Course) -> Variable:
     )
 
 
-def _element_name(section: str, variable: str) -> str:
-    return variable.removeprefix(weight_name("")) if section == "actions" else variable
-
-
-def _report(section: str, variable: Variable, existing_variable: Variable, findings: Findings) -> None:
-    name = _element_name(section, variable.name)
+def _report(section: str, name: str, variable: Variable, existing_variable: Variable, findings: Findings) -> None:
     noun = {"metrics": "metric", "actions": "action", "adaptation": "adaptation"}[section]
     message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which already exists"
     related = [Related("declared here", existing_variable.place)]
-    findings.add(
-        "duplicate-name", message, variable.place, help="rename one of them", path=f"{section}.{name}", related=related
-    )
+    is_chosen_twice = existing_variable.is_derived and existing_variable.place == variable.place
+    help = "state 'of' in only one of the courses that choose it" if is_chosen_twice else "rename one of them"
+    findings.add("duplicate-name", message, variable.place, help=help, path=f"{section}.{name}", related=related)

@@ -79,6 +79,7 @@ from codra_dsl.language.model.mape import (
     Repeat,
     TreeElement,
     Worse,
+    filtered_weight_name,
     weight_name,
 )
 from codra_dsl.language.model.site import Handle, Replacement, Site
@@ -161,6 +162,7 @@ __all__ = [
     "WhenUnobservable",
     "Worse",
     "Writer",
+    "filtered_weight_name",
     "needed_of",
     "weight_name",
 ]

@@ -22,6 +22,11 @@ def weight_name(action: str) -> str:
     return f"weight_of_{action}"
 
 
+def filtered_weight_name(action: str) -> str:
+    """Return the name of the context-variable that holds the filtered weight of an action."""
+    return f"filtered_weight_of_{action}"
+
+
 class Worse(StrEnum):
     """The end of the interval from 0 to 1 that is bad for a metric."""
 
@@ -111,11 +116,17 @@ class HardRule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """A choice among actions by their filtered weights; `lead` is a fraction from 0 to 1."""
+    """A choice among actions by their filtered weights; `lead` is a fraction from 0 to 1.
+
+    Attributes:
+        node: the node of the knowledge graph that has the weights, the filtered weights and the course as attributes
+            (the key `of`); None if the spec states none: then the course has no variables for filtered weights.
+    """
 
     choose: tuple[Reference, ...]
     within: Reference
     otherwise: Reference
+    node: Reference | None = None
     smooth_s: float = 0.0
     lead: float = 0.0
     hold_s: float = 0.0

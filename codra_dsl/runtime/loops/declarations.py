@@ -177,6 +177,8 @@ class CourseModel:
             dwell.
         abort_s: how long a branch may take to end after the course has left it.
         always: hard rules; the first one that holds decides.
+        filtered_weights: for each action, the variable that holds its filtered weight, a number from 0 to 1. Its source
+            is the analyst. Empty without such variables.
     """
 
     name: str
@@ -191,6 +193,7 @@ class CourseModel:
     cooldown_s: float = 0.0
     abort_s: float = 2.0
     always: tuple[HardRuleModel, ...] = ()
+    filtered_weights: Mapping[str, str] = field(default_factory=dict)
     place: str = ""
 
     def hold_of_s(self, action: str) -> float:

@@ -90,7 +90,8 @@ class Plan:
     """The result of one analysis.
 
     Attributes:
-        values_to_write: rates, metrics and weights, to be written by the analyst.
+        values_to_write: rates, metrics, weights and filtered weights (P2's tentative actions, section 4), to be written
+            by the analyst.
         changed: the variables of the metrics and weights that have changed since the last analysis. An `analysed` event
             records only these variables, so `why` has the chain of each metric, and nothing is recorded while nothing
             changes.
@@ -281,6 +282,12 @@ class Planning:
             yield VariableWrite(variable=name, value=observation.value, evidence_s=observation.evidence_s)
         for output in self._outputs(assessment):
             yield VariableWrite(variable=output.variable, value=output.value, evidence_s=output.evidence_s)
+        evidence_s = {output.name: output.evidence_s for output in assessment.actions.outputs}
+        for name, course in self.courses.items():
+            tracked_actions = self._course_states[name].state.tracked_actions
+            for action, variable in course.filtered_weights.items():
+                weight = tracked_actions[action].smoothed_weight
+                yield VariableWrite(variable=variable, value=weight, evidence_s=evidence_s[action])
 
     def _outputs(self, assessment: Assessment) -> Iterator[OutputResult]:
         """Yield the metrics and weights that this loop computes."""

@@ -21,6 +21,8 @@ _REASON_TEXTS = {
     "planner": "a planner that replaces the spec's planner chose it",
 }
 
+_FILTERED = "filtered_"
+"""The beginning of the name of a filtered weight, before the name of the weight."""
 
 ReadingOf = Callable[[str], Reading[Any]]
 """Returns the reading of a variable at the instant of the explanation."""
@@ -59,14 +61,19 @@ def _explain_undecided(events: Mapping[str, Event], name: str, at_s: float) -> W
 def adaptation_lines(latest_events: LatestEventsView, reading_of: ReadingOf, variable: str) -> Iterator[str]:
     """Yield the causes of the last decision or analysis that wrote a variable; nothing if no loop writes the variable.
 
-    For a weight, also yield the causes of the metrics from which the weight is computed. For a parameter, also yield
-    which inputs are unknown at the instant of the explanation.
+    For a weight, also yield the causes of the metrics from which the weight is computed; for a filtered weight, the
+    causes of the weight that the course smooths. For a parameter, also yield which inputs are unknown at the instant of
+    the explanation.
     """
     events = latest_events.adaptation_events.get(f"context/{variable}", {})
     yield from _chain_lines(events)
     yield from _unknown_input_lines(events, reading_of)
     if "analysed" in events:
         yield from _analysis_lines(latest_events, variable)
+    weight = variable.removeprefix(_FILTERED)
+    if variable.startswith(f"{_FILTERED}weight_of_") and f"context/{weight}" in latest_events.adaptation_events:
+        yield f"{variable} is {weight}, smoothed by the filter of its course"
+        yield from _analysis_lines(latest_events, weight)
 
 
 def _analysis_lines(latest_events: LatestEventsView, variable: str) -> Iterator[str]:

@@ -27,6 +27,9 @@ ADAPTER = "adaptation"
 WEIGHT = "weight_of_"
 """Prefix of a weight's name, before the name of its action."""
 
+FILTERED_WEIGHT = "filtered_weight_of_"
+"""Prefix of a filtered weight's name, before the name of its action."""
+
 MOST_ORDERS = 12
 MOST_REFUSALS = 5
 
@@ -60,7 +63,7 @@ class ShownAttribute:
     def part(self) -> Part:
         """Return the part of the page for the attribute, chosen by its writers and its type."""
         if ANALYST in self.sources:
-            return Part.WEIGHT if self.name.startswith(WEIGHT) else Part.METRIC
+            return Part.WEIGHT if self.name.startswith((WEIGHT, FILTERED_WEIGHT)) else Part.METRIC
         if ADAPTER in self.sources:
             return Part.COURSE if self.type.members else Part.PARAMETER
         return Part.READING

@@ -52,6 +52,14 @@ EDITS = [
     ("share_of: lifted, over: 30 s", "share_of: lifted, over: 40 s", ["redefined context/burden share_of"]),
     ("for: 5 s, ", "", ["redefined adaptation/course always"]),
     ("hold: 2 s", "hold: 3 s", ["redefined action/wait hold"]),
+    (
+        "    of: robot\n",
+        "",
+        [
+            *(f"api context/{name} of" for name in ("course", "weight_of_pick", "weight_of_wait")),
+            "redefined adaptation/course of",
+        ],
+    ),
     ("otherwise: true", "otherwise: false", ["redefined adaptation/care otherwise"]),
     ("period: 100 ms", "period: 200 ms", ["slower agent/laser period"]),
     ("value: load !=", "value: load ==", ["redefined adaptation/care value"]),

@@ -9,7 +9,7 @@ from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.mentions import Mention, mention_of, user_of
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.expression import Count, EdgeTerm, Name, Node, NodeTerm, Path, names_in, reads_of, walk
-from codra_dsl.language.model import Agent, AgentRule, Condition, PoseCondition, Variable
+from codra_dsl.language.model import Agent, AgentRule, Condition, Course, PoseCondition, Variable
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +149,9 @@ def node_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
             yield Mention(variable.node, place, user_of("context", variable.name), f"context.{variable.name}.of")
         if variable.pose_condition is not None:
             yield from _pose_mentions(variable.pose_condition)
+    for adaptation in spec_index.spec.adaptation:
+        if isinstance(adaptation.does, Course) and adaptation.does.node is not None and adaptation.does.node.name:
+            yield mention_of(adaptation.does.node, "adaptation", adaptation.name, "of")
     for task in spec_index.spec.tasks:
         if task.origin.name:
             yield mention_of(task.origin, "tasks", task.name, "from")

@@ -16,7 +16,15 @@ from codra_dsl.language.check.solver.satisfiable import can_hold, implies
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Compare, Comparison, Name, Node, Or, Text, Truth, names_in, spelt_out
 from codra_dsl.language.fuzzy.model import propositions
-from codra_dsl.language.model import ADAPTER, Adaptation, Condition, Course, Parameter, weight_name
+from codra_dsl.language.model import (
+    ADAPTER,
+    Adaptation,
+    Condition,
+    Course,
+    Parameter,
+    filtered_weight_name,
+    weight_name,
+)
 
 
 def self_defeating_adaptations(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -192,6 +200,8 @@ def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
         own_dependencies = dependencies.setdefault(_written_variable(adaptation), {})
         for action in adaptation.does.choose if isinstance(adaptation.does, Course) else ():
             own_dependencies.setdefault(weight_name(action.name), action.place)
+            filtered = dependencies.setdefault(filtered_weight_name(action.name), {})
+            filtered[weight_name(action.name)] = action.place
     for site in spec_index.sites:
         if site.owner[0] == "adaptation":
             for read_name in site.names:

@@ -16,7 +16,7 @@ from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Arithmetic, Compare, Comparison, Count, Node, Number, names_in, reads_of, walk
-from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, weight_name
+from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, filtered_weight_name, weight_name
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
 _ZERO = Number(start=0, end=0, value=0.0, unit=None)
@@ -181,7 +181,8 @@ def _can_be_silent(spec_index: SpecIndex, faults: FaultyElements, name: str) -> 
     return not is_course and any(
         silent_combinations(spec_index, faults, section, output)
         for section, output in spec_index.parsed_rules.outputs
-        if name == (output.name if section == "metrics" else weight_name(output.name))
+        if name
+        in ((output.name,) if section == "metrics" else (weight_name(output.name), filtered_weight_name(output.name)))
     )
 
 

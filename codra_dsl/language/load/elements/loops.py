@@ -259,6 +259,7 @@ def _read_course(reader: Reader) -> Course:
         choose=reader.references("choose"),
         within=_read_reference(reader, "in"),
         otherwise=_read_reference(reader, "otherwise"),
+        node=_read_reference(reader, "of") if "of" in reader.node.entries else None,
         smooth_s=reader.duration_s("smooth", 0.0, least="zero"),
         lead=_read_lead(reader),
         hold_s=reader.duration_s("hold", 0.0, least="zero"),
