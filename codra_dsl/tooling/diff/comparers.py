@@ -52,7 +52,13 @@ def compare_rate(scope: Scope, _: str, old: Rate | None, new: Rate | None) -> It
     if old != new:
         declared = new or old
         assert declared is not None
-        yield from equality_comparer()(scope, declared.key, old, new)
+        yield from equality_comparer(show=_rate_text)(scope, declared.key, old, new)
+
+
+def _rate_text(rate: Rate | None) -> str:
+    if rate is None:
+        return ""
+    return f"{rate.of.name} over {duration_text(rate.over_s)}{', counts falling' if rate.is_falling else ''}"
 
 
 def show_nothing(_: object) -> str:
