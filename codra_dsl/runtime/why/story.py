@@ -96,7 +96,8 @@ def _unknown_lines(reading: Reading[Value], latest_events: LatestEventsView, sum
         case Reason.WITHDRAWN:
             yield f"its observer {reading.detail} stopped at {since_text}"
         case _:
-            yield f"{reading.reason} at {since_text}: {reading.detail} ({reading.source})"
+            detail_text = f": {reading.detail}" if reading.detail else ""
+            yield f"{reading.reason} at {since_text}{detail_text} ({reading.source})"
     if last_value_event is not None:
         value, source = value_text(last_value_event.details.get("value")), last_value_event.details["source"]
         yield f"it was {value} before, from {source} at {instant_text(last_value_event.instant_s)}"

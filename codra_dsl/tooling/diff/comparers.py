@@ -10,7 +10,7 @@ from codra_dsl.language.check import Types
 from codra_dsl.language.check.index.graph_schema import KnowledgeElement
 from codra_dsl.language.check.solver.intervals import in_base
 from codra_dsl.language.expression import Node
-from codra_dsl.language.model import Condition, Kind, NodeType, Rate, Reference, ValueType, Writer
+from codra_dsl.language.model import Condition, Kind, NodeType, Rate, Reference, StartingPose, ValueType, Writer
 from codra_dsl.language.units import ONE, Unit, parse_unit
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.guards import Relation, find_relation, is_equal
@@ -52,12 +52,27 @@ def compare_rate(scope: Scope, _: str, old: Rate | None, new: Rate | None) -> It
     if old != new:
         declared = new or old
         assert declared is not None
-        yield from equality_comparer()(scope, declared.key, old, new)
+        yield from equality_comparer(show=_rate_text)(scope, declared.key, old, new)
+
+
+def _rate_text(rate: Rate | None) -> str:
+    if rate is None:
+        return ""
+    return f"{rate.of.name} over {duration_text(rate.over_s)}{', counts falling' if rate.is_falling else ''}"
 
 
 def show_nothing(_: object) -> str:
     """Return an empty text, for values that are too long to be shown."""
     return ""
+
+
+def show_pose(pose: StartingPose | None) -> str:
+    """Return a pose as specs write it, without coordinates that are 0; empty for None."""
+    if pose is None:
+        return ""
+    values = (*pose.translation_m, *pose.rotation_rad)
+    entries = zip(("x", "y", "z", "roll", "pitch", "yaw"), values, ("m",) * 3 + ("rad",) * 3, strict=True)
+    return f"{{{', '.join(f'{key}: {value:.10g} {unit}' for key, value, unit in entries if value)}}}"
 
 
 def order_comparer(

@@ -11,7 +11,7 @@ from codra_dsl.language.check import Type, Types
 from codra_dsl.language.expression import names_in
 from codra_dsl.language.model import Agent, Condition, Expectation, Expected, Motion
 from codra_dsl.tooling.diff.changes import Category, Change
-from codra_dsl.tooling.diff.comparers import GUARD_WORDINGS, growth_comparer, name_comparer, show_nothing
+from codra_dsl.tooling.diff.comparers import GUARD_WORDINGS, growth_comparer, name_comparer, show_nothing, show_pose
 from codra_dsl.tooling.diff.guards import Relation, find_relation, joined_types
 from codra_dsl.tooling.diff.version import Pair, Side, duration_text
 from codra_dsl.tooling.diff.walk import Scope, element_comparer, equality_comparer, set_comparer
@@ -21,7 +21,7 @@ _MONITOR_COMPARER = name_comparer(
 )
 _VALIDITY_COMPARER = growth_comparer(Category.WEAKER, Category.STRONGER)
 _MOTION_COMPARER = equality_comparer(message="poses are kept or extrapolated in another way", show=show_nothing)
-_POSE_COMPARER = equality_comparer(message="the starting pose has changed", show=show_nothing)
+_POSE_COMPARER = equality_comparer(message="the starting pose has changed", show=show_pose)
 _WAKES_COMPARER = name_comparer(
     (Category.GUARD_CHANGED, "some conditions no longer wake it"), (Category.WIDENED, "more conditions wake it")
 )

@@ -26,6 +26,7 @@ from codra_dsl.tooling.diff.comparers import (
 )
 from codra_dsl.tooling.diff.observers import compare_observers, compare_resources
 from codra_dsl.tooling.diff.variables import compare_derivation, compare_sources, compare_variables
+from codra_dsl.tooling.diff.version import duration_text
 from codra_dsl.tooling.diff.walk import (
     Comparer,
     ComparerTable,
@@ -190,7 +191,7 @@ FIELD_COMPARERS: ComparerTable = {
         "rules": set_comparer("the rules have changed"),
         "terms": knowledge.TERMS_COMPARER,
         "method": _HIDDEN_VALUE_COMPARER,
-        "hold_s": equality_comparer(),
+        "hold_s": equality_comparer(show=duration_text),
     },
     model.Course: {"always": equality_comparer()},
     model.Parameter: {"otherwise": equality_comparer()},

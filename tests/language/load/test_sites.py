@@ -267,7 +267,7 @@ def test_a_spec_at_a_site_means_the_same_as_the_spec_with_the_values_written_int
         ),
         (
             "perception: {look_at_north: {with: {gain: 3}}}",
-            "perception algorithm 'look_at_$(instance)' has no 'with'",
+            "perception algorithm 'look_at_north' has no 'with'",
             "a site adds nothing to the spec, which has 'call', 'uses', 'timeout'",
         ),
         (

@@ -210,6 +210,7 @@ def test_why_tells_since_when_a_rate_is_unknown_although_each_analysis_computes_
     shop.mape.start()
     shop.pass_s(5.0)
     assert "battery_drain has been unknown since 0 s (rejected)" in shop.codra.why("max_speed").story
+    assert shop.codra.why("battery_drain").story[0].endswith(" s (analysis)")
 
 
 # Inputs that were never known

@@ -141,6 +141,13 @@ def test_an_edit_has_exactly_the_expected_changes(old: str, new: str, expected: 
     assert change_texts(review_edits(BASE, (old, new))) == expected
 
 
+def test_a_changed_pose_is_shown_as_specs_write_it() -> None:
+    (change,) = review_edits(BASE, ("z: 120 cm, yaw: 180 deg", "z: 130 cm, yaw: 0 deg")).changes
+
+    texts = ["{x: 0.3 m, z: 1.2 m, yaw: 3.141592654 rad}", "{x: 0.3 m, z: 1.3 m}"]
+    assert [change.old_text, change.new_text] == texts
+
+
 def test_equal_specs_have_no_difference() -> None:
     assert change_texts(review_edits(BASE)) == []
 

@@ -101,3 +101,19 @@ def test_only_entries_that_differ_are_shown(tmp_path: Path) -> None:
     (change,) = review_edit(tmp_path / "new", "spec.yaml", "high: ramp 0.5 1}", "high: ramp 0.6 1}").changes
 
     assert change.text == "the terms have changed: was high: ramp 0.5 1, is high: ramp 0.6 1"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "values"),
+    [
+        ("share_of: lifted, over: 30 s", "share_of: lifted, over: 40 s", "was lifted over 30 s, is lifted over 40 s"),
+        ("counts: falling, ", "", "was battery over 120 s, counts falling, is battery over 120 s"),
+        ("hold: 2 s", "hold: 3 s", "was 2 s, is 3 s"),
+    ],
+)
+def test_times_of_rates_shares_and_holds_are_shown_with_their_unit(
+    old: str, new: str, values: str, tmp_path: Path
+) -> None:
+    (change,) = review_edit(tmp_path / "new", "spec.yaml", old, new).changes
+
+    assert change.text.endswith(f"has changed: {values}")

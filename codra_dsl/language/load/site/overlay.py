@@ -106,7 +106,7 @@ class Overlay:
         key_of_element = (*steps, key.text)[0]
         if subject.section == "nodes" or len(steps) > 1 or key_of_element not in KEYS_OF_MAPPINGS:
             return bool(steps) or self._is_known_key(subject, key)
-        message = f"{subject} has no {shown(key.text)}{f' under {shown(steps[0])}' if steps else ''}"
+        message = f"{_expanded_text(subject)} has no {shown(key.text)}{f' under {shown(steps[0])}' if steps else ''}"
         related = Related("declared here", subject.origin.of(subject.key))
         self._refuse(message, key, subject, node.entries, related)
         return False
@@ -119,7 +119,7 @@ class Overlay:
             return True
         suggestion = self._findings.nearest(key.text, known_keys)
         help_text = f"did you mean '{suggestion}'?" if suggestion else f"allowed: {', '.join(sorted(known_keys))}"
-        message, place = f"unknown key {shown(key.written)} in {subject}", subject.origin.of(key)
+        message, place = f"unknown key {shown(key.written)} in {_expanded_text(subject)}", subject.origin.of(key)
         related = Related("declared here", subject.origin.of(subject.key))
         fix = replacement_fix(place, key.written, suggestion, safe=False) if suggestion else None
         path = subject.part(key.text)
@@ -182,3 +182,8 @@ class Overlay:
                 message = f"{spec} has no {NOUNS[section]} {shown(name)}"
                 related = Related("the spec", spec.origin.of(spec.key))
                 self._refuse(message, key, subject, names[section], related)
+
+
+def _expanded_text(subject: Subject) -> str:
+    """Return noun and name of an element as a site names it, with the parameters of its template substituted."""
+    return f"{NOUNS[subject.section]} {shown(subject.name)}"

@@ -99,16 +99,23 @@ def _report_unknown(
     subject: Subject,
     key: ScalarNode,
     template: Template,
-    given_names: Mapping[str, object],
+    given_entries: Mapping[str, tuple[ScalarNode, YamlNode]],
     findings: Findings,
     *,
     missing_name: str | None,
 ) -> str:
     """Report an argument for which the template has no parameter; return the parameter that is probably meant.
 
-    `missing_name` is the only missing parameter, if this argument is the only unknown one.
+    `missing_name` is the only missing parameter, if this argument is the only unknown one. An argument that a site
+    misspells is probably one that the spec gives.
     """
     declared_names = [name for name in template.parameters if name != INSTANCE]
+    place, path = subject.origin.of(key), subject.part(key.text)
+    given_names = {
+        name
+        for name, (given_key, _) in given_entries.items()
+        if subject.origin.of(given_key).span.file == place.span.file
+    }
     suggestion = findings.nearest(key.text, (name for name in declared_names if name not in given_names))
     if key.text == INSTANCE:
         help_text = "remove it: $(instance) is the name of the use"
@@ -121,7 +128,6 @@ def _report_unknown(
             f"its parameters are {list_names(declared_names)}" if declared_names else "the template has no parameters"
         )
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
-    place, path = subject.origin.of(key), subject.part(key.text)
     is_safe = (
         suggestion is not None
         and suggestion in template.used_names
