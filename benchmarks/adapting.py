@@ -38,8 +38,13 @@ INITIAL_INPUTS: Mapping[str, tuple[str, float | str]] = {
     "loaded": ("fork", False),
     "battery_level": ("navigation", 80.0),
     "container_load": ("picker_page", "empty"),
+    "strange_gap": ("lasers", 5.0),
+    "pose_spread": ("localisation", 0.03),
 }
 """For each input, the agent that writes the input, and the value."""
+
+COMPUTED_INPUTS: Mapping[str, float] = {"battery_drain": 0.0, "people_at_container": 0.0, "full_on_fork": 0.0}
+"""The inputs that the runtime computes, with their values as numbers."""
 
 WARM_UP_S = 130.0
 """The time after which the rate of the battery is known."""
@@ -47,7 +52,7 @@ WARM_UP_S = 130.0
 DISTANCES_M = [0.5 + 0.02 * step for step in range(150)]
 ROUNDS_PER_REFRESH = 10
 """All inputs are written again after this many rounds: before the first input is out of date, but not so often that the
-100 readings in the battery's history are too few for the battery's rate."""
+readings in the battery's history are too few for the battery's rate."""
 
 CALLS_PER_TURN = 150
 TURNS = 15
@@ -55,9 +60,9 @@ TURNS = 15
 
 def rows(scratch: Path) -> Iterator[Row]:
     """Measure both sides in turns, by processor time."""
-    names = [*INITIAL_INPUTS, "battery_drain"]
+    names = [*INITIAL_INPUTS, *COMPUTED_INPUTS]
     # As numbers, false, true and the first member are 0, 1 and 0.
-    initial_values = [0.0, 0.0, 1.0, 1.0, 0.0, 80.0, 0.0, 0.0]
+    initial_values = [0.0, 0.0, 1.0, 1.0, 0.0, 80.0, 0.0, 5.0, 0.03, *COMPUTED_INPUTS.values()]
     contexts = [[initial_values[0], distance_m, *initial_values[2:]] for distance_m in DISTANCES_M]
     (plan,) = plan_paths([ROOT / "specs" / "store.yaml"], ROOT).plans
     mape, clock = plan.checked.mape, SimClock()

@@ -1,4 +1,4 @@
-"""The context of 'store': 0 observers, 30 context-variables, 0 skills.
+"""The context of 'store': 0 observers, 33 context-variables, 0 skills.
 
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
@@ -56,17 +56,19 @@ FloatName = Literal[
     "filtered_weight_of_start",
     "filtered_weight_of_dock",
 ]
-BoolName = Literal["charging", "camera_steady", "bumped", "loaded", "order_open", "picking_up"]
+BoolName = Literal["charging", "camera_steady", "bumped", "loaded", "full_on_fork", "order_open", "picking_up"]
 ContainerLoadName = Literal["container_load"]
 GoalWayName = Literal["goal_way"]
 BaseNoticeName = Literal["base_notice"]
+IntName = Literal["people_at_container"]
 CourseName = Literal["course"]
-VariableName = FloatName | BoolName | ContainerLoadName | GoalWayName | BaseNoticeName | CourseName
+VariableName = FloatName | BoolName | ContainerLoadName | GoalWayName | BaseNoticeName | IntName | CourseName
 FloatAnswer = TypeVar("FloatAnswer", bound=float | None)
 BoolAnswer = TypeVar("BoolAnswer", bound=bool | None)
 ContainerLoadAnswer = TypeVar("ContainerLoadAnswer", bound=ContainerLoad | None)
 GoalWayAnswer = TypeVar("GoalWayAnswer", bound=GoalWay | None)
 BaseNoticeAnswer = TypeVar("BaseNoticeAnswer", bound=BaseNotice | None)
+IntAnswer = TypeVar("IntAnswer", bound=int | None)
 CourseAnswer = TypeVar("CourseAnswer", bound=Course | None)
 SkillName = Never
 
@@ -146,6 +148,9 @@ class Store(ContextManager[VariableName, SkillName]):
         def get(self, name: BaseNoticeName) -> Reading[BaseNotice]: ...
 
         @overload
+        def get(self, name: IntName) -> Reading[int]: ...
+
+        @overload
         def get(self, name: CourseName) -> Reading[Course]: ...
 
         @overload
@@ -170,6 +175,9 @@ class Store(ContextManager[VariableName, SkillName]):
         def set(self, name: BaseNoticeName, value: BaseNotice, *, evidence_s: float | None = ...) -> None: ...
 
         @overload
+        def set(self, name: IntName, value: int, *, evidence_s: float | None = ...) -> None: ...
+
+        @overload
         def set(self, name: CourseName, value: Course, *, evidence_s: float | None = ...) -> None: ...
 
         @overload
@@ -192,6 +200,9 @@ class Store(ContextManager[VariableName, SkillName]):
 
         @overload
         def declare(self, name: BaseNoticeName, value: BaseNotice | None = None) -> None: ...
+
+        @overload
+        def declare(self, name: IntName, value: int | None = None) -> None: ...
 
         @overload
         def declare(self, name: CourseName, value: Course | None = None) -> None: ...
@@ -261,6 +272,18 @@ class Store(ContextManager[VariableName, SkillName]):
             wait_up_to_s: float = ...,
             shadow: bool = ...,
         ) -> BaseNotice | BaseNoticeAnswer: ...
+
+        @overload
+        def decide(
+            self,
+            name: IntName,
+            otherwise: Callable[[], IntAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> int | IntAnswer: ...
 
         @overload
         def decide(

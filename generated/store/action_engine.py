@@ -21,15 +21,15 @@ INPUTS = (
     "mission_completion",
     "safety",
     "power_autonomy",
+    "full_on_fork",
     "loaded",
-    "container_load",
 )
 RANGES: tuple[Bounds, ...] = (
     Bounds(0.0, 1.0),
     Bounds(0.0, 1.0),
     Bounds(0.0, 1.0),
     Bounds(0.0, 1.0),
-    Bounds(0.0, 2.0),
+    Bounds(0.0, 1.0),
 )
 OUTPUTS = (
     "weight_of_pick",
@@ -38,20 +38,17 @@ OUTPUTS = (
     "weight_of_dock",
 )
 RULES = (
-    "if mission_completion is not high and safety is high and power_autonomy is not low and loaded is false then weight_of_pick is high",
-    "if mission_completion is not high and safety is high and power_autonomy is not low and loaded is true and container_load is not full then weight_of_pick is high",
-    "if loaded is true and container_load is full then weight_of_pick is low",
-    "if mission_completion is high or safety is not high or power_autonomy is low then weight_of_pick is low",
-    "if loaded is true and container_load is full and safety is not low and power_autonomy is not low then weight_of_deliver is high",
+    "if mission_completion is not high and safety is high and power_autonomy is not low and full_on_fork is false then weight_of_pick is high",
+    "if mission_completion is high or safety is not high or power_autonomy is low or full_on_fork is true then weight_of_pick is low",
+    "if full_on_fork is true and safety is not low and power_autonomy is not low then weight_of_deliver is high",
     "if loaded is true and mission_completion is high and safety is not low and power_autonomy is not low then weight_of_deliver is high",
     "if loaded is false or safety is low or power_autonomy is low then weight_of_deliver is low",
-    "if container_load is not full and mission_completion is not high then weight_of_deliver is low",
-    "if safety is medium and loaded is false then weight_of_start is high",
-    "if safety is low then weight_of_start is medium",
+    "if full_on_fork is false and mission_completion is not high then weight_of_deliver is low",
+    "if safety is not high and loaded is false then weight_of_start is high",
+    "if safety is low and loaded is true then weight_of_start is medium",
     "if mission_completion is high and loaded is false then weight_of_start is medium",
     "if safety is high and mission_completion is not high then weight_of_start is low",
-    "if safety is high and loaded is true then weight_of_start is low",
-    "if safety is medium and loaded is true then weight_of_start is low",
+    "if safety is not low and loaded is true then weight_of_start is low",
     "if power_autonomy is low then weight_of_dock is high",
     "if power_autonomy is not low then weight_of_dock is low",
 )
@@ -68,8 +65,6 @@ WEIGHT_OF_PICK = outputs.Integral(
     ),
     conclusions=(
         outputs.Conclusion(term=1, implication=norms.minimum),
-        outputs.Conclusion(term=1, implication=norms.minimum),
-        outputs.Conclusion(term=0, implication=norms.minimum),
         outputs.Conclusion(term=0, implication=norms.minimum),
     ),
 )
@@ -107,7 +102,6 @@ WEIGHT_OF_START = outputs.Integral(
         outputs.Conclusion(term=1, implication=norms.minimum),
         outputs.Conclusion(term=0, implication=norms.minimum),
         outputs.Conclusion(term=0, implication=norms.minimum),
-        outputs.Conclusion(term=0, implication=norms.minimum),
     ),
 )
 WEIGHT_OF_DOCK = outputs.Integral(
@@ -131,87 +125,81 @@ def infer(
     mission_completion: float,
     safety: float,
     power_autonomy: float,
+    full_on_fork: float,
     loaded: float,
-    container_load: float,
     *,
     previous: tuple[float, ...] = (math.nan,) * 4,
 ) -> Inference:
     """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     mission_completion_high = terms.ramp(mission_completion, 0.5, 0.8)
     safety_low = terms.ramp(safety, 0.5, 0.2)
-    safety_medium = terms.triangle(safety, 0.2, 0.5, 0.8)
     safety_high = terms.ramp(safety, 0.5, 0.8)
     power_autonomy_low = terms.ramp(power_autonomy, 0.5, 0.2)
+    full_on_fork_false = terms.rectangle(full_on_fork, -0.5, 0.5)
+    full_on_fork_true = terms.rectangle(full_on_fork, 0.5, 1.5)
     loaded_false = terms.rectangle(loaded, -0.5, 0.5)
     loaded_true = terms.rectangle(loaded, 0.5, 1.5)
-    container_load_full = terms.rectangle(container_load, 1.5, 2.5)
-    rule_1 = norms.minimum(norms.minimum(norms.minimum(hedges.not_(mission_completion_high), safety_high), hedges.not_(power_autonomy_low)), loaded_false)
-    rule_2 = norms.minimum(norms.minimum(norms.minimum(norms.minimum(hedges.not_(mission_completion_high), safety_high), hedges.not_(power_autonomy_low)), loaded_true), hedges.not_(container_load_full))
-    rule_3 = norms.minimum(loaded_true, container_load_full)
-    rule_4 = norms.maximum(norms.maximum(mission_completion_high, hedges.not_(safety_high)), power_autonomy_low)
-    rule_5 = norms.minimum(norms.minimum(norms.minimum(loaded_true, container_load_full), hedges.not_(safety_low)), hedges.not_(power_autonomy_low))
-    rule_6 = norms.minimum(norms.minimum(norms.minimum(loaded_true, mission_completion_high), hedges.not_(safety_low)), hedges.not_(power_autonomy_low))
-    rule_7 = norms.maximum(norms.maximum(loaded_false, safety_low), power_autonomy_low)
-    rule_8 = norms.minimum(hedges.not_(container_load_full), hedges.not_(mission_completion_high))
-    rule_9 = norms.minimum(safety_medium, loaded_false)
-    rule_10 = safety_low
-    rule_11 = norms.minimum(mission_completion_high, loaded_false)
-    rule_12 = norms.minimum(safety_high, hedges.not_(mission_completion_high))
-    rule_13 = norms.minimum(safety_high, loaded_true)
-    rule_14 = norms.minimum(safety_medium, loaded_true)
-    rule_15 = power_autonomy_low
-    rule_16 = hedges.not_(power_autonomy_low)
-    weight_of_pick = WEIGHT_OF_PICK.value((rule_1, rule_2, rule_3, rule_4))
+    rule_1 = norms.minimum(norms.minimum(norms.minimum(hedges.not_(mission_completion_high), safety_high), hedges.not_(power_autonomy_low)), full_on_fork_false)
+    rule_2 = norms.maximum(norms.maximum(norms.maximum(mission_completion_high, hedges.not_(safety_high)), power_autonomy_low), full_on_fork_true)
+    rule_3 = norms.minimum(norms.minimum(full_on_fork_true, hedges.not_(safety_low)), hedges.not_(power_autonomy_low))
+    rule_4 = norms.minimum(norms.minimum(norms.minimum(loaded_true, mission_completion_high), hedges.not_(safety_low)), hedges.not_(power_autonomy_low))
+    rule_5 = norms.maximum(norms.maximum(loaded_false, safety_low), power_autonomy_low)
+    rule_6 = norms.minimum(full_on_fork_false, hedges.not_(mission_completion_high))
+    rule_7 = norms.minimum(hedges.not_(safety_high), loaded_false)
+    rule_8 = norms.minimum(safety_low, loaded_true)
+    rule_9 = norms.minimum(mission_completion_high, loaded_false)
+    rule_10 = norms.minimum(safety_high, hedges.not_(mission_completion_high))
+    rule_11 = norms.minimum(hedges.not_(safety_low), loaded_true)
+    rule_12 = power_autonomy_low
+    rule_13 = hedges.not_(power_autonomy_low)
+    weight_of_pick = WEIGHT_OF_PICK.value((rule_1, rule_2))
     weight_of_pick = outputs.clipped(weight_of_pick, 0.0, 1.0)
-    weight_of_deliver = WEIGHT_OF_DELIVER.value((rule_5, rule_6, rule_7, rule_8))
+    weight_of_deliver = WEIGHT_OF_DELIVER.value((rule_3, rule_4, rule_5, rule_6))
     weight_of_deliver = outputs.clipped(weight_of_deliver, 0.0, 1.0)
-    weight_of_start = WEIGHT_OF_START.value((rule_9, rule_10, rule_11, rule_12, rule_13, rule_14))
+    weight_of_start = WEIGHT_OF_START.value((rule_7, rule_8, rule_9, rule_10, rule_11))
     weight_of_start = outputs.clipped(weight_of_start, 0.0, 1.0)
-    weight_of_dock = WEIGHT_OF_DOCK.value((rule_15, rule_16))
+    weight_of_dock = WEIGHT_OF_DOCK.value((rule_12, rule_13))
     weight_of_dock = outputs.clipped(weight_of_dock, 0.0, 1.0)
-    return Inference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))
+    return Inference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13))
 
 
 def infer_bounds(
     mission_completion: Bounds,
     safety: Bounds,
     power_autonomy: Bounds,
+    full_on_fork: Bounds,
     loaded: Bounds,
-    container_load: Bounds,
     *,
     previous: tuple[Bounds, ...] = (bounds.UNKNOWN,) * 4,
 ) -> BoundedInference:
     """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     mission_completion_high = bounds.image(terms.ramp, mission_completion, 0.5, 0.8)
     safety_low = bounds.image(terms.ramp, safety, 0.5, 0.2)
-    safety_medium = bounds.image(terms.triangle, safety, 0.2, 0.5, 0.8)
     safety_high = bounds.image(terms.ramp, safety, 0.5, 0.8)
     power_autonomy_low = bounds.image(terms.ramp, power_autonomy, 0.5, 0.2)
+    full_on_fork_false = bounds.image(terms.rectangle, full_on_fork, -0.5, 0.5)
+    full_on_fork_true = bounds.image(terms.rectangle, full_on_fork, 0.5, 1.5)
     loaded_false = bounds.image(terms.rectangle, loaded, -0.5, 0.5)
     loaded_true = bounds.image(terms.rectangle, loaded, 0.5, 1.5)
-    container_load_full = bounds.image(terms.rectangle, container_load, 1.5, 2.5)
-    rule_1 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.hedge(hedges.not_, mission_completion_high), safety_high), bounds.hedge(hedges.not_, power_autonomy_low)), loaded_false)
-    rule_2 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.hedge(hedges.not_, mission_completion_high), safety_high), bounds.hedge(hedges.not_, power_autonomy_low)), loaded_true), bounds.hedge(hedges.not_, container_load_full))
-    rule_3 = bounds.norm(norms.minimum, loaded_true, container_load_full)
-    rule_4 = bounds.norm(norms.maximum, bounds.norm(norms.maximum, mission_completion_high, bounds.hedge(hedges.not_, safety_high)), power_autonomy_low)
-    rule_5 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, loaded_true, container_load_full), bounds.hedge(hedges.not_, safety_low)), bounds.hedge(hedges.not_, power_autonomy_low))
-    rule_6 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, loaded_true, mission_completion_high), bounds.hedge(hedges.not_, safety_low)), bounds.hedge(hedges.not_, power_autonomy_low))
-    rule_7 = bounds.norm(norms.maximum, bounds.norm(norms.maximum, loaded_false, safety_low), power_autonomy_low)
-    rule_8 = bounds.norm(norms.minimum, bounds.hedge(hedges.not_, container_load_full), bounds.hedge(hedges.not_, mission_completion_high))
-    rule_9 = bounds.norm(norms.minimum, safety_medium, loaded_false)
-    rule_10 = safety_low
-    rule_11 = bounds.norm(norms.minimum, mission_completion_high, loaded_false)
-    rule_12 = bounds.norm(norms.minimum, safety_high, bounds.hedge(hedges.not_, mission_completion_high))
-    rule_13 = bounds.norm(norms.minimum, safety_high, loaded_true)
-    rule_14 = bounds.norm(norms.minimum, safety_medium, loaded_true)
-    rule_15 = power_autonomy_low
-    rule_16 = bounds.hedge(hedges.not_, power_autonomy_low)
-    weight_of_pick = bounded_outputs.integral(WEIGHT_OF_PICK, (rule_1, rule_2, rule_3, rule_4))
+    rule_1 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.hedge(hedges.not_, mission_completion_high), safety_high), bounds.hedge(hedges.not_, power_autonomy_low)), full_on_fork_false)
+    rule_2 = bounds.norm(norms.maximum, bounds.norm(norms.maximum, bounds.norm(norms.maximum, mission_completion_high, bounds.hedge(hedges.not_, safety_high)), power_autonomy_low), full_on_fork_true)
+    rule_3 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, full_on_fork_true, bounds.hedge(hedges.not_, safety_low)), bounds.hedge(hedges.not_, power_autonomy_low))
+    rule_4 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, loaded_true, mission_completion_high), bounds.hedge(hedges.not_, safety_low)), bounds.hedge(hedges.not_, power_autonomy_low))
+    rule_5 = bounds.norm(norms.maximum, bounds.norm(norms.maximum, loaded_false, safety_low), power_autonomy_low)
+    rule_6 = bounds.norm(norms.minimum, full_on_fork_false, bounds.hedge(hedges.not_, mission_completion_high))
+    rule_7 = bounds.norm(norms.minimum, bounds.hedge(hedges.not_, safety_high), loaded_false)
+    rule_8 = bounds.norm(norms.minimum, safety_low, loaded_true)
+    rule_9 = bounds.norm(norms.minimum, mission_completion_high, loaded_false)
+    rule_10 = bounds.norm(norms.minimum, safety_high, bounds.hedge(hedges.not_, mission_completion_high))
+    rule_11 = bounds.norm(norms.minimum, bounds.hedge(hedges.not_, safety_low), loaded_true)
+    rule_12 = power_autonomy_low
+    rule_13 = bounds.hedge(hedges.not_, power_autonomy_low)
+    weight_of_pick = bounded_outputs.integral(WEIGHT_OF_PICK, (rule_1, rule_2))
     weight_of_pick = bounds.clipped(weight_of_pick, 0.0, 1.0)
-    weight_of_deliver = bounded_outputs.integral(WEIGHT_OF_DELIVER, (rule_5, rule_6, rule_7, rule_8))
+    weight_of_deliver = bounded_outputs.integral(WEIGHT_OF_DELIVER, (rule_3, rule_4, rule_5, rule_6))
     weight_of_deliver = bounds.clipped(weight_of_deliver, 0.0, 1.0)
-    weight_of_start = bounded_outputs.integral(WEIGHT_OF_START, (rule_9, rule_10, rule_11, rule_12, rule_13, rule_14))
+    weight_of_start = bounded_outputs.integral(WEIGHT_OF_START, (rule_7, rule_8, rule_9, rule_10, rule_11))
     weight_of_start = bounds.clipped(weight_of_start, 0.0, 1.0)
-    weight_of_dock = bounded_outputs.integral(WEIGHT_OF_DOCK, (rule_15, rule_16))
+    weight_of_dock = bounded_outputs.integral(WEIGHT_OF_DOCK, (rule_12, rule_13))
     weight_of_dock = bounds.clipped(weight_of_dock, 0.0, 1.0)
-    return BoundedInference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))
+    return BoundedInference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13))

@@ -33,6 +33,7 @@ from codra_dsl.runtime.generated_api import (
     ViewModel,
     boolean,
     by,
+    integer,
     member,
     path,
     real,
@@ -75,6 +76,8 @@ AttributeName = Literal[
     "goal_way",
     "base_notice",
     "battery_drain",
+    "full_on_fork",
+    "people_at_container",
     "order_open",
     "picking_up",
     "safety",
@@ -498,6 +501,18 @@ KNOWLEDGE = KnowledgeModel(
                     type=real(0, 1.5, unit="m/s"),
                     sources=by("adaptation"),
                     label="Maximum speed",
+                ),
+                AttributeModel(
+                    name="full_on_fork",
+                    type=boolean(),
+                    sources=by("observer"),
+                    label="A full container on the fork",
+                ),
+                AttributeModel(
+                    name="people_at_container",
+                    type=integer(0, 20),
+                    sources=by("observer"),
+                    label="People near a container",
                 ),
                 AttributeModel(name="order_open", type=boolean(), sources=by("mission"), label="An order is open"),
                 AttributeModel(name="picking_up", type=boolean(), sources=by("picking"), label="Picking up"),
@@ -1002,6 +1017,7 @@ KNOWLEDGE = KnowledgeModel(
             ),
         ),
     ),
+    counts=(path(some("person"), "near", some("roll_container")),),
 )
 
 if TYPE_CHECKING:

@@ -49,11 +49,6 @@ MAPE = MapeModel(
                 },
             ),
             InputModel(
-                variable="person_distance",
-                range=Bounds(0.0, 10.0),
-                terms={"close": lambda x: terms.ramp(x, 2.5, 1.5)},
-            ),
-            InputModel(
                 variable="picking_up",
                 range=Bounds(0.0, 1.0),
                 members=("false", "true"),
@@ -61,6 +56,30 @@ MAPE = MapeModel(
                     "false": lambda x: terms.rectangle(x, -0.5, 0.5),
                     "true": lambda x: terms.rectangle(x, 0.5, 1.5),
                 },
+            ),
+            InputModel(
+                variable="people_at_container",
+                range=Bounds(0.0, 20.0),
+                terms={
+                    "nobody": lambda x: terms.ramp(x, 1.0, 0.0),
+                    "one": lambda x: terms.triangle(x, 0.0, 1.0, 2.0),
+                    "several": lambda x: terms.ramp(x, 1.0, 2.0),
+                },
+            ),
+            InputModel(
+                variable="container_load",
+                range=Bounds(0.0, 2.0),
+                members=("empty", "loading", "full"),
+                terms={
+                    "empty": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "loading": lambda x: terms.rectangle(x, 0.5, 1.5),
+                    "full": lambda x: terms.rectangle(x, 1.5, 2.5),
+                },
+            ),
+            InputModel(
+                variable="person_distance",
+                range=Bounds(0.0, 10.0),
+                terms={"close": lambda x: terms.ramp(x, 2.5, 1.5)},
             ),
             InputModel(
                 variable="order_open",
@@ -99,14 +118,29 @@ MAPE = MapeModel(
         rules=(
             StageRuleModel(text="if bumped is true then safety is low", concludes=("safety",), reads=("bumped",)),
             StageRuleModel(
-                text="if bumped is false and person_distance is close and picking_up is true then safety is medium",
+                text="if picking_up is true and people_at_container is several then safety is low",
                 concludes=("safety",),
-                reads=("bumped", "person_distance", "picking_up"),
+                reads=("picking_up", "people_at_container"),
             ),
             StageRuleModel(
-                text="if bumped is false and person_distance is not close and picking_up is true then safety is high",
+                text="if picking_up is true and people_at_container is one and container_load is not empty then safety is low",
                 concludes=("safety",),
-                reads=("bumped", "person_distance", "picking_up"),
+                reads=("picking_up", "people_at_container", "container_load"),
+            ),
+            StageRuleModel(
+                text="if bumped is false and picking_up is true and people_at_container is one and container_load is empty then safety is medium",
+                concludes=("safety",),
+                reads=("bumped", "picking_up", "people_at_container", "container_load"),
+            ),
+            StageRuleModel(
+                text="if bumped is false and picking_up is true and people_at_container is nobody and person_distance is close then safety is medium",
+                concludes=("safety",),
+                reads=("bumped", "picking_up", "people_at_container", "person_distance"),
+            ),
+            StageRuleModel(
+                text="if bumped is false and picking_up is true and people_at_container is nobody and person_distance is not close then safety is high",
+                concludes=("safety",),
+                reads=("bumped", "picking_up", "people_at_container", "person_distance"),
             ),
             StageRuleModel(
                 text="if bumped is false and picking_up is false then safety is high",
@@ -177,7 +211,7 @@ MAPE = MapeModel(
                 },
             ),
             InputModel(
-                variable="loaded",
+                variable="full_on_fork",
                 range=Bounds(0.0, 1.0),
                 members=("false", "true"),
                 terms={
@@ -186,13 +220,12 @@ MAPE = MapeModel(
                 },
             ),
             InputModel(
-                variable="container_load",
-                range=Bounds(0.0, 2.0),
-                members=("empty", "loading", "full"),
+                variable="loaded",
+                range=Bounds(0.0, 1.0),
+                members=("false", "true"),
                 terms={
-                    "empty": lambda x: terms.rectangle(x, -0.5, 0.5),
-                    "loading": lambda x: terms.rectangle(x, 0.5, 1.5),
-                    "full": lambda x: terms.rectangle(x, 1.5, 2.5),
+                    "false": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "true": lambda x: terms.rectangle(x, 0.5, 1.5),
                 },
             ),
         ),
@@ -204,29 +237,19 @@ MAPE = MapeModel(
         ),
         rules=(
             StageRuleModel(
-                text="if mission_completion is not high and safety is high and power_autonomy is not low and loaded is false then weight_of_pick is high",
+                text="if mission_completion is not high and safety is high and power_autonomy is not low and full_on_fork is false then weight_of_pick is high",
                 concludes=("pick",),
-                reads=("mission_completion", "safety", "power_autonomy", "loaded"),
+                reads=("mission_completion", "safety", "power_autonomy", "full_on_fork"),
             ),
             StageRuleModel(
-                text="if mission_completion is not high and safety is high and power_autonomy is not low and loaded is true and container_load is not full then weight_of_pick is high",
+                text="if mission_completion is high or safety is not high or power_autonomy is low or full_on_fork is true then weight_of_pick is low",
                 concludes=("pick",),
-                reads=("mission_completion", "safety", "power_autonomy", "loaded", "container_load"),
+                reads=("mission_completion", "safety", "power_autonomy", "full_on_fork"),
             ),
             StageRuleModel(
-                text="if loaded is true and container_load is full then weight_of_pick is low",
-                concludes=("pick",),
-                reads=("loaded", "container_load"),
-            ),
-            StageRuleModel(
-                text="if mission_completion is high or safety is not high or power_autonomy is low then weight_of_pick is low",
-                concludes=("pick",),
-                reads=("mission_completion", "safety", "power_autonomy"),
-            ),
-            StageRuleModel(
-                text="if loaded is true and container_load is full and safety is not low and power_autonomy is not low then weight_of_deliver is high",
+                text="if full_on_fork is true and safety is not low and power_autonomy is not low then weight_of_deliver is high",
                 concludes=("deliver",),
-                reads=("loaded", "container_load", "safety", "power_autonomy"),
+                reads=("full_on_fork", "safety", "power_autonomy"),
             ),
             StageRuleModel(
                 text="if loaded is true and mission_completion is high and safety is not low and power_autonomy is not low then weight_of_deliver is high",
@@ -239,19 +262,19 @@ MAPE = MapeModel(
                 reads=("loaded", "safety", "power_autonomy"),
             ),
             StageRuleModel(
-                text="if container_load is not full and mission_completion is not high then weight_of_deliver is low",
+                text="if full_on_fork is false and mission_completion is not high then weight_of_deliver is low",
                 concludes=("deliver",),
-                reads=("container_load", "mission_completion"),
+                reads=("full_on_fork", "mission_completion"),
             ),
             StageRuleModel(
-                text="if safety is medium and loaded is false then weight_of_start is high",
+                text="if safety is not high and loaded is false then weight_of_start is high",
                 concludes=("start",),
                 reads=("safety", "loaded"),
             ),
             StageRuleModel(
-                text="if safety is low then weight_of_start is medium",
+                text="if safety is low and loaded is true then weight_of_start is medium",
                 concludes=("start",),
-                reads=("safety",),
+                reads=("safety", "loaded"),
             ),
             StageRuleModel(
                 text="if mission_completion is high and loaded is false then weight_of_start is medium",
@@ -264,12 +287,7 @@ MAPE = MapeModel(
                 reads=("safety", "mission_completion"),
             ),
             StageRuleModel(
-                text="if safety is high and loaded is true then weight_of_start is low",
-                concludes=("start",),
-                reads=("safety", "loaded"),
-            ),
-            StageRuleModel(
-                text="if safety is medium and loaded is true then weight_of_start is low",
+                text="if safety is not low and loaded is true then weight_of_start is low",
                 concludes=("start",),
                 reads=("safety", "loaded"),
             ),
@@ -313,10 +331,13 @@ MAPE = MapeModel(
             variable="max_speed",
             value=choose(
                 0.3,
-                (value("person_distance") < 1.5) | (value("strange_gap") < 1.5) | (value("safety") < 0.6),
+                (value("person_distance") < 1.5)
+                | (value("strange_gap") < 1.5)
+                | (value("pose_spread") > 0.2)
+                | (value("safety") < 0.6),
                 1.2,
             ),
-            text="0.3 m/s if person_distance < 1.5 m or strange_gap < 1.5 m or safety < 0.6 else 1.2 m/s",
+            text="0.3 m/s if person_distance < 1.5 m or strange_gap < 1.5 m or pose_spread > 20 cm or safety < 0.6 else 1.2 m/s",
             otherwise=literal(0.3),
         ),
     ),

@@ -19,8 +19,10 @@ from codra_dsl.runtime.generated_api import (
 
 INPUTS = (
     "bumped",
-    "person_distance",
     "picking_up",
+    "people_at_container",
+    "container_load",
+    "person_distance",
     "order_open",
     "loaded",
     "battery_level",
@@ -28,8 +30,10 @@ INPUTS = (
 )
 RANGES: tuple[Bounds, ...] = (
     Bounds(0.0, 1.0),
-    Bounds(0.0, 10.0),
     Bounds(0.0, 1.0),
+    Bounds(0.0, 20.0),
+    Bounds(0.0, 2.0),
+    Bounds(0.0, 10.0),
     Bounds(0.0, 1.0),
     Bounds(0.0, 1.0),
     Bounds(0.0, 100.0),
@@ -42,8 +46,11 @@ OUTPUTS = (
 )
 RULES = (
     "if bumped is true then safety is low",
-    "if bumped is false and person_distance is close and picking_up is true then safety is medium",
-    "if bumped is false and person_distance is not close and picking_up is true then safety is high",
+    "if picking_up is true and people_at_container is several then safety is low",
+    "if picking_up is true and people_at_container is one and container_load is not empty then safety is low",
+    "if bumped is false and picking_up is true and people_at_container is one and container_load is empty then safety is medium",
+    "if bumped is false and picking_up is true and people_at_container is nobody and person_distance is close then safety is medium",
+    "if bumped is false and picking_up is true and people_at_container is nobody and person_distance is not close then safety is high",
     "if bumped is false and picking_up is false then safety is high",
     "if order_open is false then mission_completion is high",
     "if order_open is true and loaded is true then mission_completion is medium",
@@ -66,6 +73,9 @@ SAFETY = outputs.Integral(
     ),
     conclusions=(
         outputs.Conclusion(term=0, implication=norms.minimum),
+        outputs.Conclusion(term=0, implication=norms.minimum),
+        outputs.Conclusion(term=0, implication=norms.minimum),
+        outputs.Conclusion(term=1, implication=norms.minimum),
         outputs.Conclusion(term=1, implication=norms.minimum),
         outputs.Conclusion(term=2, implication=norms.minimum),
         outputs.Conclusion(term=2, implication=norms.minimum),
@@ -109,8 +119,10 @@ POWER_AUTONOMY = outputs.Integral(
 
 def infer(
     bumped: float,
-    person_distance: float,
     picking_up: float,
+    people_at_container: float,
+    container_load: float,
+    person_distance: float,
     order_open: float,
     loaded: float,
     battery_level: float,
@@ -121,9 +133,13 @@ def infer(
     """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     bumped_false = terms.rectangle(bumped, -0.5, 0.5)
     bumped_true = terms.rectangle(bumped, 0.5, 1.5)
-    person_distance_close = terms.ramp(person_distance, 2.5, 1.5)
     picking_up_false = terms.rectangle(picking_up, -0.5, 0.5)
     picking_up_true = terms.rectangle(picking_up, 0.5, 1.5)
+    people_at_container_nobody = terms.ramp(people_at_container, 1.0, 0.0)
+    people_at_container_one = terms.triangle(people_at_container, 0.0, 1.0, 2.0)
+    people_at_container_several = terms.ramp(people_at_container, 1.0, 2.0)
+    container_load_empty = terms.rectangle(container_load, -0.5, 0.5)
+    person_distance_close = terms.ramp(person_distance, 2.5, 1.5)
     order_open_false = terms.rectangle(order_open, -0.5, 0.5)
     order_open_true = terms.rectangle(order_open, 0.5, 1.5)
     loaded_false = terms.rectangle(loaded, -0.5, 0.5)
@@ -132,28 +148,33 @@ def infer(
     battery_level_full = terms.ramp(battery_level, 10.0, 30.0)
     battery_drain_fast = terms.ramp(battery_drain, 1.0, 2.0)
     rule_1 = bumped_true
-    rule_2 = norms.minimum(norms.minimum(bumped_false, person_distance_close), picking_up_true)
-    rule_3 = norms.minimum(norms.minimum(bumped_false, hedges.not_(person_distance_close)), picking_up_true)
-    rule_4 = norms.minimum(bumped_false, picking_up_false)
-    rule_5 = order_open_false
-    rule_6 = norms.minimum(order_open_true, loaded_true)
-    rule_7 = norms.minimum(order_open_true, loaded_false)
-    rule_8 = battery_level_empty
-    rule_9 = norms.minimum(battery_level_full, battery_drain_fast)
-    rule_10 = norms.minimum(battery_level_full, hedges.not_(battery_drain_fast))
-    safety = SAFETY.value((rule_1, rule_2, rule_3, rule_4))
+    rule_2 = norms.minimum(picking_up_true, people_at_container_several)
+    rule_3 = norms.minimum(norms.minimum(picking_up_true, people_at_container_one), hedges.not_(container_load_empty))
+    rule_4 = norms.minimum(norms.minimum(norms.minimum(bumped_false, picking_up_true), people_at_container_one), container_load_empty)
+    rule_5 = norms.minimum(norms.minimum(norms.minimum(bumped_false, picking_up_true), people_at_container_nobody), person_distance_close)
+    rule_6 = norms.minimum(norms.minimum(norms.minimum(bumped_false, picking_up_true), people_at_container_nobody), hedges.not_(person_distance_close))
+    rule_7 = norms.minimum(bumped_false, picking_up_false)
+    rule_8 = order_open_false
+    rule_9 = norms.minimum(order_open_true, loaded_true)
+    rule_10 = norms.minimum(order_open_true, loaded_false)
+    rule_11 = battery_level_empty
+    rule_12 = norms.minimum(battery_level_full, battery_drain_fast)
+    rule_13 = norms.minimum(battery_level_full, hedges.not_(battery_drain_fast))
+    safety = SAFETY.value((rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7))
     safety = outputs.clipped(safety, 0.0, 1.0)
-    mission_completion = MISSION_COMPLETION.value((rule_5, rule_6, rule_7))
+    mission_completion = MISSION_COMPLETION.value((rule_8, rule_9, rule_10))
     mission_completion = outputs.clipped(mission_completion, 0.0, 1.0)
-    power_autonomy = POWER_AUTONOMY.value((rule_8, rule_9, rule_10))
+    power_autonomy = POWER_AUTONOMY.value((rule_11, rule_12, rule_13))
     power_autonomy = outputs.clipped(power_autonomy, 0.0, 1.0)
-    return Inference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10))
+    return Inference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13))
 
 
 def infer_bounds(
     bumped: Bounds,
-    person_distance: Bounds,
     picking_up: Bounds,
+    people_at_container: Bounds,
+    container_load: Bounds,
+    person_distance: Bounds,
     order_open: Bounds,
     loaded: Bounds,
     battery_level: Bounds,
@@ -164,9 +185,13 @@ def infer_bounds(
     """Return the outputs and the strengths of the rules; `previous` has the previous outputs."""
     bumped_false = bounds.image(terms.rectangle, bumped, -0.5, 0.5)
     bumped_true = bounds.image(terms.rectangle, bumped, 0.5, 1.5)
-    person_distance_close = bounds.image(terms.ramp, person_distance, 2.5, 1.5)
     picking_up_false = bounds.image(terms.rectangle, picking_up, -0.5, 0.5)
     picking_up_true = bounds.image(terms.rectangle, picking_up, 0.5, 1.5)
+    people_at_container_nobody = bounds.image(terms.ramp, people_at_container, 1.0, 0.0)
+    people_at_container_one = bounds.image(terms.triangle, people_at_container, 0.0, 1.0, 2.0)
+    people_at_container_several = bounds.image(terms.ramp, people_at_container, 1.0, 2.0)
+    container_load_empty = bounds.image(terms.rectangle, container_load, -0.5, 0.5)
+    person_distance_close = bounds.image(terms.ramp, person_distance, 2.5, 1.5)
     order_open_false = bounds.image(terms.rectangle, order_open, -0.5, 0.5)
     order_open_true = bounds.image(terms.rectangle, order_open, 0.5, 1.5)
     loaded_false = bounds.image(terms.rectangle, loaded, -0.5, 0.5)
@@ -175,19 +200,22 @@ def infer_bounds(
     battery_level_full = bounds.image(terms.ramp, battery_level, 10.0, 30.0)
     battery_drain_fast = bounds.image(terms.ramp, battery_drain, 1.0, 2.0)
     rule_1 = bumped_true
-    rule_2 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, person_distance_close), picking_up_true)
-    rule_3 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, bounds.hedge(hedges.not_, person_distance_close)), picking_up_true)
-    rule_4 = bounds.norm(norms.minimum, bumped_false, picking_up_false)
-    rule_5 = order_open_false
-    rule_6 = bounds.norm(norms.minimum, order_open_true, loaded_true)
-    rule_7 = bounds.norm(norms.minimum, order_open_true, loaded_false)
-    rule_8 = battery_level_empty
-    rule_9 = bounds.norm(norms.minimum, battery_level_full, battery_drain_fast)
-    rule_10 = bounds.norm(norms.minimum, battery_level_full, bounds.hedge(hedges.not_, battery_drain_fast))
-    safety = bounded_outputs.integral(SAFETY, (rule_1, rule_2, rule_3, rule_4))
+    rule_2 = bounds.norm(norms.minimum, picking_up_true, people_at_container_several)
+    rule_3 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, picking_up_true, people_at_container_one), bounds.hedge(hedges.not_, container_load_empty))
+    rule_4 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, picking_up_true), people_at_container_one), container_load_empty)
+    rule_5 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, picking_up_true), people_at_container_nobody), person_distance_close)
+    rule_6 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, picking_up_true), people_at_container_nobody), bounds.hedge(hedges.not_, person_distance_close))
+    rule_7 = bounds.norm(norms.minimum, bumped_false, picking_up_false)
+    rule_8 = order_open_false
+    rule_9 = bounds.norm(norms.minimum, order_open_true, loaded_true)
+    rule_10 = bounds.norm(norms.minimum, order_open_true, loaded_false)
+    rule_11 = battery_level_empty
+    rule_12 = bounds.norm(norms.minimum, battery_level_full, battery_drain_fast)
+    rule_13 = bounds.norm(norms.minimum, battery_level_full, bounds.hedge(hedges.not_, battery_drain_fast))
+    safety = bounded_outputs.integral(SAFETY, (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7))
     safety = bounds.clipped(safety, 0.0, 1.0)
-    mission_completion = bounded_outputs.integral(MISSION_COMPLETION, (rule_5, rule_6, rule_7))
+    mission_completion = bounded_outputs.integral(MISSION_COMPLETION, (rule_8, rule_9, rule_10))
     mission_completion = bounds.clipped(mission_completion, 0.0, 1.0)
-    power_autonomy = bounded_outputs.integral(POWER_AUTONOMY, (rule_8, rule_9, rule_10))
+    power_autonomy = bounded_outputs.integral(POWER_AUTONOMY, (rule_11, rule_12, rule_13))
     power_autonomy = bounds.clipped(power_autonomy, 0.0, 1.0)
-    return BoundedInference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10))
+    return BoundedInference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13))

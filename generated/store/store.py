@@ -3,7 +3,16 @@
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
 
-from codra_dsl.runtime.generated_api import ObserverModel, SkillModel, VariableModel, boolean, member, real
+from codra_dsl.runtime.generated_api import (
+    ObserverModel,
+    SkillModel,
+    VariableModel,
+    boolean,
+    integer,
+    member,
+    real,
+    value,
+)
 
 VARIABLES: tuple[VariableModel, ...] = (
     VariableModel(
@@ -91,6 +100,20 @@ VARIABLES: tuple[VariableModel, ...] = (
         label="Drain of the battery",
         sources=("analysis",),
     ),
+    VariableModel(
+        name="full_on_fork",
+        type=boolean(),
+        label="A full container on the fork",
+        sources=("other context-variables",),
+        derived=value("loaded") & (value("container_load") == "full"),
+    ),
+    VariableModel(
+        name="people_at_container",
+        type=integer(0, 20),
+        label="People near a container",
+        sources=("other context-variables",),
+        derived=value("count(some person -near-> some roll_container)"),
+    ),
     VariableModel(name="order_open", type=boolean(), label="An order is open", sources=("mission",)),
     VariableModel(name="picking_up", type=boolean(), label="Picking up", sources=("picking",)),
     VariableModel(name="safety", type=real(0.0, 1.0), label="Safety", sources=("analysis",)),
@@ -139,6 +162,12 @@ VARIABLES: tuple[VariableModel, ...] = (
         type=real(0.0, 1.0),
         label="Filtered weight of Go and charge",
         sources=("analysis",),
+    ),
+    VariableModel(
+        name="count(some person -near-> some roll_container)",
+        type=integer(),
+        sources=("the knowledge graph",),
+        pose_condition=value("count(some person -near-> some roll_container)"),
     ),
 )
 

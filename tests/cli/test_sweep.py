@@ -106,6 +106,8 @@ def of_store(store: Subject, vary: str, steps: int, **known: str) -> Sweep:
         "battery_level": "80",
         "battery_drain": "0.5",
         "container_load": "empty",
+        "people_at_container": "0",
+        "full_on_fork": "false",
     }
     variable, values = varied(store, vary, steps)
     given = held(store, [f"{name}={value}" for name, value in (usual | known).items()])
@@ -133,6 +135,14 @@ def test_in_the_store_safety_never_falls_as_people_go_away(
     result = of_store(store, "person_distance=0.3..6", 57, **known)
 
     assert result.trends["safety"] is way
+    assert_explained(result)
+
+
+def test_in_the_store_safety_never_rises_as_more_people_come_to_the_container(store: Subject) -> None:
+    result = of_store(store, "people_at_container=0,1,2,3", 1)
+
+    assert result.trends["safety"] is Trend.FALLS
+    assert [row.action for row in result.rows] == ["pick", "start", "start", "start"]
     assert_explained(result)
 
 
@@ -166,9 +176,9 @@ def test_with_few_values_too_a_hard_rule_explains_only_a_switch_at_its_limit(sto
 
 @pytest.mark.parametrize("order_open", ["false", "true"])
 def test_in_the_store_a_full_container_is_delivered(store: Subject, order_open: str) -> None:
-    result = of_store(store, "container_load", 1, loaded="true", order_open=order_open)
+    result = of_store(store, "full_on_fork", 1, loaded="true", container_load="full", order_open=order_open)
 
-    assert [row.value for row in result.rows] == ["empty", "loading", "full"]
+    assert [row.value for row in result.rows] == [False, True]
     assert result.rows[-1].action == "deliver"
     assert result.trends["safety"] is Trend.CONSTANT
     assert_explained(result)

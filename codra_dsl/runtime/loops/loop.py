@@ -179,7 +179,7 @@ class Loop:
         valid_for_s = {variable.name: variable.valid_for_s for variable in codra.model.variables}
         parameters = [parameter for parameter in model.parameters if parameter.name in loop.adapt]
         self._renewals = Renewals(model.adapter, {name.variable: valid_for_s[name.variable] for name in parameters})
-        self._never_known = NeverKnownInputs.of(model, loop)
+        self._never_known = NeverKnownInputs.of(planning.model, loop)
         self._unexplained_decisions: list[Decision] = []
         self._is_explaining = False
         self._timer: Timer | None = None

@@ -26,7 +26,7 @@ class Situation(StrEnum):
     the way to that area."""
 
     PEOPLE_CLOSE = "people close"
-    """P2's second situation: a person crosses in front of the container while the robot is about to fetch it."""
+    """P2's second situation: a person crosses in front of the empty container while the robot is about to fetch it."""
 
     HIDDEN = "hidden"
     """P2's third situation: the container cannot be seen from the first observation pose."""
@@ -90,8 +90,7 @@ def beginning(settings: StoreSettings) -> Beginning:
         Situation.QUIET: places[0],
     }
     at = first_places.get(settings.situation)
-    load = Load.EMPTY if settings.situation is Situation.QUIET else Load.FULL
-    situation_containers = () if at is None else (Container(name="container_1", at=at, load=load),)
+    situation_containers = () if at is None else (Container(name="container_1", at=at, load=_first_load(settings)),)
     other_containers = (
         Container(name="container_2", at=SUPPLY.places[0]),
         Container(name="container_3", at=SUPPLY.places[0], where=Whereabouts.BACK_ROOM),
@@ -103,6 +102,11 @@ def beginning(settings: StoreSettings) -> Beginning:
         battery_percent=settings.battery_percent,
         drain=settings.drain,
     )
+
+
+def _first_load(settings: StoreSettings) -> Load:
+    """Return the load of the container in the area."""
+    return Load.EMPTY if settings.situation in (Situation.QUIET, Situation.PEOPLE_CLOSE) else Load.FULL
 
 
 STAFF_S = 60.0
@@ -182,7 +186,7 @@ class Pickers:
         self._page.order(OrderKind.PROVIDE, SUPPLY.name, self._settings.area)
 
     def _collect(self) -> None:
-        self._page.set_load(Load.FULL)
+        self._page.set_load(_first_load(self._settings))
         self._page.order(OrderKind.COLLECT, self._settings.area, DELIVERY.name)
 
     def _order_move(self, _: StoreState) -> None:

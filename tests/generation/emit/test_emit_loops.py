@@ -37,6 +37,8 @@ CALM = {
     "battery_level": 80.0,
     "battery_drain": 0.5,
     "container_load": 0.0,
+    "full_on_fork": 0.0,
+    "people_at_container": 0.0,
 }
 """An order is open, the fork is empty, and no person is near."""
 
@@ -64,12 +66,29 @@ def heaviest_action(**changed_inputs: float) -> str:
 
 def test_a_full_container_on_the_fork_goes_to_the_general_delivery_pose() -> None:
     assert heaviest_action(loaded=1.0, container_load=1.0) == "pick"
-    assert heaviest_action(loaded=1.0, container_load=2.0) == "deliver"
+    assert heaviest_action(loaded=1.0, container_load=2.0, full_on_fork=1.0) == "deliver"
 
 
 def test_a_person_close_to_a_robot_that_picks_up_halves_safety_and_sends_it_to_the_start() -> None:
     assert metrics(picking_up=1.0, person_distance=1.5)["safety"] == pytest.approx(0.5)
     assert heaviest_action(picking_up=1.0, person_distance=1.5) == "start"
+
+
+def test_a_person_at_an_empty_container_halves_safety_and_a_load_or_more_people_lower_it_further() -> None:
+    at_empty, at_loading, at_full = (
+        metrics(picking_up=1.0, people_at_container=1.0, container_load=load)["safety"] for load in (0.0, 1.0, 2.0)
+    )
+    among_several = [metrics(picking_up=1.0, people_at_container=count)["safety"] for count in (2.0, 3.0, 20.0)]
+
+    assert at_empty == pytest.approx(0.5)
+    assert at_loading == at_full < 0.2
+    assert among_several == [at_full] * 3
+    assert heaviest_action(picking_up=1.0, people_at_container=1.0) == "start"
+    assert heaviest_action(picking_up=1.0, people_at_container=1.0, container_load=2.0) == "start"
+
+
+def test_people_at_a_container_do_not_stop_a_robot_that_drives() -> None:
+    assert heaviest_action(people_at_container=3.0) == "pick"
 
 
 def test_people_in_the_corridors_do_not_stop_a_robot_that_drives() -> None:
@@ -92,6 +111,8 @@ def test_safety_never_falls_when_a_person_goes_away() -> None:
     battery_level=st.floats(0.0, 100.0),
     battery_drain=st.floats(0.0, 5.0),
     container_load=st.sampled_from((0.0, 1.0, 2.0)),
+    full_on_fork=st.sampled_from((0.0, 1.0)),
+    people_at_container=st.integers(0, 20).map(float),
 )
 def test_some_rule_acts_in_every_case(**seen: float) -> None:
     values = metrics(**seen) | weights(**seen)
@@ -211,7 +232,7 @@ def running() -> Iterator[tuple[Store, SimClock, Mape]]:
 
 def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
     with running() as (codra, clock, loops):
-        names = ("navigation", "person_detection", "lasers", "fork", "picker_page")
+        names = ("localisation", "navigation", "person_detection", "lasers", "fork", "picker_page")
         agents = {name: codra.agent(name) for name in names}
         planners = {name: codra.agent(name) for name in ("mission", "picking")}
         set_context = partial(_set_context, agents | planners)
@@ -233,6 +254,7 @@ def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
 
 def _set_context(agents: dict[str, object], *, person_distance: float) -> None:
     values_by_agent = {
+        "localisation": {"pose_spread": 0.03},
         "navigation": {"battery_level": 80.0, "bumped": False},
         "person_detection": {"person_distance": person_distance},
         "lasers": {"strange_gap": person_distance - 0.7},

@@ -21,6 +21,7 @@ PERSON = "{world -person_pose-> ann: {x: 6 m, y: 2 m}, ann -near-> robot: presen
 ORDER = """\
 start:
   agents:
+    localisation: {pose_spread: 3 cm}
     navigation: {battery_level: 80 percent, bumped: false}
     person_detection: {person_distance: 6 m}
     lasers: {strange_gap: 5 m}
@@ -30,7 +31,13 @@ start:
     fork: {loaded: false}
   loops: {mission: runs}
 """
-AGENTS = "agents: {lasers: {every: 1 s}, person_detection: {every: 1 s}, navigation: {every: 1 s}}\n"
+AGENTS = """\
+agents:
+  localisation: {every: 1 s}
+  lasers: {every: 1 s}
+  person_detection: {every: 1 s}
+  navigation: {every: 1 s}
+"""
 READY = "{robot_is_localized: true, robot_place: counter, light_is_on: true}"
 FRIDGE = f"""\
 start:

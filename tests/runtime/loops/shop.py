@@ -243,11 +243,11 @@ class Shop:
         record: EventLog | None = None,
         robot: Robot | None = None,
         planner: Planners = Planning,
-        context: ContextModel = MODEL,
+        context: ContextModel | None = None,
     ) -> None:
         self.clock = SimClock() if clock is None else clock
         self.codra: ContextManager[str, str] = ContextManager(
-            context, clock=self.clock, resources={}, record=record, knowledge=KNOWLEDGE
+            context or MODEL, clock=self.clock, resources={}, record=record, knowledge=KNOWLEDGE
         )
         writers = ("people", "power", "picker", "base")
         self.agents = {name: self.codra.agent(name) for name in writers}

@@ -12,6 +12,7 @@ import pytest
 
 from codra_dsl.runtime import ContextManager, Journal, Kind, Reason
 from codra_dsl.runtime.journal.latest_events import LatestEvents
+from codra_dsl.runtime.loops import Planning
 from codra_dsl.runtime.loops.declarations import MapeModel, ParameterModel
 from codra_dsl.runtime.loops.never_known import PATIENCE_PERIODS
 from codra_dsl.runtime.replay import replay
@@ -19,7 +20,7 @@ from codra_dsl.runtime.values.conditions import choose, literal, value
 from codra_dsl.runtime.why import explain
 from tests.runtime.journal.journals import read
 from tests.runtime.loops import shop as shop_module
-from tests.runtime.loops.shop import KNOWLEDGE, MAPE, MODEL, SPEED, Shop
+from tests.runtime.loops.shop import COURSE, KNOWLEDGE, MAPE, MODEL, SPEED, Shop
 
 VALID_FOR_S = 4.0
 PERSON_VALID_FOR_S = 2.0
@@ -288,3 +289,13 @@ def test_inputs_that_are_known_in_time_are_not_reported() -> None:
     shop.begin()
     shop.pass_s(100.0)
     assert list(never_known(shop)) == []
+
+
+def test_the_inputs_of_a_custom_planner_are_those_of_its_own_model() -> None:
+    without_bumper = replace(MAPE, courses=(replace(COURSE, always=()),))
+    shop = Shop(planner=lambda _, loop, types: Planning(without_bumper, loop, types))
+    shop.mape.start()
+    shop.clock.sleep(40.0)
+    reported_inputs = [message.split("'")[1] for _, message in never_known(shop)]
+    assert sorted(reported_inputs) == ["battery_level", "container_load", "person_distance"]
+    assert list(shop.events("failed")) == []

@@ -47,10 +47,13 @@ CALM_VALUES: Mapping[str, Value | None] = {
     "bumped": False,
     "person_distance": 10.0,
     "strange_gap": 10.0,
+    "people_at_container": 0,
+    "pose_spread": 0.03,
     "picking_up": False,
     "order_open": True,
     "loaded": False,
     "container_load": "empty",
+    "full_on_fork": False,
     "battery_level": 80.0,
     "battery_drain": 0.5,
 }
