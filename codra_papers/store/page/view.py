@@ -70,7 +70,9 @@ class ShownAttribute:
 
 
 def shown_attributes(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> tuple[ShownAttribute, ...]:
-    """Return the shown attributes: all attributes of nodes that exist from the start, and all context-variables.
+    """Return the shown attributes: those of nodes that exist from the start, and context-variables.
+
+    Values that only the graph determines, such as a count, are not shown: they are inputs of context-variables.
 
     Args:
         model: the model of the graph.
@@ -89,8 +91,11 @@ def shown_attributes(model: KnowledgeModel, variables: Sequence[VariableModel] =
             )
     nodes = nodes_of_variables(model, variables)
     for variable in variables:
-        shown[nodes[variable.name], variable.name] = ShownAttribute(
-            node=nodes[variable.name],
+        node_name = nodes.get(variable.name)
+        if node_name is None:
+            continue
+        shown[node_name, variable.name] = ShownAttribute(
+            node=node_name,
             name=variable.name,
             label=_label(variable.name, variable.label),
             type=variable.type,
