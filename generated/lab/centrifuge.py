@@ -161,6 +161,11 @@ def centrifuge_lid(observer: Observer) -> Behaviour:
                                 value("centrifuge_base_in_FOV"),
                                 see_centrifuge_rotor,
                             ),
+                            Precondition(
+                                "centrifuge_lid_in_FOV == false",
+                                ~value("centrifuge_lid_in_FOV"),
+                                see_centrifuge_rotor,
+                            ),
                             DueOrRunning(see_centrifuge_rotor),
                             Perceive(see_centrifuge_rotor),
                             Accept("markers >= 1", value("markers") >= 1, see_centrifuge_rotor),
