@@ -12,12 +12,14 @@ from xml.etree import ElementTree
 
 import pytest
 
+from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Table
 from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
 from codra_papers.experiments.campaign.trial_records import TrialRecord
 from codra_papers.experiments.lab.outcomes import OWN_LOOK, Outcome
 from codra_papers.experiments.lab.trials import run_trial
 from codra_papers.experiments.studies.lab_runtime import EXPERIMENT
+from codra_papers.experiments.studies.lab_runtime.alternatives import alternatives, answers
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions, spent_s
 from codra_papers.experiments.studies.lab_runtime.judgement import judge
 from codra_papers.experiments.studies.lab_runtime.paper import PAPER
@@ -33,6 +35,7 @@ from codra_papers.lab.mission import PCR_CYCLER, Mission, MissionError
 
 SPECS = Path(__file__).parents[4] / "specs"
 DAY_S = 300.0
+UNTIL_THE_ROTOR_IS_TURNED_S = 335.0
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +49,7 @@ def outcomes(settings: Settings) -> Mapping[str, Outcome]:
     short = [
         *tending_trials(settings, FIRST_REPORTED_SEED, times=1),
         *day_trials(settings, DAY_S),
-        alternatives_trial(settings, DAY_S),
+        alternatives_trial(settings, UNTIL_THE_ROTOR_IS_TURNED_S),
     ]
     return {trial.name: run_trial(trial, settings.folder / "trials" / trial.name) for trial in short}
 
@@ -174,6 +177,21 @@ WORDS = (
     "with alternatives;",
     "were not true",
 )
+
+
+def test_an_answer_from_the_evidence_of_an_alternative_is_counted(
+    settings: Settings, outcomes: Mapping[str, Outcome]
+) -> None:
+    outcome = outcomes["day-with-alternatives"]
+    seen_by_rotor = {decision.answered_s for decision in outcome.decisions if decision.source == "see_centrifuge_rotor"}
+
+    ((variable, names),) = alternatives(read_spec(settings.spec)).items()
+    counts = answers(outcome, variable, names)
+
+    assert (variable, list(names)) == ("centrifuge_open", ["see_centrifuge_rotor"])
+    assert counts.by_alternatives == len(seen_by_rotor) >= 1
+    assert counts.by_alternatives < counts.answered <= counts.decisions
+    assert counts.untrue == 0
 
 
 def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
