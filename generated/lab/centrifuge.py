@@ -4,7 +4,7 @@ Made by codra from specs/lab.yaml; edits are lost. Renew: codra compile specs/la
 """
 
 from py_trees.behaviour import Behaviour
-from py_trees.composites import Sequence
+from py_trees.composites import Selector, Sequence
 
 from codra_dsl.runtime.generated_api import (
     Accept,
@@ -16,6 +16,7 @@ from codra_dsl.runtime.generated_api import (
     ObserverModel,
     Perceive,
     Precondition,
+    PreviewCondition,
     SkillModel,
     VariableModel,
     boolean,
@@ -61,6 +62,16 @@ LOCALIZE_CENTRIFUGE_LID = Algorithm(
     timeout_s=8.0,
 )
 
+SEE_CENTRIFUGE_ROTOR = Algorithm(
+    name="see_centrifuge_rotor",
+    call="codra_papers.lab.perception.functions:localize_rotor",
+    parameters={"machine": "centrifuge"},
+    handles=("camera",),
+    slots=("vision",),
+    returns={"markers": integer(0, 12), "rotor_angle": real(unit="rad", optional=True)},
+    timeout_s=6.0,
+)
+
 
 def centrifuge_distance(observer: Observer) -> Behaviour:
     """Identify centrifuge_in_observable_distance and centrifuge_in_manipulation_distance (P1, Figure 4)."""
@@ -99,20 +110,70 @@ def centrifuge_view_frame(observer: Observer) -> Behaviour:
 
 def centrifuge_lid(observer: Observer) -> Behaviour:
     """Identify centrifuge_open and centrifuge_locked (P1, Figure 4)."""
-    perception = observer.branch(LOCALIZE_CENTRIFUGE_LID)
+    localize_centrifuge_lid = observer.branch(LOCALIZE_CENTRIFUGE_LID)
+    see_centrifuge_rotor = observer.branch(SEE_CENTRIFUGE_ROTOR)
     return Sequence(
         name="centrifuge_lid",
         memory=False,
         children=[
             ControlFlag(observer),
-            Precondition("centrifuge_in_observable_distance", value("centrifuge_in_observable_distance"), perception),
-            Precondition("centrifuge_base_in_FOV", value("centrifuge_base_in_FOV"), perception),
-            Precondition("centrifuge_lid_in_FOV", value("centrifuge_lid_in_FOV"), perception),
-            DueOrRunning(perception),
-            Perceive(perception),
-            Accept("markers >= 3", value("markers") >= 3, perception),
-            Identify("centrifuge_open", value("lid_angle") > 0.6, perception),
-            Identify("centrifuge_locked", value("latched"), perception),
+            Selector(
+                name="alternatives",
+                memory=False,
+                children=[
+                    Sequence(
+                        name="localize_centrifuge_lid",
+                        memory=False,
+                        children=[
+                            Precondition(
+                                "centrifuge_in_observable_distance",
+                                value("centrifuge_in_observable_distance"),
+                                localize_centrifuge_lid,
+                            ),
+                            Precondition(
+                                "centrifuge_base_in_FOV",
+                                value("centrifuge_base_in_FOV"),
+                                localize_centrifuge_lid,
+                            ),
+                            Precondition(
+                                "centrifuge_lid_in_FOV",
+                                value("centrifuge_lid_in_FOV"),
+                                localize_centrifuge_lid,
+                            ),
+                            DueOrRunning(localize_centrifuge_lid),
+                            Perceive(localize_centrifuge_lid),
+                            Accept("markers >= 3", value("markers") >= 3, localize_centrifuge_lid),
+                            Identify("centrifuge_open", value("lid_angle") > 0.6, localize_centrifuge_lid),
+                            Identify("centrifuge_locked", value("latched"), localize_centrifuge_lid),
+                        ],
+                    ),
+                    Sequence(
+                        name="see_centrifuge_rotor",
+                        memory=False,
+                        children=[
+                            Precondition(
+                                "centrifuge_in_observable_distance",
+                                value("centrifuge_in_observable_distance"),
+                                see_centrifuge_rotor,
+                            ),
+                            Precondition(
+                                "centrifuge_base_in_FOV",
+                                value("centrifuge_base_in_FOV"),
+                                see_centrifuge_rotor,
+                            ),
+                            Precondition(
+                                "centrifuge_lid_in_FOV == false",
+                                ~value("centrifuge_lid_in_FOV"),
+                                see_centrifuge_rotor,
+                            ),
+                            DueOrRunning(see_centrifuge_rotor),
+                            Perceive(see_centrifuge_rotor),
+                            Accept("markers >= 1", value("markers") >= 1, see_centrifuge_rotor),
+                            Identify("centrifuge_open", value("markers") >= 1, see_centrifuge_rotor),
+                        ],
+                    ),
+                ],
+            ),
         ],
     )
 
@@ -178,21 +239,46 @@ SKILLS: tuple[SkillModel, ...] = (
     SkillModel(
         name="unlock_centrifuge",
         preview=("centrifuge_locked", "centrifuge_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(
+                text="centrifuge_in_manipulation_distance == true",
+                condition=value("centrifuge_in_manipulation_distance"),
+            ),
+        ),
         changes=("centrifuge_locked",),
     ),
     SkillModel(
         name="lock_centrifuge",
         preview=("centrifuge_open", "centrifuge_locked", "centrifuge_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(text="centrifuge_open == false", condition=~value("centrifuge_open")),
+            PreviewCondition(
+                text="centrifuge_in_manipulation_distance == true",
+                condition=value("centrifuge_in_manipulation_distance"),
+            ),
+        ),
         changes=("centrifuge_locked",),
     ),
     SkillModel(
         name="open_centrifuge",
         preview=("centrifuge_locked", "centrifuge_open", "centrifuge_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(
+                text="centrifuge_in_manipulation_distance == true",
+                condition=value("centrifuge_in_manipulation_distance"),
+            ),
+        ),
         changes=("centrifuge_open",),
     ),
     SkillModel(
         name="close_centrifuge",
         preview=("centrifuge_open", "centrifuge_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(
+                text="centrifuge_in_manipulation_distance == true",
+                condition=value("centrifuge_in_manipulation_distance"),
+            ),
+        ),
         changes=("centrifuge_open",),
     ),
 )

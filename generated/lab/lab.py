@@ -16,6 +16,7 @@ from codra_dsl.runtime.generated_api import (
     ObserverModel,
     Perceive,
     Precondition,
+    PreviewCondition,
     SkillModel,
     VariableModel,
     boolean,
@@ -75,8 +76,23 @@ SKILLS: tuple[SkillModel, ...] = (
     SkillModel(
         name="turn_centrifuge_rotor",
         preview=("centrifuge_open", "centrifuge_rotor_in_pos_1", "centrifuge_rotor_in_pos_2"),
+        preview_conditions=(PreviewCondition(text="centrifuge_open == true", condition=value("centrifuge_open")),),
         changes=("centrifuge_rotor_in_pos_1", "centrifuge_rotor_in_pos_2"),
     ),
-    SkillModel(name="take_samples_from_centrifuge", preview=("centrifuge_open", "centrifuge_rotor_in_pos_1")),
-    SkillModel(name="bring_samples_to_centrifuge", preview=("centrifuge_open", "centrifuge_rotor_in_pos_2")),
+    SkillModel(
+        name="take_samples_from_centrifuge",
+        preview=("centrifuge_open", "centrifuge_rotor_in_pos_1"),
+        preview_conditions=(
+            PreviewCondition(text="centrifuge_open == true", condition=value("centrifuge_open")),
+            PreviewCondition(text="centrifuge_rotor_in_pos_1 == true", condition=value("centrifuge_rotor_in_pos_1")),
+        ),
+    ),
+    SkillModel(
+        name="bring_samples_to_centrifuge",
+        preview=("centrifuge_open", "centrifuge_rotor_in_pos_2"),
+        preview_conditions=(
+            PreviewCondition(text="centrifuge_open == true", condition=value("centrifuge_open")),
+            PreviewCondition(text="centrifuge_rotor_in_pos_2 == true", condition=value("centrifuge_rotor_in_pos_2")),
+        ),
+    ),
 )

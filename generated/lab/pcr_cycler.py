@@ -16,6 +16,7 @@ from codra_dsl.runtime.generated_api import (
     ObserverModel,
     Perceive,
     Precondition,
+    PreviewCondition,
     SkillModel,
     VariableModel,
     boolean,
@@ -182,21 +183,46 @@ SKILLS: tuple[SkillModel, ...] = (
     SkillModel(
         name="unlock_pcr_cycler",
         preview=("pcr_cycler_locked", "pcr_cycler_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(
+                text="pcr_cycler_in_manipulation_distance == true",
+                condition=value("pcr_cycler_in_manipulation_distance"),
+            ),
+        ),
         changes=("pcr_cycler_locked",),
     ),
     SkillModel(
         name="lock_pcr_cycler",
         preview=("pcr_cycler_open", "pcr_cycler_locked", "pcr_cycler_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(text="pcr_cycler_open == false", condition=~value("pcr_cycler_open")),
+            PreviewCondition(
+                text="pcr_cycler_in_manipulation_distance == true",
+                condition=value("pcr_cycler_in_manipulation_distance"),
+            ),
+        ),
         changes=("pcr_cycler_locked",),
     ),
     SkillModel(
         name="open_pcr_cycler",
         preview=("pcr_cycler_locked", "pcr_cycler_open", "pcr_cycler_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(
+                text="pcr_cycler_in_manipulation_distance == true",
+                condition=value("pcr_cycler_in_manipulation_distance"),
+            ),
+        ),
         changes=("pcr_cycler_open",),
     ),
     SkillModel(
         name="close_pcr_cycler",
         preview=("pcr_cycler_open", "pcr_cycler_in_manipulation_distance"),
+        preview_conditions=(
+            PreviewCondition(
+                text="pcr_cycler_in_manipulation_distance == true",
+                condition=value("pcr_cycler_in_manipulation_distance"),
+            ),
+        ),
         changes=("pcr_cycler_open",),
     ),
 )

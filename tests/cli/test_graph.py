@@ -36,7 +36,7 @@ def test_a_selector_leaves_a_part_of_the_graph() -> None:
         "lab/perception/localize_pcr_cycler_lid",
     ]
     assert [edge["kind"] for edge in graph_object["edges"]] == ["identifies"]
-    assert message == "2 of 42 nodes\n"
+    assert message == "2 of 43 nodes\n"
 
 
 def test_several_selectors_add_up_and_exclusions_are_removed() -> None:
@@ -51,7 +51,7 @@ def test_several_selectors_add_up_and_exclusions_are_removed() -> None:
 def test_an_empty_part_is_an_empty_graph() -> None:
     graph_object, message = graph("--select", "kind:skill,kind:observer")
 
-    assert (graph_object, message) == ({"nodes": [], "edges": []}, "0 of 42 nodes\n")
+    assert (graph_object, message) == ({"nodes": [], "edges": []}, "0 of 43 nodes\n")
 
 
 @pytest.mark.parametrize("format_", FORMATS)

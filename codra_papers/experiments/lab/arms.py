@@ -11,7 +11,7 @@ from typing import Any
 from codra_dsl.integrations.inspection import compile_and_load
 from codra_dsl.language.model import Refresh, Spec
 from codra_dsl.runtime import ContextManager
-from codra_papers.experiments.lab.spec_variants import SpecEdit, WithoutConditions, WithRefresh
+from codra_papers.experiments.lab.spec_variants import SpecEdit, WithoutAlternatives, WithoutConditions, WithRefresh
 
 P1_TRIGGER_PERIOD_S = 7.2
 """The mean time between two triggers of a naive observer in P1, section 4.1: 5006 triggers in 35,806 s of operation."""
@@ -51,18 +51,22 @@ class Observers:
     start: Callable[..., ContextManager[Any, Any]]
 
 
-_PERIODIC_REFRESH = WithRefresh(refresh=Refresh.PERIODIC)
+_NO_ALTERNATIVES, _PERIODIC_REFRESH = WithoutAlternatives(), WithRefresh(refresh=Refresh.PERIODIC)
+_ONE_ALGORITHM_PERIODIC = (_NO_ALTERNATIVES, _PERIODIC_REFRESH)
 
-NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(_PERIODIC_REFRESH, WithoutConditions()))
+NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(*_ONE_ALGORITHM_PERIODIC, WithoutConditions()))
 NAIVE_PACED = Arm(
     name="naive, every 7.2 s",
     need=Need.EVERYTHING,
-    edits=(_PERIODIC_REFRESH, WithoutConditions(pause_s=P1_TRIGGER_PERIOD_S)),
+    edits=(*_ONE_ALGORITHM_PERIODIC, WithoutConditions(pause_s=P1_TRIGGER_PERIOD_S)),
 )
-PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=(_PERIODIC_REFRESH,))
-NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=(_PERIODIC_REFRESH,))
-NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED)
-"""The arm with the unchanged spec, which declares how each variable is refreshed."""
+PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=_ONE_ALGORITHM_PERIODIC)
+NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=_ONE_ALGORITHM_PERIODIC)
+NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED, edits=(_NO_ALTERNATIVES,))
+"""The arm in which the spec declares how each variable is refreshed."""
+
+ALTERNATIVES = Arm(name="need, on event, alternatives", need=Need.ANNOUNCED)
+"""The arm with the unchanged spec: alternatives by rank as well (P1, section 1: complementary observers)."""
 
 
 def observers(arm: Arm, spec: Spec, folder: Path) -> Observers:

@@ -52,6 +52,7 @@ class Decision:
             a preview, whether the value was known.
         answer: the value that the main execution used.
         answered_s: when the main execution had the answer, after it had waited and looked.
+        source: the algorithm or the writer whose value context answered with; empty if the robot looked.
         waited_s: how long the main execution waited for the arm that answers.
         looked_s: how long the robot looked by itself.
         has_looked: whether the robot looked by itself, because context had no answer or was not asked.
@@ -70,6 +71,7 @@ class Decision:
     fresh: Mapping[str, bool]
     answer: Value | None
     answered_s: float
+    source: str
     waited_s: float
     looked_s: float
     has_looked: bool

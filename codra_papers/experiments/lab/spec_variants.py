@@ -42,7 +42,7 @@ class WithoutConditions:
         return f"no conditions{pause}"
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec without conditions and skills."""
+        """Return the spec without conditions and skills. The spec must have no alternatives."""
         algorithms = tuple(self._without_conditions(algorithm) for algorithm in spec.perception)
         return replace(spec, perception=algorithms, skills=(), observers=_settings_without_pause(spec, algorithms))
 
@@ -56,8 +56,7 @@ def _settings_without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tu
     """Return settings that give every tree a period of 0 s and the same priority. Every tree keeps its name."""
     variables_with_setting = {reference.name for setting in spec.observers for reference in setting.identifies}
     settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
-    # A tree has the name of its first alternative.
-    for algorithm in sorted(algorithms, key=lambda algorithm: algorithm.rank):
+    for algorithm in algorithms:
         variables = tuple(
             Reference(name=entry.variable.name, place=entry.variable.place) for entry in algorithm.identifies
         )
@@ -67,6 +66,29 @@ def _settings_without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tu
                 ObserverSetting(name=algorithm.name, place=algorithm.place, identifies=variables, period_s=0.0)
             )
     return tuple(settings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WithoutAlternatives:
+    """Keep only the algorithm with the lowest rank for each variable."""
+
+    def __str__(self) -> str:
+        """Return the description of the edit for a report."""
+        return "no alternatives"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec without the algorithms of higher rank."""
+        first_ranks: dict[str, int] = {}
+        for algorithm in spec.perception:
+            for entry in algorithm.identifies:
+                name = entry.variable.name
+                first_ranks[name] = min(first_ranks.get(name, algorithm.rank), algorithm.rank)
+        first_algorithms = tuple(
+            algorithm
+            for algorithm in spec.perception
+            if all(algorithm.rank == first_ranks[entry.variable.name] for entry in algorithm.identifies)
+        )
+        return replace(spec, perception=first_algorithms)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -286,6 +286,7 @@ def _decision(
         },
         answer=asked_decision.answer,
         answered_s=asked_decision.answered_s,
+        source=_source(asked_decision),
         waited_s=asked_decision.waited_s,
         looked_s=asked_decision.looked_s,
         has_looked=asked_decision.has_looked,
@@ -297,6 +298,11 @@ def _decision(
         },
         wrong_answer=wrong_answer,
     )
+
+
+def _source(asked_decision: AskedDecision) -> str:
+    reading = asked_decision.last_reading
+    return "" if asked_decision.has_looked or reading is None else reading.source
 
 
 def _unanswered_reason(asked_decision: AskedDecision) -> str:

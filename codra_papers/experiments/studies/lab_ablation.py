@@ -15,7 +15,7 @@ from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.campaign.statistics import Estimate
 from codra_papers.experiments.lab.arms import NAIVE, PRECONDITIONS, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.lab.spec_variants import WithoutCondition
+from codra_papers.experiments.lab.spec_variants import WithoutAlternatives, WithoutCondition
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     LIDS_AND_LATCHES,
@@ -70,7 +70,7 @@ def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return the arm with all conditions, an arm without each single condition, and the arm without any condition."""
     ablated_arms = (
         PRECONDITIONS.with_edit(f"*{edit.algorithm} without *{edit.condition}", edit)
-        for edit in condition_removals(read_spec(settings.spec))
+        for edit in condition_removals(WithoutAlternatives()(read_spec(settings.spec)))
     )
     return (PRECONDITIONS, *ablated_arms, NAIVE)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from codra_dsl.integrations.inspection import read_spec
 from codra_dsl.language.model import Refresh
 from codra_papers.experiments.campaign.cells import interval
 from codra_papers.experiments.campaign.document import Document, Section, Words
 from codra_papers.experiments.campaign.experiment import Experiment, Settings
-from codra_papers.experiments.lab.arms import NAIVE, Arm, Need
+from codra_papers.experiments.lab.arms import NAIVE, NEED_ON_EVENT, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.spec_variants import (
     SpecEdit,
@@ -32,7 +33,8 @@ from codra_papers.experiments.studies.beyond.workloads import return_visit_trial
 from codra_papers.experiments.studies.robustness.findings import vision_algorithms
 from codra_papers.experiments.studies.robustness.tables import arms_table
 
-UNCHANGED_ARM = Arm(name="as it stands", need=Need.ANNOUNCED)
+UNCHANGED_ARM = replace(NEED_ON_EVENT, name="as it stands")
+"""The arm with the options of the spec."""
 
 _JUDGED_SUFFIXES = ("_open", "_locked")
 

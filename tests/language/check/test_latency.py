@@ -84,7 +84,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> CompiledSpec:
     )
 
 
-def test_the_bound_is_reached_by_every_variable_of_the_lab(lab: CompiledSpec) -> None:
+def test_the_bound_is_reached_by_every_variable_of_the_lab_that_waits_for_no_alternative(lab: CompiledSpec) -> None:
     bounds = worst_cases(lab.spec)
 
     observed_times_s = {
@@ -93,15 +93,21 @@ def test_the_bound_is_reached_by_every_variable_of_the_lab(lab: CompiledSpec) ->
     }
 
     assert len(bounds) == 14
-    assert all(bounds[name] - 0.001 <= observed_times_s[name] <= bounds[name] for name in bounds), (
-        bounds,
-        observed_times_s,
-    )
+    assert all(observed_times_s[name] <= bounds[name] for name in bounds), (bounds, observed_times_s)
+    assert {name for name in bounds if observed_times_s[name] < bounds[name] - 0.001} == {
+        "centrifuge_locked",  # these bounds include a look of the alternative for centrifuge_open
+        "centrifuge_rotor_in_pos_1",
+        "centrifuge_rotor_in_pos_2",
+    }
 
 
 def test_the_lid_is_known_after_distance_view_and_its_own_look(lab: CompiledSpec) -> None:
     assert worst_cases(lab.spec)["pcr_cycler_open"] == 1 + 3 + 8
-    assert worst_cases(lab.spec)["centrifuge_rotor_in_pos_1"] == 1 + 3 + 8 + 6
+    assert worst_cases(lab.spec)["centrifuge_open"] == 1 + 3 + 8
+
+
+def test_the_rotor_can_wait_for_both_looks_at_the_lid(lab: CompiledSpec) -> None:
+    assert worst_cases(lab.spec)["centrifuge_rotor_in_pos_1"] == 1 + 3 + 8 + 6 + 6
 
 
 # Any spec

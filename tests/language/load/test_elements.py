@@ -36,7 +36,7 @@ def test_the_laboratory_loads_without_findings() -> None:
     assert findings == ()
     assert spec is not None
     assert spec.files == ("specs/lab.yaml", "specs/parts/machine.yaml")
-    assert (len(spec.context), len(spec.perception), len(spec.observers)) == (15, 7, 7)
+    assert (len(spec.context), len(spec.perception), len(spec.observers)) == (15, 8, 7)
     assert not any(spec.damaged.values())
     assert set(spec.origins.values()) == {"lab", "centrifuge", "pcr_cycler"}
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.document import Document, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Settings
 from codra_papers.experiments.lab.arms import NEED_ON_EVENT
 from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.studies.lab_runtime.alternatives import judge_alternatives
 from codra_papers.experiments.studies.lab_runtime.day import judge_day
 from codra_papers.experiments.studies.lab_runtime.finding import rounded
 from codra_papers.experiments.studies.lab_runtime.paper import EXECUTION_COUNT
-from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, day_pair, tending_pairs
+from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, alternatives_day, day_pair, tending_pairs
 from codra_papers.experiments.studies.lab_runtime.sources import judge_sources
 from codra_papers.experiments.studies.lab_runtime.tending import judge_tending
 from codra_papers.experiments.studies.lab_runtime.wrong import judge_wrong
@@ -19,13 +21,18 @@ from codra_papers.lab.mission import WAIT_S
 
 
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
-    """Return the report on all runs."""
+    """Return the report on all runs.
+
+    Raises:
+        SpecError: if the spec has errors.
+    """
     pairs = tending_pairs(settings, outcomes)
-    runs = list(outcomes.values())
+    day, runs = day_pair(outcomes), list(outcomes.values())
     findings = [
         judge_tending(pairs),
         judge_sources(pairs),
-        judge_day(day_pair(outcomes)),
+        judge_day(day),
+        judge_alternatives(read_spec(settings.spec), day.observed, alternatives_day(outcomes)),
         judge_wrong(runs, settings.folder),
     ]
     return Document(

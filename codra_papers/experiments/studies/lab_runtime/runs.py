@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
-from codra_papers.experiments.lab.arms import NEED_ON_EVENT
+from codra_papers.experiments.lab.arms import ALTERNATIVES, NEED_ON_EVENT, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
-from codra_papers.experiments.lab.run import Loops, Work
+from codra_papers.experiments.lab.run import Loops
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions
 from codra_papers.experiments.studies.lab_runtime.paper import DAY_S, EXECUTION_COUNT
@@ -21,7 +21,7 @@ another process (docs/papers/lab-runtime.md)."""
 REPAIR_S = 120.0
 """How long a repair after an unrecoverable error takes. P1's day had minor interruptions as well."""
 
-WITHOUT_OBSERVERS, WITH_OBSERVERS = "without-observers", "with-observers"
+WITHOUT_OBSERVERS, WITH_OBSERVERS, WITH_ALTERNATIVES = "without-observers", "with-observers", "with-alternatives"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +57,44 @@ def trials(settings: Settings) -> Sequence[Trial]:
     return [
         *(trial for seed in _seeds(settings) for trial in tending_trials(settings, seed)),
         *day_trials(settings),
+        alternatives_trial(settings),
     ]
 
 
 def tending_trials(settings: Settings, seed: int, times: int = EXECUTION_COUNT) -> Sequence[Trial]:
     """Return the two runs in which the PCR-cycler is opened and closed (P1, section 4.2)."""
-    return list(_trial_pair(settings, f"tending-{seed}", seed, OpenAndClose(times)))
+    trial = Trial(
+        name=f"tending-{seed}",
+        spec=settings.spec,
+        seed=seed,
+        arms=(),
+        decision_s=DECISION_S,
+        work=OpenAndClose(times),
+    )
+    return list(_trial_pair(trial))
 
 
 def day_trials(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
     """Return the two runs of a day at the fair: the robot processes sample after sample, and continues after errors."""
-    return list(_trial_pair(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
+    return list(_trial_pair(_day_trial(settings, duration_s)))
+
+
+def alternatives_trial(settings: Settings, duration_s: float = DAY_S) -> Trial:
+    """Return the run of the day with observers and with the alternatives of the spec."""
+    return _asking(_day_trial(settings, duration_s), WITH_ALTERNATIVES, ALTERNATIVES)
+
+
+def _day_trial(settings: Settings, duration_s: float) -> Trial:
+    return Trial(
+        name="day",
+        spec=settings.spec,
+        seed=FIRST_REPORTED_SEED,
+        arms=(),
+        decision_s=DECISION_S,
+        repair_s=REPAIR_S,
+        work=Loops(),
+        duration_s=duration_s,
+    )
 
 
 def tending_pairs(settings: Settings, outcomes: Mapping[str, Outcome]) -> Sequence[Pair]:
@@ -80,6 +107,11 @@ def day_pair(outcomes: Mapping[str, Outcome]) -> Pair:
     return _pair("day", outcomes)
 
 
+def alternatives_day(outcomes: Mapping[str, Outcome]) -> Outcome:
+    """Return the outcome of the day with alternatives."""
+    return outcomes[f"day-{WITH_ALTERNATIVES}"]
+
+
 def _seeds(settings: Settings) -> Sequence[int]:
     return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + 1 + settings.seeds)
 
@@ -89,28 +121,12 @@ def _pair(name: str, outcomes: Mapping[str, Outcome]) -> Pair:
     return Pair(seed=without.seed, without=without, observed=observed)
 
 
-def _trial_pair(
-    settings: Settings,
-    name: str,
-    seed: int,
-    work: Work,
-    *,
-    duration_s: float | None = None,
-    repair_s: float | None = None,
-) -> Iterator[Trial]:
+def _trial_pair(trial: Trial) -> Iterator[Trial]:
     """Yield a run without observers, which has no arms, and a run with an arm that answers the decisions."""
-    for condition, arms, answering_arm in (
-        (WITHOUT_OBSERVERS, (), None),
-        (WITH_OBSERVERS, (NEED_ON_EVENT,), NEED_ON_EVENT.name),
-    ):
-        yield Trial(
-            name=f"{name}-{condition}",
-            spec=settings.spec,
-            seed=seed,
-            arms=arms,
-            answering_arm=answering_arm,
-            decision_s=DECISION_S,
-            repair_s=repair_s,
-            work=work,
-            duration_s=duration_s,
-        )
+    yield replace(trial, name=f"{trial.name}-{WITHOUT_OBSERVERS}")
+    yield _asking(trial, WITH_OBSERVERS, NEED_ON_EVENT)
+
+
+def _asking(trial: Trial, condition: str, arm: Arm) -> Trial:
+    """Return a run in which an arm answers the decisions."""
+    return replace(trial, name=f"{trial.name}-{condition}", arms=(arm,), answering_arm=arm.name)

@@ -9,7 +9,6 @@ from typing import Any
 
 from codra_papers.experiments.campaign.campaign import TRIALS
 from codra_papers.experiments.campaign.document import Part, Photograph, Section, Table, Words
-from codra_papers.experiments.lab.arms import NEED_ON_EVENT
 from codra_papers.experiments.lab.outcomes import OWN_LOOK, Basis, Decision, Outcome
 from codra_papers.experiments.studies.lab_runtime.finding import Finding, rounded
 
@@ -58,9 +57,7 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
     look_count = sum(decision.has_looked for decision in all_decisions)
     wrong_look_count = sum(mistake.decision.has_looked for mistake in wrong_decisions)
     corrected_count = sum(
-        NEED_ON_EVENT.name in decision.wrong and decision.wrong_answer is None
-        for outcome in outcomes
-        for decision in outcome.decisions
+        bool(decision.wrong) and decision.wrong_answer is None for outcome in outcomes for decision in outcome.decisions
     )
     sentence = (
         f"Of {len(all_decisions)} decisions in all runs, context answered {len(all_decisions) - look_count};"

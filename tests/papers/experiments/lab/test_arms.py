@@ -9,6 +9,7 @@ import pytest
 from codra_dsl.integrations.inspection import read_spec
 from codra_dsl.runtime import SimClock
 from codra_papers.experiments.lab.arms import NAIVE, NEED, observers
+from codra_papers.experiments.lab.spec_variants import WithoutAlternatives
 
 SPEC = """\
 codra: 1
@@ -42,6 +43,14 @@ def modelled(text: str, folder: Path) -> list[tuple[str, ...]]:
 
 def test_both_arms_model_the_same_variables_also_with_alternative_algorithms(tmp_path: Path) -> None:
     assert modelled(SPEC, tmp_path / "one") == [("near", "open"), ("near", "open")]
+
+
+def test_without_alternatives_each_variable_keeps_the_algorithm_of_the_lowest_rank(tmp_path: Path) -> None:
+    (tmp_path / "door.yaml").write_text(SPEC)
+    spec = read_spec(tmp_path / "door.yaml")
+
+    assert [algorithm.name for algorithm in spec.perception] == ["look_from_afar", "look"]
+    assert [algorithm.name for algorithm in WithoutAlternatives()(spec).perception] == ["look"]
 
 
 @pytest.mark.parametrize("renamed", ["ajar", "wide"])

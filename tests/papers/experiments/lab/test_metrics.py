@@ -206,6 +206,7 @@ def decision(held_value: bool | None, true_value: bool, *, is_fresh: bool) -> De
         answered_s=2.0,
         looked_s=1.0,
         waited_s=0.0,
+        source="",
         has_looked=True,
         unanswered="",
         wrong={},

@@ -12,21 +12,30 @@ from xml.etree import ElementTree
 
 import pytest
 
+from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Table
 from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
 from codra_papers.experiments.campaign.trial_records import TrialRecord
 from codra_papers.experiments.lab.outcomes import OWN_LOOK, Outcome
 from codra_papers.experiments.lab.trials import run_trial
 from codra_papers.experiments.studies.lab_runtime import EXPERIMENT
+from codra_papers.experiments.studies.lab_runtime.alternatives import alternatives, answers
 from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions, spent_s
 from codra_papers.experiments.studies.lab_runtime.judgement import judge
 from codra_papers.experiments.studies.lab_runtime.paper import PAPER
-from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, Pair, day_trials, tending_trials
+from codra_papers.experiments.studies.lab_runtime.runs import (
+    DECISION_S,
+    Pair,
+    alternatives_trial,
+    day_trials,
+    tending_trials,
+)
 from codra_papers.experiments.studies.lab_runtime.wrong import mistakes
 from codra_papers.lab.mission import PCR_CYCLER, Mission, MissionError
 
 SPECS = Path(__file__).parents[4] / "specs"
 DAY_S = 300.0
+UNTIL_THE_ROTOR_IS_TURNED_S = 335.0
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +46,11 @@ def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
 @pytest.fixture(scope="module")
 def outcomes(settings: Settings) -> Mapping[str, Outcome]:
     """Return the outcomes of one opening and closing, and of the first minutes of a day."""
-    short = [*tending_trials(settings, FIRST_REPORTED_SEED, times=1), *day_trials(settings, DAY_S)]
+    short = [
+        *tending_trials(settings, FIRST_REPORTED_SEED, times=1),
+        *day_trials(settings, DAY_S),
+        alternatives_trial(settings, UNTIL_THE_ROTOR_IS_TURNED_S),
+    ]
     return {trial.name: run_trial(trial, settings.folder / "trials" / trial.name) for trial in short}
 
 
@@ -156,7 +169,29 @@ def test_the_summary_has_both_tasks_the_sources_the_day_and_wrong_values(documen
     assert [next(word for word in WORDS if word in sentence) for sentence in document.summary] == list(WORDS)
 
 
-WORDS = ("Opening the", "Closing the", "perception time is saved", "loops were completed", "were not true")
+WORDS = (
+    "Opening the",
+    "Closing the",
+    "perception time is saved",
+    "loops were completed",
+    "with alternatives;",
+    "were not true",
+)
+
+
+def test_an_answer_from_the_evidence_of_an_alternative_is_counted(
+    settings: Settings, outcomes: Mapping[str, Outcome]
+) -> None:
+    outcome = outcomes["day-with-alternatives"]
+    seen_by_rotor = {decision.answered_s for decision in outcome.decisions if decision.source == "see_centrifuge_rotor"}
+
+    ((variable, names),) = alternatives(read_spec(settings.spec)).items()
+    counts = answers(outcome, variable, names)
+
+    assert (variable, list(names)) == ("centrifuge_open", ["see_centrifuge_rotor"])
+    assert counts.by_alternatives == len(seen_by_rotor) >= 1
+    assert counts.by_alternatives < counts.answered <= counts.decisions
+    assert counts.untrue == 0
 
 
 def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
@@ -164,10 +199,10 @@ def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
         assert outcomes[f"day-{condition}-observers"].duration_s == DAY_S
 
 
-def test_the_experiment_runs_the_first_seed_further_seeds_and_a_day_in_pairs(settings: Settings) -> None:
+def test_the_experiment_runs_seeds_and_a_day_in_pairs_and_the_day_with_alternatives(settings: Settings) -> None:
     trials = EXPERIMENT.trials(replace(settings, seeds=2))
 
-    assert [trial.seed for trial in trials] == [301, 301, 302, 302, 303, 303, 301, 301]
+    assert [trial.seed for trial in trials] == [301, 301, 302, 302, 303, 303, 301, 301, 301]
     assert len({trial.name for trial in trials}) == len(trials)
 
 

@@ -28,6 +28,7 @@ def decision(asking_s: float, waited_s: float, looked_s: float, *, is_preview: b
         answered_s=asking_s + waited_s + looked_s,
         waited_s=waited_s,
         looked_s=looked_s,
+        source="",
         has_looked=looked_s > 0.0,
         unanswered="",
         wrong={},

@@ -9,6 +9,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from math import hypot, pi
 from pathlib import Path
 from random import Random
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codra_papers.lab.gaze import observation_gaze
+from codra_papers.lab.gaze import observation_gaze, ready_gaze
 from codra_papers.lab.perception import functions as perception
 from codra_papers.lab.perception.frame import Frame
 from codra_papers.lab.perception.functions import find_in_view, localize_lid, localize_rotor, measure_distance
@@ -204,6 +205,23 @@ def test_a_closed_lid_hides_the_rotor(lab: Laboratory) -> None:
     lab.place_robot("centrifuge")
 
     assert ask(localize_rotor, "centrifuge", lab.frame()) == {"markers": 0, "rotor_angle": None}
+
+
+@pytest.mark.parametrize("gaze", [*map(partial(observation_gaze, "centrifuge"), Part), ready_gaze("centrifuge")])
+@pytest.mark.parametrize("rotor_rad", [0.0, 0.5, pi / 2])
+def test_a_rotor_in_view_means_an_open_lid_if_the_lid_is_out_of_view(
+    lab: Laboratory, gaze: tuple[float, ...], rotor_rad: float
+) -> None:
+    """A lid that is ajar, at most 0.6 rad, lets the camera see the rotor, but then the lid is in view as well."""
+    lab.place_robot("centrifuge", gaze)
+    lab.turn("centrifuge", Part.ROTOR, rotor_rad)
+    for lid_rad in np.linspace(0.0, 1.35, 28):
+        lab.turn("centrifuge", Part.LID, lid_rad)
+
+        shows_rotor, shows_lid = (lab.share("centrifuge", part) for part in (Part.ROTOR, Part.LID))
+
+        assert shows_rotor == 0.0 or shows_lid >= 50.0 or lid_rad > 0.6
+    assert shows_rotor > 0.0
 
 
 # View
