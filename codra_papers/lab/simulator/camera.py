@@ -6,11 +6,13 @@ shows the blur by motion within the exposure, the room's light, the blur of the 
 
 from __future__ import annotations
 
+import atexit
+import os
 from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import ceil, radians, tan
 from operator import attrgetter
 from random import Random
@@ -120,7 +122,7 @@ class FrameSource:
     """
 
     def __init__(self, world: LabWorld) -> None:
-        """Choose an OpenGL backend, and start the drawing thread.
+        """Create a renderer in the drawing thread.
 
         Raises:
             GraphicsUnavailableError: no backend on this computer can draw without a screen.
@@ -131,8 +133,8 @@ class FrameSource:
         self._frames: OrderedDict[float, Future[Frame]] = OrderedDict()
         self._lock = Lock()
         self._is_closed = False
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="codra-camera")
-        self._renderer = self._thread.submit(_Renderer, gl.choose_backend(), world.laboratory).result()
+        self._thread = _drawing_thread()
+        self._renderer = self._thread.submit(_Renderer, world.laboratory).result()
         self.rendered = 0
 
     def __enter__(self) -> FrameSource:
@@ -142,14 +144,13 @@ class FrameSource:
         self.close()
 
     def close(self) -> None:
-        """Free the resources of the drawing thread and end the thread. Repeated calls do nothing."""
+        """Free the resources of the renderer. Repeated calls do nothing."""
         with self._lock:
             if self._is_closed:
                 return
             self._is_closed = True
             release = self._thread.submit(self._renderer.free)
         release.result()
-        self._thread.shutdown(wait=True)
 
     def frame_at(self, instant_s: float) -> Frame:
         """Return the frame whose exposure ends at an instant. The frame is drawn in the first call for this instant.
@@ -209,8 +210,28 @@ def exposed_states(world: LabWorld, instant_s: float) -> list[LabState]:
     return [world.state(instant_s - EXPOSURE_S * step / (steps - 1)) for step in reversed(range(steps))]
 
 
+@cache
+def _drawing_thread() -> ThreadPoolExecutor:
+    """Return the thread that draws the frames of all sources of this process, with the OpenGL context that they share.
+
+    Mesa translates its shaders anew for each context, which takes as long as drawing twenty frames.
+
+    Raises:
+        GraphicsUnavailableError: no backend on this computer can draw without a screen.
+    """
+    backend = gl.choose_backend()
+    thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="codra-camera")
+    context = thread.submit(gl.make_context, backend, INTRINSICS.width, INTRINSICS.height).result()
+    thread.submit(context.make_current).result()
+    atexit.register(context.free)
+    return thread
+
+
+os.register_at_fork(after_in_child=_drawing_thread.cache_clear)  # a child does not have the thread of its parent
+
+
 class _Renderer:
-    """A MuJoCo renderer. Its OpenGL context belongs to the thread that created it."""
+    """A MuJoCo renderer. It belongs to the drawing thread, in which it was created."""
 
     frames_of_process: ClassVar[int] = 0
     _count_lock: ClassVar[Lock] = Lock()
@@ -221,12 +242,9 @@ class _Renderer:
         with cls._count_lock:
             cls.frames_of_process += 1
 
-    def __init__(self, backend: str, laboratory: Laboratory) -> None:
+    def __init__(self, laboratory: Laboratory) -> None:
         self._stage = Stage(laboratory)
-        self._context = gl.make_context(backend, INTRINSICS.width, INTRINSICS.height)
-        self._context.make_current()
-        self._mujoco_context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._mujoco_context)
+        self._context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         self._scene = mujoco.MjvScene(self._stage.model, maxgeom=500)
         for flag in _UNDRAWN_FEATURES:
             self._scene.flags[flag] = 0
@@ -261,13 +279,13 @@ class _Renderer:
             model, data, self._contents_option, self._perturbation, self._camera, everything, self._scene
         )
         mujoco.mjv_addGeoms(model, data, self._room_option, self._perturbation, everything, self._scene)
-        mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
-        mujoco.mjr_readPixels(self._upside_down, None, self._rectangle, self._mujoco_context)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        mujoco.mjr_render(self._rectangle, self._scene, self._context)
+        mujoco.mjr_readPixels(self._upside_down, None, self._rectangle, self._context)
         return np.asarray(cv2.flip(self._upside_down, 0), dtype=np.uint8)
 
     def free(self) -> None:
-        """Free all resources. Call this method in the thread that created the renderer."""
-        self._mujoco_context.free()
+        """Free all resources. Call this method in the drawing thread."""
         self._context.free()
 
 

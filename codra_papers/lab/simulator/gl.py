@@ -11,7 +11,9 @@ from typing import Protocol
 
 _PROBE = """
 import mujoco
-model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+model = mujoco.MjModel.from_xml_string(
+    "<mujoco><visual><quality offsamples='0' shadowsize='0'/></visual><worldbody><geom size='1'/></worldbody></mujoco>"
+)
 with mujoco.Renderer(model, 8, 8) as renderer:
     renderer.update_scene(mujoco.MjData(model))
     renderer.render()

@@ -111,23 +111,28 @@ def follow(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[Rep
 # Rules and pages
 
 
+def nodes_of_files_with(word: str) -> Iterator[ast.AST]:
+    """Yield the nodes of the package's files that contain a word. Parsing all files takes seconds."""
+    for path in sorted((ROOT / "codra_dsl").rglob("*.py")):
+        if word in (text := path.read_text("utf-8")):
+            yield from ast.walk(ast.parse(text))
+
+
 def declared_rules() -> Iterator[tuple[str, str]]:
     """Yield code and name of each row of each `rules(...)` in the package."""
-    for path in sorted((ROOT / "codra_dsl").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            called = getattr(node.func, "id", getattr(node.func, "attr", "")) if isinstance(node, ast.Call) else ""
-            for row in node.args if isinstance(node, ast.Call) and called == "rules" else ():
-                if isinstance(row, ast.Tuple):
-                    code, name = (ast.literal_eval(cell) for cell in row.elts[:2])
-                    yield code, name
+    for node in nodes_of_files_with("rules"):
+        called = getattr(node.func, "id", getattr(node.func, "attr", "")) if isinstance(node, ast.Call) else ""
+        for row in node.args if isinstance(node, ast.Call) and called == "rules" else ():
+            if isinstance(row, ast.Tuple):
+                code, name = (ast.literal_eval(cell) for cell in row.elts[:2])
+                yield code, name
 
 
 def codes_in_the_source() -> Iterator[str]:
     """Yield each text of the package that is a code, for any purpose."""
-    for path in sorted((ROOT / "codra_dsl").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and re.fullmatch(CODE, node.value):
-                yield node.value
+    for node in nodes_of_files_with("CDR"):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and re.fullmatch(CODE, node.value):
+            yield node.value
 
 
 def test_every_code_of_the_package_is_known_and_has_a_page() -> None:

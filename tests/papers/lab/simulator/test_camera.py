@@ -20,7 +20,7 @@ from codra_papers.lab.perception.tags import detect
 from codra_papers.lab.simulator import camera
 from codra_papers.lab.simulator.camera import ArmCamera, FrameSource, GreyFrameSource, exposed_states
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
-from codra_papers.lab.simulator.laboratory import NOISE_GREYS
+from codra_papers.lab.simulator.laboratory import LABORATORY, NOISE_GREYS
 from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
 from codra_papers.lab.simulator.world import JointKey, LabWorld, Quantity
 from tests.papers.lab.perception.placing import place_robot_before, put, set_joint
@@ -90,6 +90,20 @@ def test_earlier_frames_do_not_change_a_frame(world: LabWorld, source: FrameSour
     for instant_s in (1.0, 1.5, 2.5, 3.5, 4.5, 6.0, 1.2):
         with FrameSource(world) as other:
             assert np.array_equal(source.frame_at(instant_s).pixels, other.frame_at(instant_s).pixels)
+
+
+def test_open_sources_of_different_rooms_draw_what_each_draws_alone(world: LabWorld) -> None:
+    other_world = LabWorld(SEED, LABORATORY.with_tags(0.5))
+    place_robot_before(other_world, "centrifuge", observation_gaze("centrifuge", Part.LID))
+    pictures_alone = []
+    for one_world in (world, other_world):
+        with FrameSource(one_world) as source:
+            pictures_alone.append([source.frame_at(instant_s).pixels for instant_s in (1.0, 2.0)])
+
+    with FrameSource(world) as source, FrameSource(other_world) as other:
+        pictures = [[one.frame_at(instant_s).pixels for one in (source, other)] for instant_s in (1.0, 2.0)]
+
+    assert np.array_equal(np.swapaxes(pictures, 0, 1), pictures_alone)
 
 
 def test_noise_depends_on_seed_and_instant(still_source: FrameSource) -> None:
