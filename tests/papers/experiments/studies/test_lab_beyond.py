@@ -278,7 +278,7 @@ def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
 
 
 def test_more_machines_leave_naive_observers_fewer_looks(tmp_path: Path) -> None:
-    budgets = run_and_judge(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=20.0)
+    budgets = run_and_judge(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
     jobs = {
         count: budgets.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
         for count in lab_budgets.MACHINE_COUNTS
