@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.context.agents import Agent
     from codra_dsl.runtime.context.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
     from codra_dsl.runtime.context.model import ContextModel
-    from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
-    from codra_dsl.runtime.context.pending_preview import PendingPreview
+    from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision, PendingPreview
     from codra_dsl.runtime.context.shadow import ShadowReport
     from codra_dsl.runtime.errors import NotASourceError
     from codra_dsl.runtime.journal import Event, EventLog, Kind
@@ -87,8 +86,7 @@ _NAMES_BY_MODULE = {
     "codra_dsl.runtime.context.agents": "Agent",
     "codra_dsl.runtime.context.context": "ContextManager NotDeclaredError Skill UnknownNameError",
     "codra_dsl.runtime.context.model": "ContextModel",
-    "codra_dsl.runtime.context.pending_decision": "DecisionState PendingDecision",
-    "codra_dsl.runtime.context.pending_preview": "PendingPreview",
+    "codra_dsl.runtime.context.pending_decision": "DecisionState PendingDecision PendingPreview",
     "codra_dsl.runtime.context.shadow": "ShadowReport",
     "codra_dsl.runtime.errors": "NotASourceError",
     "codra_dsl.runtime.journal": "Event EventLog Kind",

@@ -9,10 +9,8 @@ from typing import Any, Generic, TypeVar
 from codra_dsl.isolation.error_text import type_name
 from codra_dsl.logic import Value
 from codra_dsl.runtime.context.commands import Commands
-from codra_dsl.runtime.context.decisions import DecisionRequest
-from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
-from codra_dsl.runtime.context.pending_preview import PendingPreview
-from codra_dsl.runtime.context.previews import PreviewRequest
+from codra_dsl.runtime.context.decisions import DecisionRequest, PreviewRequest
+from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision, PendingPreview
 from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.journal import EventLog
 from codra_dsl.runtime.locked_clock import LockedClock
@@ -95,9 +93,8 @@ class AnsweringContext(Generic[VariableName, SkillName]):
 
         The arguments are those of `decide`. If a look is necessary, the main execution looks between two steps.
         """
-        model = self._model(name)
         request = DecisionRequest(
-            variable=name,
+            variable=self._model(name).name,
             max_age_s=float(max_age_s),
             since_s=float(since_s),
             wait_up_to_s=float(wait_up_to_s),
@@ -107,8 +104,8 @@ class AnsweringContext(Generic[VariableName, SkillName]):
             self.commands.ask(request),
             commands=self.commands,
             clock=self._clock,
-            read=lambda: self._reading(name),
-            convert=model.type.convert,
+            read=self._reading,
+            convert=self._convert,
         )
 
     def preview(
@@ -177,12 +174,15 @@ class AnsweringContext(Generic[VariableName, SkillName]):
             looks=looks,
         )
         return PendingPreview(
-            self.commands.previews.ask(request),
-            commands=self.commands.previews,
+            self.commands.ask_preview(request),
+            commands=self.commands,
             clock=self._clock,
-            is_closed=lambda: self.commands.is_closed,
-            convert=lambda name, value: self._model(name).type.convert(value),
+            read=self._reading,
+            convert=self._convert,
         )
+
+    def _convert(self, name: str, value: object) -> Value | None:
+        return self._model(name).type.convert(value)
 
     def _reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable now.

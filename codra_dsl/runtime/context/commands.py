@@ -14,8 +14,14 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
-from codra_dsl.runtime.context.preview_commands import PreviewCommands
+from codra_dsl.runtime.context.decisions import (
+    Decision,
+    DecisionRequest,
+    Explain,
+    Preview,
+    PreviewRequest,
+    ValueDecision,
+)
 from codra_dsl.runtime.errors import NotASourceError
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.journal.encoding import json_text
@@ -58,7 +64,7 @@ class Commands:
         expectations: Expectations,
         event_triggers: EventTriggers,
         skills: Mapping[str, SkillModel],
-        explain: Callable[[Reading[Value]], Reading[Value]],
+        explain: Explain,
     ) -> None:
         """Execute commands on the parts of a context manager.
 
@@ -94,16 +100,6 @@ class Commands:
         self._skills_under_way: dict[int, tuple[str, SkillModel]] = {}
         self._skill_count = 0
         self._decision_count = 0
-        self.previews = PreviewCommands(
-            clock=clock,
-            event_writer=event_writer,
-            store=store,
-            urgencies=self._urgencies,
-            skills=skills,
-            explain=explain,
-            next_number=self._next_decision_number,
-            keep_value=self._keep_value,
-        )
         self._tickets: dict[int, Ticket] = {}
         self._slot_request_count = 0
 
@@ -228,7 +224,7 @@ class Commands:
             if writer != MAIN and writer not in model.sources:
                 self._event_writer.write(Kind.VARIABLE, name, "refused", value=content, source=writer)
                 raise NotASourceError(f"{name!r} may be written by {' or '.join(model.sources)}, not by {writer!r}")
-            self._store_reading(model, content, writer, evidence_s)
+            self._store.write(self._reading_of(name, content, writer, evidence_s))
 
     def override(self, name: str, content: Value | None, for_s: float, detail: str) -> None:
         """Let the operator give a variable a value for some time; it is unknown in this time if `content` is None."""
@@ -259,52 +255,72 @@ class Commands:
 
     # Decisions
 
-    def ask(self, request: DecisionRequest) -> Decision:
+    def ask(self, request: DecisionRequest) -> ValueDecision:
         """Return a new decision. If context has the answer, the decision is answered at once."""
         with self._clock:
-            number = self._next_decision_number()
-            self._record_input("decide", number=number, **_request_fields(request))
-            now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
-            decision = Decision(number=number, request=request, asked_s=now_s, reading=reading)
-            self._look_up(decision)
-            if not decision.is_met and request.wait_up_to_s > 0:
-                self._urgencies.wait(decision.number, request.variable)
-                return decision
-            self._answer_or_look(decision)
+            number, now_s = self._next_decision_number(), self._clock.now_s()
+            decision = ValueDecision(number=number, name=request.variable, asked_s=now_s, request=request)
+            self._begin_decision("decide", decision)
             return decision
 
+    def ask_preview(self, request: PreviewRequest) -> Preview:
+        """Return a new preview. If context decides it, or nobody can wait or look for it, it is answered at once."""
+        with self._clock:
+            number, now_s, skill = self._next_decision_number(), self._clock.now_s(), self._skills[request.skill]
+            preview = Preview(number=number, name=skill.name, asked_s=now_s, request=request, skill=skill)
+            self._begin_decision("preview", preview)
+            return preview
+
     def resume(self, decision: Decision) -> None:
-        """Read the variable of a decision again after the wait; answer the decision, or let the main execution look."""
+        """Look up the answer again after the wait; answer the decision, or let the main execution look."""
         with self._clock:
             self._record_input("waited", number=decision.number)
             self._urgencies.answer(decision.number)
             self._look_up(decision)
             self._answer_or_look(decision)
 
-    def conclude(self, decision: Decision, content: Value | None, raised: str | None = None) -> None:
-        """Record the value that the main execution got by its own look, or the name of the error that the look raised.
+    def conclude(self, decision: ValueDecision, content: Value | None) -> None:
+        """Record the value that the main execution got by its own look.
 
         The value is kept as evidence of the main execution if the main execution may write the variable, the decision
         is not in shadow mode, and no skill has made the variable unknown since the look began.
         """
-        name, shadow = decision.request.variable, decision.request.shadow
+        shadow = decision.request.shadow
         with self._clock:
-            self._record_input("found", number=decision.number, value=content, raised=raised)
-            self._urgencies.answer(decision.number)  # the decision may have been abandoned while it waited
-            what = "shadowed" if decision.is_met else "fell_back"
-            shadow_details = {"shadow": True} if shadow and not decision.is_met else {}
-            if raised is not None:
-                self._record_decision(what, decision, raised=raised, **shadow_details)
-                return
-            is_kept = not shadow and content is not None and self._may_keep(name, decision.looked_s)
+            self._record_input("found", number=decision.number, value=content)
+            is_kept = not shadow and content is not None and self._may_keep(decision.name, decision.looked_s)
             look_details: dict[str, object] = {"found": content}
-            if not decision.is_met:
-                look_details |= {"kept": is_kept, **shadow_details}
+            if not decision.is_decided:
+                look_details["kept"] = is_kept
             elif content is not None:
                 look_details["agrees"] = content == decision.reading.content
-            self._record_decision(what, decision, **look_details)
+            self._record_answer(decision, **look_details)
             if is_kept:
-                self._store_reading(self._store.variables[name], content, MAIN, None, decision.looked_s)
+                self._store.write(self._reading_of(decision.name, content, MAIN, None, decision.looked_s))
+
+    def record_look(self, preview: Preview, variable: str, content: Value | None) -> None:
+        """Record what the main execution found for a variable, and answer the preview if it is decided now.
+
+        The value is kept under the conditions under which a decision on the variable would keep it.
+        """
+        with self._clock:
+            self._record_input("looked", number=preview.number, variable=variable, value=content)
+            reading = self._reading_of(variable, content, MAIN, None, preview.looked_s)
+            preview.looked[variable] = reading
+            if content is not None and self._may_keep(variable, preview.looked_s):
+                self._store.write(reading)
+            self._look_up(preview)
+            self._answer_or_look(preview)
+
+    def abandon(self, decision: Decision, raised: str) -> None:
+        """Record that the main execution stopped waiting or looking: the name of the error, or why."""
+        with self._clock:
+            is_preview = isinstance(decision, Preview)
+            self._record_input("looked" if is_preview else "found", number=decision.number, raised=raised)
+            if is_preview:
+                self._look_up(decision)
+                decision.explain(self._explain)
+            self._record_answer(decision, raised=raised)
 
     # Slots
 
@@ -373,13 +389,6 @@ class Commands:
         self._decision_count += 1
         return self._decision_count
 
-    def _keep_value(self, name: str, content: Value, looked_s: float) -> bool:
-        """Keep a value that the main execution found by a look; return whether it may be kept."""
-        may_keep = self._may_keep(name, looked_s)
-        if may_keep:
-            self._store_reading(self._store.variables[name], content, MAIN, None, looked_s)
-        return may_keep
-
     def _may_keep(self, name: str, looked_s: float) -> bool:
         """Return whether what was found by a look may be kept: not if a skill has acted since the look began."""
         return looked_s >= self._store.cells[name].invalidated_s and self._may_write(name)
@@ -388,22 +397,18 @@ class Commands:
         model = self._store.variables[name]
         return not model.is_computed and (MAIN in model.sources or name in self.declarations)
 
-    def _store_reading(
-        self,
-        model: VariableModel,
-        content: Value | None,
-        writer: str,
-        evidence_s: float | None,
-        start_s: float | None = None,
-    ) -> None:
-        name, now_s = model.name, self._clock.now_s()
+    def _reading_of(
+        self, name: str, content: Value | None, writer: str, evidence_s: float | None, start_s: float | None = None
+    ) -> Reading[Value]:
+        """Return what a program wrote or found; an unknown reading if it found no value."""
+        now_s = self._clock.now_s()
         if evidence_s is None:
             evidence_s = now_s
         elif not -math.inf < evidence_s <= now_s:
             raise ValueError(f"evidence for {name!r} cannot be from {evidence_s}: the present instant is {now_s}")
         start_s = evidence_s if start_s is None else start_s
         if content is None:
-            reading: Reading[Value] = Reading(
+            return Reading(
                 name=name,
                 reason=Reason.REJECTED,
                 evidence_s=evidence_s,
@@ -411,49 +416,34 @@ class Commands:
                 identified_s=now_s,
                 source=writer,
             )
+        expires_s = evidence_s + self._store.variables[name].valid_for_s
+        return known_reading(name, content, evidence_s, start_s, now_s, expires_s, writer)
+
+    def _begin_decision(self, what: str, decision: Decision) -> None:
+        self._record_input(what, number=decision.number, **decision.request.input_details())
+        self._look_up(decision)
+        if decision.is_decided or decision.request.wait_up_to_s <= 0:
+            self._answer_or_look(decision)
         else:
-            expires_s = evidence_s + model.valid_for_s
-            reading = known_reading(name, content, evidence_s, start_s, now_s, expires_s, writer)
-        self._store.write(reading)
+            self._urgencies.wait(decision.number, *decision.unknown)
 
     def _look_up(self, decision: Decision) -> None:
-        decision.reading = self._store.reading(decision.request.variable)
-        decision.is_met = decision.request.is_met(decision.reading, self._clock.now_s())
+        decision.look_up(self._store.reading, self._clock.now_s())
 
     def _answer_or_look(self, decision: Decision) -> None:
         """Answer a decision from context, or note that the main execution begins to look."""
-        if decision.is_answered:
-            self._record_decision("answered", decision)
-        else:
-            decision.reading = self._explain(decision.reading)
+        decision.explain(self._explain)
+        if decision.missing:
             decision.looked_s = self._clock.now_s()
+        else:
+            self._record_answer(decision)
 
-    def _record_decision(self, what: str, decision: Decision, **details: object) -> None:
-        reading = decision.reading
-        reason_details = {"reason": reading.reason, "detail": reading.detail}
-        reading_details = {
-            "value": reading.content,
-            **reason_details,
-            "asked_s": decision.asked_s,
-            "source": reading.source,
-        }
-        if self._skills_under_way:  # the last skill that began
-            reading_details["skill"] = next(reversed(self._skills_under_way.values()))[1].name
-        self._event_writer.write(Kind.DECISION, reading.name, what, **reading_details, **details)
-
-
-def _request_fields(request: DecisionRequest) -> dict[str, object]:
-    """Return the fields of a request that differ from the defaults, and the variable."""
-    fields: dict[str, object] = {"variable": request.variable}
-    if request.max_age_s < math.inf:
-        fields["max_age_s"] = request.max_age_s
-    if request.since_s > -math.inf:
-        fields["since_s"] = request.since_s
-    if request.wait_up_to_s > 0:
-        fields["wait_up_to_s"] = request.wait_up_to_s
-    if request.shadow:
-        fields["shadow"] = True
-    return fields
+    def _record_answer(self, decision: Decision, **details: object) -> None:
+        decision.is_over = True
+        self._urgencies.answer(decision.number)  # the decision may have been abandoned while it waited
+        skill = next(reversed(self._skills_under_way.values()))[1].name if self._skills_under_way else ""
+        event_details = decision.event_details(skill, details)
+        self._event_writer.write(decision.kind, decision.name, decision.how, **event_details)
 
 
 def _agent_help(model: VariableModel) -> str:

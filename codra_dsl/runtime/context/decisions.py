@@ -1,16 +1,63 @@
-"""Decisions of the main execution: the request and its state (P1, section 3.3)."""
+"""Decisions of the main execution: on the value of a variable, or on the preview of a skill (P1, section 3.3)."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import ClassVar
 
 from codra_dsl.logic import Value
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.journal.encoding import json_text
 from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.model import SkillModel
+from codra_dsl.runtime.values.previews import PreviewAnswer, PreviewOutcome, evaluate, with_details
+
+ReadNow = Callable[[str], Reading[Value]]
+"""Returns the reading of a variable now."""
+
+Explain = Callable[[Reading[Value]], Reading[Value]]
+"""Adds to an unknown reading the reason why the variable cannot be observed now."""
+
+
+class _Limits:
+    """What limits a request: the evidence that may be used, and the wait."""
+
+    __slots__ = ()
+    max_age_s: float
+    since_s: float | Mapping[str, float]
+    wait_up_to_s: float
+
+    def __post_init__(self) -> None:
+        """Refuse a limit that is NaN.
+
+        Raises:
+            ValueError: if there is one.
+        """
+        since_s = self.since_s.values() if isinstance(self.since_s, Mapping) else (self.since_s,)
+        if any(map(math.isnan, (self.max_age_s, self.wait_up_to_s, *since_s))):
+            raise ValueError("`max_age_s`, `since_s` and `wait_up_to_s` of a decision must not be NaN")
+
+    def permits(self, reading: Reading[Value], now_s: float) -> bool:
+        """Return whether a reading is known and may be used at an instant."""
+        since_s = self.since_s.get(reading.name, -math.inf) if isinstance(self.since_s, Mapping) else self.since_s
+        return reading.known and reading.start_s >= since_s and reading.age_s(now_s) <= self.max_age_s
+
+    def input_details(self) -> dict[str, object]:
+        """Return the details of the request for the journal: all that differ from their defaults."""
+        details: dict[str, object] = {}
+        for request_field in fields(self):  # type: ignore[arg-type]
+            content = getattr(self, request_field.name)
+            if isinstance(content, Mapping):
+                details |= {"since": json_text(dict(content))} if content else {}
+            elif content != request_field.default:
+                details[request_field.name] = content
+        return details
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DecisionRequest:
+class DecisionRequest(_Limits):
     """A request for the value of a variable.
 
     Attributes:
@@ -27,40 +74,235 @@ class DecisionRequest:
     wait_up_to_s: float = 0.0
     shadow: bool = False
 
-    def __post_init__(self) -> None:
-        """Refuse a limit that is NaN.
 
-        Raises:
-            ValueError: if there is one.
-        """
-        if any(map(math.isnan, (self.max_age_s, self.since_s, self.wait_up_to_s))):
-            raise ValueError("`max_age_s`, `since_s` and `wait_up_to_s` of a decision must not be NaN")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewRequest(_Limits):
+    """A request for the answer to a skill's preview.
 
-    def is_met(self, reading: Reading[Value], now_s: float) -> bool:
-        """Return whether a reading answers the request at an instant."""
-        return reading.known and reading.start_s >= self.since_s and reading.age_s(now_s) <= self.max_age_s
+    Attributes:
+        max_age_s: the largest permitted age of the evidence of each variable.
+        since_s: for some variables, the instant at or after which the taking of the evidence must have begun.
+        wait_up_to_s: the longest wait for observers.
+        looks: whether the main execution looks for the variables that are still unknown after the wait.
+    """
+
+    skill: str
+    max_age_s: float = math.inf
+    since_s: Mapping[str, float] = field(default_factory=dict)
+    wait_up_to_s: float = 0.0
+    looks: bool = False
 
 
 @dataclass(slots=True, kw_only=True)
-class Decision:
+class _State:
     """The state of one decision.
 
     Attributes:
         number: the number of the decision in the run, from 1.
+        name: the variable or skill.
         asked_s: when the decision was requested.
-        reading: the last reading of the variable that was looked up for this decision.
-        is_met: whether this reading answers the request.
-        looked_s: when the main execution itself began to look.
+        looked_s: when the main execution began its present look.
+        is_over: whether the answer is final and recorded.
     """
 
     number: int
-    request: DecisionRequest
+    name: str
     asked_s: float
-    reading: Reading[Value]
-    is_met: bool = False
     looked_s: float = math.nan
+    is_over: bool = False
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether the decision waits for observers after the request."""
+        return not self.is_over and math.isnan(self.looked_s)
+
+
+@dataclass(slots=True, kw_only=True)
+class ValueDecision(_State):
+    """A decision on the value of a variable.
+
+    Attributes:
+        kind: the kind of the event that states how the decision was answered.
+        reading: the last reading of the variable that was looked up for this decision.
+        is_decided: whether this reading answers the request.
+    """
+
+    kind: ClassVar[Kind] = Kind.DECISION
+    request: DecisionRequest
+    reading: Reading[Value] = field(init=False)
+    is_decided: bool = False
 
     @property
     def is_answered(self) -> bool:
         """Return whether context has answered, so that the main execution need not look."""
-        return self.is_met and not self.request.shadow
+        return self.is_decided and not self.request.shadow
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Return the variables that context does not know."""
+        return () if self.is_decided else (self.name,)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Return the variables for which the main execution should look now."""
+        return () if self.is_answered else (self.name,)
+
+    @property
+    def how(self) -> str:
+        """Return how the decision was answered."""
+        return "answered" if self.is_answered else "shadowed" if self.is_decided else "fell_back"
+
+    def event_details(self, skill: str, look_details: Mapping[str, object]) -> dict[str, object]:
+        """Return the details of the event that states how the decision was answered.
+
+        Args:
+            skill: the last skill that began and still runs; empty if there is none.
+            look_details: what the main execution found by looking.
+        """
+        reading = self.reading
+        return {
+            "value": reading.content,
+            "reason": reading.reason,
+            "detail": reading.detail,
+            "asked_s": self.asked_s,
+            "source": reading.source,
+            **({"skill": skill} if skill else {}),
+            **look_details,
+            **({"shadow": True} if self.request.shadow and not self.is_decided else {}),
+        }
+
+    def can_be_decided(self, read: ReadNow, now_s: float) -> bool:
+        """Return whether context has the answer now."""
+        return self.request.permits(read(self.name), now_s)
+
+    def flips_s(self, read: ReadNow, now_s: float) -> float:
+        """Return in how many seconds time alone may next decide: never."""
+        del read, now_s
+        return math.inf
+
+    def look_up(self, read: ReadNow, now_s: float) -> None:
+        """Look up the answer in the context."""
+        self.reading = read(self.name)
+        self.is_decided = self.request.permits(self.reading, now_s)
+
+    def explain(self, explain: Explain) -> None:
+        """Add to what is unknown the reason why it cannot be observed now."""
+        if not self.is_answered:
+            self.reading = explain(self.reading)
+
+
+@dataclass(frozen=True, slots=True)
+class PreviewContext:
+    """The context as a preview sees it: readings that the request permits, and otherwise what was found by looking."""
+
+    request: PreviewRequest
+    readings: Mapping[str, Reading[Value]]
+    looked: Mapping[str, Reading[Value]]
+    now_s: float
+
+    def usable_reading(self, name: str) -> Reading[Value] | None:
+        """Return the reading of a variable that the preview uses; None if there is none."""
+        if self.request.permits(self.readings[name], self.now_s):
+            return self.readings[name]
+        looked_reading = self.looked.get(name)
+        return looked_reading if looked_reading is not None and looked_reading.known else None
+
+    def value(self, name: str) -> Value | None:
+        """Return the value of a variable, or None if the preview may use none."""
+        reading = self.usable_reading(name)
+        return None if reading is None else reading.content
+
+    def age_s(self, name: str) -> float | None:
+        """Return the age of a variable's evidence, or None if the preview may use none."""
+        reading = self.usable_reading(name)
+        return None if reading is None else reading.age_s(self.now_s)
+
+    def reading(self, name: str) -> Reading[Value]:
+        """Return the reading of a variable, which the request may not permit."""
+        return self.readings[name]
+
+
+@dataclass(slots=True, kw_only=True)
+class Preview(_State):
+    """A decision on the preview of a skill; its properties and methods are those of `ValueDecision`.
+
+    Attributes:
+        looked: what the main execution found, by variable; an unknown reading where it found no value.
+        context: the context in which the answer was last evaluated.
+        answer: this answer.
+    """
+
+    kind: ClassVar[Kind] = Kind.PREVIEW
+    request: PreviewRequest
+    skill: SkillModel
+    looked: dict[str, Reading[Value]] = field(default_factory=dict)
+    context: PreviewContext = field(init=False)
+    answer: PreviewAnswer = field(init=False)
+
+    @property
+    def is_decided(self) -> bool:
+        """Return whether the preview certainly holds, or is certainly violated."""
+        return self.answer.outcome is not PreviewOutcome.UNKNOWN
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Return the variables because of which the preview is not decided."""
+        return () if self.is_decided else tuple(variable.name for variable in self.answer.unknown)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Return the variables for which the main execution should look now; none, if this cannot change the answer."""
+        return tuple(name for name in self.unknown if name not in self.looked) if self.request.looks else ()
+
+    @property
+    def how(self) -> str:
+        """Return how the preview was answered."""
+        return "fell_back" if self.looked else "answered" if self.is_decided else "unanswered"
+
+    def event_details(self, _skill: str, look_details: Mapping[str, object]) -> dict[str, object]:
+        """Return the details of the event that states how the preview was answered."""
+        answer, names = self.answer, self.skill.preview
+        lists = {
+            "violated": answer.violated,
+            "undecided": answer.undecided,
+            "unknown": [variable.name for variable in answer.unknown],
+            "reasons": [variable.reason for variable in answer.unknown],
+            "details": [variable.detail for variable in answer.unknown],
+            "looked": self.looked,
+        }
+        usable_readings = map(self.context.usable_reading, names)
+        return {
+            "outcome": str(answer.outcome),
+            **{key: list(entries) for key, entries in lists.items() if entries},
+            "variables": list(names),
+            "sources": ["" if reading is None else reading.source for reading in usable_readings],
+            "asked_s": self.asked_s,
+            **look_details,
+        }
+
+    def can_be_decided(self, read: ReadNow, now_s: float) -> bool:
+        """Return whether context, with what was found by looking, decides the preview now."""
+        return evaluate(self.skill, self._context(read, now_s)).outcome is not PreviewOutcome.UNKNOWN
+
+    def flips_s(self, read: ReadNow, now_s: float) -> float:
+        """Return in how many seconds an age in a condition next passes its limit; infinite if none does."""
+        context = self._context(read, now_s)
+        waits_s = (condition.condition.flips_s(context) for condition in self.skill.preview_conditions)
+        return min((wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+
+    def look_up(self, read: ReadNow, now_s: float) -> None:
+        """Evaluate the preview."""
+        self.context = self._context(read, now_s)
+        self.answer = evaluate(self.skill, self.context)
+
+    def explain(self, explain: Explain) -> None:
+        """Add to each unknown variable the reason why it cannot be observed now."""
+        readings = (self.context.readings[variable.name] for variable in self.answer.unknown)
+        self.answer = with_details(self.answer, {reading.name: explain(reading).detail for reading in readings})
+
+    def _context(self, read: ReadNow, now_s: float) -> PreviewContext:
+        return PreviewContext(self.request, {name: read(name) for name in self.skill.preview}, self.looked, now_s)
+
+
+Decision = ValueDecision | Preview
+"""A decision of the main execution."""

@@ -16,8 +16,7 @@ from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
-from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
-from codra_dsl.runtime.context.pending_preview import PendingPreview
+from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision, PendingPreview
 from codra_dsl.runtime.errors import unknown_name_error
 from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.remote.protocol import (

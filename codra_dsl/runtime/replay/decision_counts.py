@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.context.decisions import Decision
+from codra_dsl.runtime.context.decisions import ValueDecision
 from codra_dsl.runtime.journal.events import Event
 
 
@@ -78,19 +78,19 @@ class DecisionComparison:
         self._recorded[key].append(_Answered(_Answer.CONTEXT, value) if has_answer else _Answered(_Answer.LOOK))
         self._match(key)
 
-    def add_replayed(self, decision: Decision, *, is_determined: bool, is_assumed: bool) -> None:
+    def add_replayed(self, decision: ValueDecision, *, is_determined: bool, is_assumed: bool) -> None:
         """Add a decision of the replay that context has answered, or for which the main execution begins to look."""
         key = (decision.request.variable, decision.asked_s)
         if not is_determined:
             answered = _Answered(_Answer.UNKNOWN)
-        elif decision.is_met:
+        elif decision.is_decided:
             answered = _Answered(_Answer.CONTEXT, decision.reading.content, is_assumed)
         else:
             answered = _Answered(_Answer.LOOK, None, is_assumed)
         self._replayed[key].append(answered)
         self._match(key)
 
-    def take_recorded_answer(self, decision: Decision) -> bool:
+    def take_recorded_answer(self, decision: ValueDecision) -> bool:
         """Return whether the run, as far as it was read, answered a decision without a look; forget this answer."""
         key = (decision.request.variable, decision.asked_s)
         was_answered = key in self._answered_keys

@@ -7,16 +7,14 @@ decisions, so a difference means that the spec, the runtime or the journal has c
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.context import ContextManager
-from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
+from codra_dsl.runtime.context.decisions import DecisionRequest, Preview, PreviewRequest, ValueDecision
 from codra_dsl.runtime.context.model import ContextModel
-from codra_dsl.runtime.context.previews import Preview, PreviewRequest
 from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.knowledge import ConflictError
@@ -56,9 +54,9 @@ class Player:
         self._jobs = jobs
         self._types = {variable.name: variable.type for variable in model.variables}
         self._skill_names = frozenset(skill.name for skill in model.skills)
-        self.decisions: dict[int, Decision] = {}
+        self.decisions: dict[int, ValueDecision] = {}
         self.previews: dict[int, Preview] = {}
-        self.on_decision: Callable[[Decision], None] = lambda _: None
+        self.on_decision: Callable[[ValueDecision], None] = lambda _: None
         self.pending_input: Event | None = None
         self.has_tried_input = False
         self._skill_numbers: dict[int, int] = {}
@@ -93,13 +91,13 @@ class Player:
 
     def conclude_without_result(self, number: int, message: str) -> None:
         """End a decision for which the main execution looks, without a value; `message` says why there is none."""
-        self._commands.conclude(self.decisions.pop(number), None, message)
+        self._commands.abandon(self.decisions.pop(number), message)
 
-    def is_met(self, decision: Decision, now_s: float) -> bool:
+    def is_met(self, decision: ValueDecision, now_s: float) -> bool:
         """Return whether context can answer a decision now."""
-        return decision.request.is_met(self._manager.get(decision.request.variable), now_s)
+        return decision.request.permits(self._manager.get(decision.request.variable), now_s)
 
-    def _note_decision(self, number: int, decision: Decision, *, is_waiting: bool) -> None:
+    def _note_decision(self, number: int, decision: ValueDecision, *, is_waiting: bool) -> None:
         """Keep a decision that waits or looks."""
         self.decisions[number] = decision
         if is_waiting:
@@ -180,25 +178,27 @@ class Player:
             case "preview":
                 since_s = parse_json(details["since"]) if "since" in details else {}
                 fields = {key: value for key, value in details.items() if key not in {*_POSITION_DETAILS, "since"}}
-                self._note_preview(number, self._commands.previews.ask(PreviewRequest(**fields, since_s=since_s)))
+                self._note_preview(number, self._commands.ask_preview(PreviewRequest(**fields, since_s=since_s)))
             case "waited" if number in self.previews:
                 preview = self.previews.pop(number)
-                self._commands.previews.resume(preview)
+                self._commands.resume(preview)
                 self._note_preview(number, preview)
             case "looked" if "variable" in details:
                 preview, content = self.previews.pop(number), self._value(details["variable"], details)
-                self._commands.previews.record_look(preview, details["variable"], content)
+                self._commands.record_look(preview, details["variable"], content)
                 self._note_preview(number, preview)
             case "looked":
-                self._commands.previews.abandon(self.previews.pop(number), details.get("raised", ""))
+                self._commands.abandon(self.previews.pop(number), details.get("raised", ""))
             case "waited":
                 self.resume(number)
             case "found":
                 decision = self.decisions.pop(number)
                 if is_waiting(decision):  # the main execution has abandoned it
                     self.on_decision(decision)
-                content = self._value(decision.request.variable, details)
-                self._commands.conclude(decision, content, details.get("raised"))
+                if "raised" in details:
+                    self._commands.abandon(decision, details["raised"])
+                else:
+                    self._commands.conclude(decision, self._value(decision.name, details))
             case "graph":
                 operations = operations_of(parse_json(details["operations"]))
                 self._manager.knowledge.write_as(event.name, operations)
@@ -220,6 +220,6 @@ class Player:
                 pass
 
 
-def is_waiting(decision: Decision) -> bool:
+def is_waiting(decision: ValueDecision) -> bool:
     """Return whether a decision waits for observers after its question."""
-    return math.isnan(decision.looked_s) and not decision.is_met and decision.request.wait_up_to_s > 0
+    return decision.is_waiting

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
-from codra_dsl.runtime.context.decisions import Decision
+from codra_dsl.runtime.context.decisions import ValueDecision
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.replay.decision_counts import DecisionComparison
@@ -177,10 +177,10 @@ class WhatIf:
         self._undetermined.miss_look_of_main_execution(decision.request.variable)
 
 
-def count_decision(decisions: DecisionComparison, undetermined: Undetermined) -> Callable[[Decision], None]:
+def count_decision(decisions: DecisionComparison, undetermined: Undetermined) -> Callable[[ValueDecision], None]:
     """Return a function that counts a decision of the replay."""
 
-    def count(decision: Decision) -> None:
+    def count(decision: ValueDecision) -> None:
         variable = decision.request.variable
         is_determined, is_assumed = variable not in undetermined.variables, variable in undetermined.assumed_variables
         decisions.add_replayed(decision, is_determined=is_determined, is_assumed=is_assumed)

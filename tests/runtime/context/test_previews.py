@@ -26,7 +26,7 @@ from codra_dsl.runtime import (
     SimClock,
     UnknownNameError,
 )
-from codra_dsl.runtime.context.previews import PreviewContext, PreviewRequest
+from codra_dsl.runtime.context.decisions import PreviewContext, PreviewRequest
 from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.fields import preview_schema
 from codra_dsl.runtime.observers.urgency import Urgency
@@ -432,3 +432,26 @@ def test_a_preview_ends_its_wait_when_an_age_decides_it() -> None:
         manager.set("gap", 0.1)
         assert manager.preview("open_cycler", wait_up_to_s=30.0).holds
         assert clock.now_s() == pytest.approx(3.0)
+
+
+def test_a_preview_ends_its_wait_when_the_age_of_a_value_that_arrived_meanwhile_decides_it() -> None:
+    condition = PreviewCondition(text="tube or age(gap) > 3 s", condition=value("tube") | (age("gap") > 3.0))
+    skill = SkillModel(name="open_cycler", preview=("tube", "gap"), preview_conditions=(condition,))
+    clock = SimClock()
+    with Manager(replace(MODEL, skills=(skill,)), clock=clock, resources={}) as manager:
+        clock.call_at(1.0, lambda: manager.set("gap", 0.1))
+        assert manager.preview("open_cycler", wait_up_to_s=30.0).holds
+        assert clock.now_s() == pytest.approx(4.0)
+
+
+def test_a_value_that_was_found_by_a_look_ages_during_the_looks_that_follow() -> None:
+    condition = PreviewCondition(text="age(near) < 2 s", condition=age("near") < 2.0)
+    skill = SkillModel(name="pass_door", preview=("near", "open"), preview_conditions=(condition,))
+    clock = SimClock()
+    with Manager(replace(OBSERVED, skills=(skill,)), clock=clock, resources={"door": Door()}) as manager:
+
+        def look(_: str) -> bool:
+            clock.sleep(5.0)
+            return True
+
+        assert manager.preview("pass_door", look).violated == ("age(near) < 2 s",)
