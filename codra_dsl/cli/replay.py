@@ -283,7 +283,9 @@ def _decisions_text(replay_result: Replayed) -> str:
         )
         lines += [f"  {variable}: {_counts_text(row)}" for variable, row in counts.items() if _has_change(row)]
         if sum_.assumed:
-            lines.append("assumed: for these decisions, the package looks when the run looked")
+            lines.append(
+                "assumed: for these decisions, the package looks when the run looked, and with the same values"
+            )
     lines += [
         f"not in the journal: {count} of the looks of {name}, because the run did not look at these times"
         for name, count in replay_result.missing_looks.items()

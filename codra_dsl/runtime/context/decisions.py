@@ -107,6 +107,7 @@ class _State:
 
     number: int
     name: str
+    request: DecisionRequest | PreviewRequest
     asked_s: float
     looked_s: float = math.nan
     is_over: bool = False
@@ -115,6 +116,11 @@ class _State:
     def is_waiting(self) -> bool:
         """Return whether the decision waits for observers after the request."""
         return not self.is_over and math.isnan(self.looked_s)
+
+    @property
+    def until_s(self) -> float:
+        """Return when the wait ends."""
+        return self.asked_s + self.request.wait_up_to_s
 
 
 @dataclass(slots=True, kw_only=True)

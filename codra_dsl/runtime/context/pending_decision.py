@@ -62,7 +62,6 @@ class Pending(Generic[DecisionT]):
         self._clock = clock
         self._read = read
         self._convert = convert
-        self._until_s = decision.asked_s + decision.request.wait_up_to_s
         self.state = DecisionState.WAITING if decision.is_waiting else self._state_after_wait()
 
     @property
@@ -72,7 +71,9 @@ class Pending(Generic[DecisionT]):
 
     def poll(self) -> DecisionState:
         """Continue if context can answer now or the wait is over; return the state."""
-        if self.state is DecisionState.WAITING and (self._is_wait_over() or self._until_s <= self._clock.now_s()):
+        if self.state is DecisionState.WAITING and (
+            self._is_wait_over() or self._decision.until_s <= self._clock.now_s()
+        ):
             self._end_wait()
         return self.state
 
@@ -82,7 +83,7 @@ class Pending(Generic[DecisionT]):
         If `longest_s` is infinite, the decision does not wait any more after this call, even if the clock was closed.
         """
         if self.poll() is DecisionState.WAITING:
-            until_s = min(self._until_s, self._clock.now_s() + longest_s)
+            until_s = min(self._decision.until_s, self._clock.now_s() + longest_s)
             wait_until(self._is_wait_over, self._flips_s, self._clock, until_s)
         if self.poll() is DecisionState.WAITING and longest_s == math.inf:  # the clock was closed
             self._end_wait()
@@ -90,7 +91,7 @@ class Pending(Generic[DecisionT]):
 
     def next_check_s(self) -> float:
         """Return the next instant at which time alone can end the wait."""
-        return min(self._until_s, self._clock.now_s() + self._flips_s())
+        return min(self._decision.until_s, self._clock.now_s() + self._flips_s())
 
     def abandon(self, why: str) -> None:
         """Stop waiting or looking, for example because of a more urgent task. If the decision is over, do nothing."""

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.context.decisions import ValueDecision
-from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.context.decisions import Decision, Preview
+from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.replay.undetermined import Undetermined
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,8 @@ class DecisionCounts:
         lost: decisions for which only the run had an answer from context.
         other_value: decisions for which both had an answer from context, with different values.
         unknown: decisions for which the journal does not show how they would have been answered.
-        assumed: decisions, among all others, whose answer assumes that the package looks when the run looked.
+        assumed: decisions, among all others, whose answer rests on an assumption: the package looks when the run
+            looked, and an algorithm receives the same values of context-variables as in the run.
     """
 
     decisions: int = 0
@@ -39,22 +40,21 @@ class DecisionCounts:
     assumed: int = 0
 
 
-class _Answer(StrEnum):
-    CONTEXT = "context"
-    LOOK = "look"
-    UNKNOWN = "unknown"
+class _Answer(NamedTuple):
+    """How one decision was answered, or would have been answered.
 
+    Attributes:
+        is_context: whether context has the answer; None if the journal does not show this.
+        value: this answer.
+    """
 
-class _Answered(NamedTuple):
-    """How one decision was answered, or would have been answered."""
-
-    answer: _Answer
+    is_context: bool | None
     value: Value | None = None
     is_assumed: bool = False
 
 
 _DecisionKey = tuple[str, float]
-"""The variable of a decision, and the instant of the question."""
+"""The variable or skill of a decision, and the instant of the question."""
 
 
 class DecisionComparison:
@@ -63,45 +63,46 @@ class DecisionComparison:
     def __init__(self, is_in_range: Callable[[float], bool]) -> None:
         """Count only decisions whose questions were asked in a range of time."""
         self._is_in_range = is_in_range
-        self._recorded: dict[_DecisionKey, deque[_Answered]] = defaultdict(deque)
-        self._replayed: dict[_DecisionKey, deque[_Answered]] = defaultdict(deque)
-        self._answered_keys: set[_DecisionKey] = set()
-        self._counts: dict[str, dict[str, int]] = {}
+        self._recorded: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
+        self._replayed: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
+        self._ended_keys: set[_DecisionKey] = set()
+        self._counts: dict[str, Counter[str]] = defaultdict(Counter)
 
     def add_recorded(self, event: Event) -> None:
-        """Add a decision of the run."""
+        """Add a decision or preview of the run. Previews are not counted."""
         key = (event.name, float(event.details["asked_s"]))
-        has_answer = event.what in ("answered", "shadowed")
-        if event.what == "answered":
-            self._answered_keys.add(key)
-        value = event.details.get("value")
-        self._recorded[key].append(_Answered(_Answer.CONTEXT, value) if has_answer else _Answered(_Answer.LOOK))
-        self._match(key)
+        if event.what == "answered" or event.kind is Kind.PREVIEW:
+            self._ended_keys.add(key)
+        if event.kind is Kind.DECISION:
+            is_context = event.what in ("answered", "shadowed")
+            self._recorded[key].append(_Answer(is_context, event.details.get("value") if is_context else None))
+            self._match(key)
 
-    def add_replayed(self, decision: ValueDecision, *, is_determined: bool, is_assumed: bool) -> None:
+    def add_replayed(self, decision: Decision, undetermined: Undetermined) -> None:
         """Add a decision of the replay that context has answered, or for which the main execution begins to look."""
-        key = (decision.request.variable, decision.asked_s)
-        if not is_determined:
-            answered = _Answered(_Answer.UNKNOWN)
-        elif decision.is_decided:
-            answered = _Answered(_Answer.CONTEXT, decision.reading.content, is_assumed)
+        if isinstance(decision, Preview):
+            return
+        if decision.name in undetermined.variables:
+            answer = _Answer(None)
         else:
-            answered = _Answered(_Answer.LOOK, None, is_assumed)
-        self._replayed[key].append(answered)
+            value = decision.reading.content if decision.is_decided else None
+            answer = _Answer(decision.is_decided, value, decision.name in undetermined.assumed_variables)
+        key = (decision.name, decision.asked_s)
+        self._replayed[key].append(answer)
         self._match(key)
 
-    def take_recorded_answer(self, decision: ValueDecision) -> bool:
-        """Return whether the run, as far as it was read, answered a decision without a look; forget this answer."""
-        key = (decision.request.variable, decision.asked_s)
-        was_answered = key in self._answered_keys
-        self._answered_keys.discard(key)
-        return was_answered
+    def take_recorded_end(self, decision: Decision) -> bool:
+        """Return whether the run, as far as it was read, ended a decision without a further look; forget this."""
+        key = (decision.name, decision.asked_s)
+        has_ended = key in self._ended_keys
+        self._ended_keys.discard(key)
+        return has_ended
 
     def counts(self) -> Mapping[str, DecisionCounts]:
         """Return the counts of each variable. A decision that the replay could not ask or answer is unknown."""
         for key, answers in self._recorded.items():
-            for answered in answers:
-                self._count(key, answered, _Answered(_Answer.UNKNOWN))
+            for answer in answers:
+                self._count(key, answer, _Answer(None))
         self._recorded.clear()
         return {variable: DecisionCounts(**self._counts[variable]) for variable in sorted(self._counts)}
 
@@ -112,20 +113,22 @@ class DecisionComparison:
             if not answers[key]:
                 del answers[key]
 
-    def _count(self, key: _DecisionKey, recorded: _Answered, replayed: _Answered) -> None:
+    def _count(self, key: _DecisionKey, recorded: _Answer, replayed: _Answer) -> None:
         variable, asked_s = key
         if not self._is_in_range(asked_s):
             return
-        was_context, is_context = recorded.answer is _Answer.CONTEXT, replayed.answer is _Answer.CONTEXT
-        counts = self._counts.setdefault(variable, dict.fromkeys(DecisionCounts.__dataclass_fields__, 0))
-        counts["decisions"] += 1
-        counts["recorded"] += was_context
-        counts["replayed"] += is_context
-        counts["gained"] += is_context and not was_context
-        counts["lost"] += was_context and replayed.answer is _Answer.LOOK
-        counts["other_value"] += was_context and is_context and recorded.value != replayed.value
-        counts["unknown"] += replayed.answer is _Answer.UNKNOWN
-        counts["assumed"] += replayed.is_assumed
+        has_both = recorded.is_context and replayed.is_context
+        facts = {
+            "decisions": True,
+            "recorded": recorded.is_context,
+            "replayed": replayed.is_context,
+            "gained": replayed.is_context and not recorded.is_context,
+            "lost": recorded.is_context and replayed.is_context is False,
+            "other_value": has_both and recorded.value != replayed.value,
+            "unknown": replayed.is_context is None,
+            "assumed": replayed.is_assumed,
+        }
+        self._counts[variable].update(name for name, is_true in facts.items() if is_true)
 
 
 def total(counts: Mapping[str, DecisionCounts]) -> DecisionCounts:

@@ -1,19 +1,25 @@
-"""Jobs and time in a replay: both follow the journal. No perception function is called, and nothing waits."""
+"""Jobs and time in a replay: both follow the journal. No perception function is called, and nothing waits.
+
+Up to the first difference, a job of the replay is the recorded job with the same number. Afterwards, jobs of the replay
+need not begin when the jobs of the run began. A job that begins at the instant of a recorded job has the result of this
+job. Any other job is shifted: it waits for the first recorded job of the same algorithm whose evidence begins after the
+job has begun, and has its result and its evidence. If no recorded job comes within the period of the observer, or if
+the run no longer needed its result, the result is not known.
+"""
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections import defaultdict
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import Clock, Outcome, Timer, Work
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, Work
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.perception import Failure, Function, Interval, Job, Result
-from codra_dsl.runtime.replay.looks import Looks, OpenLook, recorded_look
-from codra_dsl.runtime.replay.undetermined import NOT_RECORDED
+from codra_dsl.runtime.replay.undetermined import NOT_RECORDED, Undetermined
 from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.values.model import Algorithm
 
@@ -28,20 +34,45 @@ class DivergedError(Exception):
     """
 
 
-class _ReplayedWork(Work):
-    """The time within a replayed job. The job's function is not called; time follows the recorded evidence reports."""
+class _Look(Work):
+    """A replayed job, whose function is not called; its time follows the recorded evidence reports.
 
-    def __init__(self) -> None:
+    Attributes:
+        start_s: when the job began.
+        deliver: ends the job with an outcome.
+        index: the number of the recorded job whose outcome this job has; None if it is not known which one this is.
+        is_assumed: whether the job rests on an assumption: it is shifted, or it has other arguments than in the run.
+        is_over: whether the job has ended.
+    """
+
+    algorithm: Algorithm
+    job: Job | None = None
+
+    def __init__(self, start_s: float, deliver: Callable[[Any], None], on_cancel: Callable[[_Look], None]) -> None:
         super().__init__()
-        self.instant_s = 0.0
-        self.on_cancel: Callable[[], None] = lambda: None
+        self.start_s = start_s
+        self.deliver = deliver
+        self.index: int | None = None
+        self.is_assumed = False
+        self.is_over = False
+        self._on_cancel = on_cancel
+        self._reported_s = 0.0
+
+    def begin(self, algorithm: Algorithm, job: Job) -> None:
+        self.algorithm, self.job = algorithm, job
+
+    def report(self, report_s: float, interval: Interval) -> None:
+        """Repeat a report about the evidence."""
+        assert self.job is not None
+        self._reported_s = report_s
+        self.job.evidence(interval.start_s, report_s if interval.stamp_s is None else interval.stamp_s)
 
     def cancel(self) -> None:
         super().cancel()
-        self.on_cancel()
+        self._on_cancel(self)
 
     def now_s(self) -> float:
-        return self.instant_s
+        return self._reported_s
 
     def sleep(self, duration_s: float) -> None:
         raise AssertionError(f"a replay calls no function that could sleep {duration_s} s")
@@ -55,47 +86,39 @@ class ReplayedJobs:
     Attributes:
         repeat_calls: a function that repeats the calls that a job's function made on the context manager; its
             argument is the number of the job among all jobs.
-        looks: after the first difference, assigns the outcomes of recorded jobs to the jobs of the replay.
+        undetermined: learns which jobs rest on an assumption, and which results the run does not have.
     """
 
     def __init__(self, is_equal: Callable[[], bool]) -> None:
         """Begin without jobs; `is_equal` returns whether all events so far are equal to those of the journal."""
         self.repeat_calls: Callable[[int], None] = lambda _: None
-        self.looks: Looks | None = None
+        self.undetermined: Undetermined | None = None
         self._is_equal = is_equal
+        self._clock: Clock | None = None
         self._work_count = 0
         self._divergence: DivergedError | None = None
+        self._starting_look: _Look | None = None
+        self._looks: dict[str, _Look] = {}  # the last look of each algorithm; evidence may be used after its end
         self._reports: dict[JobKey, list[tuple[float, Interval]]] = {}
         self._end_events: dict[JobKey, Event] = {}
         self._start_errors: dict[JobKey, str] = {}
-        self._deliveries: dict[JobKey, Callable[[Any], None]] = {}
-        self._result_names: dict[str, Sequence[str]] = {}
-        self._starting_job: tuple[_ReplayedWork, JobKey | None] = (_ReplayedWork(), None)
-        self._last_jobs: dict[str, tuple[_ReplayedWork, Job]] = {}
-        self._start_instants_s: dict[JobKey, float] = {}
+        self._recorded_starts_s: dict[str, dict[int, float]] = defaultdict(dict)
 
-    def go_on(self, looks: Looks) -> None:
-        """From now on, let `looks` end the jobs."""
-        self.looks = looks
+    def go_on(self, clock: Clock) -> None:
+        """Assign recorded jobs by their starts from now on, after the first difference.
 
-    def pair_open_jobs(self) -> None:
-        """Assign recorded jobs to the open jobs, as soon as the recorded starts are known.
-
-        A job whose start was equal is the recorded job with the same number.
+        The starts of the recorded jobs are known as far as the journal was read.
         """
-        for (algorithm, index), deliver in self._deliveries.items():
-            start_s = self._start_instants_s.get((algorithm, index))
-            self._begin_look(algorithm, deliver, start_s, index if start_s is None else None)
-        self._deliveries.clear()
+        self._clock = clock
+        for look in self._looks.values():
+            if look.index is None and not look.is_over:
+                self._assign(look, clock)
 
-    def end_recorded_look(self, key: JobKey, now_s: float) -> None:
-        """After the first difference: handle the end of a recorded job."""
-        algorithm, index = key
-        end_event = self._end_events.pop(key, None)
-        self._reports.pop(key, None)
-        if self.looks is not None:
-            start_s, names = self.looks.recorded_start_s(algorithm, index), self._result_names.get(algorithm, ())
-            self.looks.end_recorded(algorithm, recorded_look(index, start_s, end_event, names, now_s))
+    def check(self) -> None:
+        """Raise the error of the repeated calls of a job, if there is one."""
+        error, self._divergence = self._divergence, None
+        if error is not None:
+            raise error
 
     def add_event(self, event: Event) -> None:
         """Add an event about a job: its start, a report about its evidence, the error of its start, or its end."""
@@ -108,38 +131,26 @@ class ReplayedJobs:
                 self._start_errors[key] = event.details["message"]
             case Kind.JOB, "returned" | "failed":
                 self._end_events.setdefault(key, event)
-            case Kind.JOB, "started" if self.looks is not None:
-                self.looks.add_recorded_start(event)
+            case Kind.JOB, "started":
+                self._recorded_starts_s[event.name][key[1]] = event.instant_s
             case _:
                 pass
 
     def _add_report(self, key: JobKey, report_s: float, interval: Interval) -> None:
-        """Add a report. It is used when the job has begun, and at the latest before the algorithm's next job begins."""
-        algorithm, index = key
-        if self.looks is not None:
-            if self.looks.open_index(algorithm) == index:
-                self.looks.report(algorithm, report_s, interval)
-            else:
-                self._reports.setdefault(key, []).append((report_s, interval))
-            return
-        work, job = self._last_jobs.get(algorithm, (None, None))
-        if work is not None and job is not None and job.index == index:
-            _report(work, job, report_s, interval)
+        """Repeat a report in its job; if the job has not begun, keep the report."""
+        look = self._looks.get(key[0])
+        if look is not None and look.index == key[1]:
+            look.report(report_s, interval)
         else:
             self._reports.setdefault(key, []).append((report_s, interval))
 
     def find(self, algorithm: Algorithm) -> Function:
-        """Return a replacement for an algorithm's function, which repeats the recorded reports and calls."""
-        self._result_names[algorithm.name] = tuple(algorithm.returns)
+        """Return a replacement for an algorithm's function, which repeats the recorded calls."""
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
-            work, _key = self._starting_job
-            key = (algorithm.name, job.index)
-            self._last_jobs[algorithm.name] = (work, job)
-            self._starting_job = (work, key)
-            if self.looks is None:
-                for report in self._reports.pop(key, ()):
-                    _report(work, job, *report)
+            assert self._starting_look is not None
+            self._starting_look.begin(algorithm, job)
+            if self._clock is None:
                 self._repeat_calls_of_job()
             return {}
 
@@ -147,50 +158,44 @@ class ReplayedJobs:
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None], now_s: float) -> Work:
         """Begin a job; it ends when its recorded end is replayed."""
-        work = _ReplayedWork()
         self._work_count += 1
-        self._starting_job = (work, None)
-        run(work)
-        key = self._starting_job[1]
-        if self.looks is not None and key is not None:
-            self._begin_look(key[0], deliver, now_s, None)
-            return work
-        if self._divergence is not None:
-            raise self._divergence
-        if key is None:
+        look = self._starting_look = _Look(now_s, deliver, self._cancel)
+        run(look)
+        if look.job is None:
             raise DivergedError
-        if not self._is_equal():
-            self._start_instants_s[key] = now_s
-        if key in self._start_errors:
+        key = (look.algorithm.name, look.job.index)
+        if self._clock is None and key in self._start_errors:
             raise RuntimeError(self._start_errors.pop(key))
-        self._deliveries[key] = deliver
-        return work
+        self._looks[look.algorithm.name] = look
+        if self._clock is not None:
+            self._assign(look, self._clock)
+        elif self._is_equal():
+            self._repeat(look, look.job.index)
+        return look
 
-    def _begin_look(
-        self, algorithm: str, deliver: Callable[[Any], None], start_s: float | None, index: int | None
-    ) -> None:
-        """Begin a look: a recorded one with a number, or one that began at an instant."""
-        if self.looks is None:
-            return
-        work, job = self._last_jobs[algorithm]
-        if start_s is not None:
-            index = self.looks.recorded_index(algorithm, start_s)
-        look = OpenLook(
-            algorithm=algorithm,
-            start_s=-math.inf if start_s is None else start_s,
-            index=index,
-            report=partial(_report, work, job),
-            deliver=deliver,
-        )
-        work.on_cancel = partial(self.looks.cancel, algorithm)
-        for report in () if index is None else self._reports.pop((algorithm, index), ()):
-            look.report(*report)
-        self.looks.begin(look)
+    def deliver(self, key: JobKey, now_s: float) -> None:
+        """End a job with the result of a recorded job, which has ended now."""
+        name, index = key
+        look = self._looks.get(name)
+        look = None if look is None or look.is_over else look
+        if self._clock is None and (look is None or look.index != index):
+            raise DivergedError(f"{name!r} has no job {index} that could end")
+        end_event = self._end_events.pop(key, None)
+        recorded_start_s = self._recorded_starts_s[name].pop(index, -math.inf)
+        self._reports.pop(key, None)
+        if look is not None and look.index == index:
+            self._end_with(look, end_event)
+        elif look is not None and look.index is None and end_event is not None:
+            interval = _evidence_of(end_event)
+            evidence_start_s = recorded_start_s if interval is None else interval.start_s
+            if evidence_start_s >= look.start_s - PUNCTUALITY_TOLERANCE_S:
+                look.report(now_s, interval or Interval(recorded_start_s, now_s))
+                self._end_with(look, end_event)
 
     def _repeat_calls_of_job(self) -> None:
         """Repeat the calls of the present job.
 
-        If these calls diverge, keep the error for `start` to raise, because an error in a job does not reach the caller
+        If these calls diverge, keep the error for `check` to raise, because an error in a job does not reach the caller
         of the job.
         """
         try:
@@ -198,27 +203,65 @@ class ReplayedJobs:
         except DivergedError as error:
             self._divergence = error
 
-    def deliver(self, key: JobKey) -> None:
-        """End a job with the result that it had in the recorded run."""
-        deliver = self._deliveries.pop(key, None)
-        if deliver is None:
-            raise DivergedError
-        deliver(self._outcome(key))
+    def _repeat(self, look: _Look, index: int) -> None:
+        """Let a job repeat a recorded job."""
+        look.index = index
+        for report in self._reports.pop((look.algorithm.name, index), ()):
+            look.report(*report)
 
-    def _outcome(self, key: JobKey) -> Result | Failure:
-        event = self._end_events.pop(key, None)
-        if event is None or event.what == "failed":
-            # there is no event if the run no longer needed the result
-            message = NOT_RECORDED if event is None else str(event.details.get("message", ""))
-            return Failure(Reason.FAILED, message)
-        values = event.details.get("values", {})
-        return Result({name: values.get(name) for name in self._result_names[key[0]]})
+    def _assign(self, look: _Look, clock: Clock) -> None:
+        """After the first difference: let a job repeat the recorded job that began at the same instant, if any."""
+        assert self.undetermined is not None
+        name = look.algorithm.name
+        starts_s = self._recorded_starts_s[name]
+        indices = (i for i, start_s in starts_s.items() if abs(start_s - look.start_s) <= PUNCTUALITY_TOLERANCE_S)
+        index = next(indices, None)
+        look.is_assumed = index is None or bool(look.algorithm.given)
+        if look.is_assumed:
+            self.undetermined.begin_assumed_look(name)
+        if index is None:
+            period_s = self.undetermined.periods_s.get(name, 0.0)
+            clock.call_at(clock.now_s() + period_s, lambda: self._miss(look))
+        else:
+            del starts_s[index]
+            self._repeat(look, index)
+
+    def _miss(self, look: _Look) -> None:
+        if not look.is_over and self.undetermined is not None:
+            self.undetermined.miss_look(look.algorithm.name)
+
+    def _cancel(self, look: _Look) -> None:
+        """After the first difference: end a job that was cancelled, or has timed out."""
+        if self._clock is not None:
+            failure = Failure(Reason.FAILED, "it ended because it was cancelled")
+            self._clock.call_at(self._clock.now_s(), lambda: self._end(look, failure, is_known=look.index is not None))
+
+    def _end_with(self, look: _Look, end_event: Event | None) -> None:
+        """End a job as a recorded job ended; None if the run no longer needed the result."""
+        if end_event is None:
+            self._end(look, Failure(Reason.FAILED, NOT_RECORDED), is_known=look.cancelled)
+            return
+        details: Mapping[str, Any] = end_event.details
+        if end_event.what == "failed":
+            outcome: Result | Failure = Failure(Reason(details["reason"]), str(details.get("message", "")))
+        else:
+            values = details.get("values", {})
+            outcome = Result({name: values.get(name) for name in look.algorithm.returns})
+        self._end(look, outcome, is_known=True)
+
+    def _end(self, look: _Look, outcome: Result | Failure, *, is_known: bool) -> None:
+        if look.is_over:
+            return
+        look.is_over = True
+        if self.undetermined is not None:
+            self.undetermined.end_look(look.algorithm.name, is_known=is_known, is_assumed=look.is_assumed)
+        look.deliver(outcome)
 
 
-def _report(work: _ReplayedWork, job: Job, report_s: float, interval: Interval) -> None:
-    """Repeat the report of a job about its evidence."""
-    work.instant_s = report_s
-    job.evidence(interval.start_s, report_s if interval.stamp_s is None else interval.stamp_s)
+def _evidence_of(end_event: Event) -> Interval | None:
+    """Return the interval of a job's evidence; None if it is not known."""
+    evidence_s = end_event.details.get("evidence_s", ())
+    return Interval(*map(float, evidence_s)) if len(evidence_s) == 2 else None
 
 
 class ReplayedClock(Clock):
@@ -251,6 +294,7 @@ class ReplayedClock(Clock):
         self.advance(instant_s)
         self.step_count += 1
         timer.fire()
+        self._jobs.check()
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
         """Schedule an event."""

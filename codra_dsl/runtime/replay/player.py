@@ -1,4 +1,4 @@
-"""Derive the events of a run again from its journal, with the same inputs and evidence, at the same positions.
+"""Pass the inputs of a journal to a context manager, which derives the events of the run from them.
 
 A replay calls no perception function and does not wait. The same code as in the run computes observers, variables and
 decisions, so a difference means that the spec, the runtime or the journal has changed.
@@ -11,16 +11,17 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.context.commands import Commands
 from codra_dsl.runtime.context.context import ContextManager
-from codra_dsl.runtime.context.decisions import DecisionRequest, Preview, PreviewRequest, ValueDecision
+from codra_dsl.runtime.context.decisions import Decision, DecisionRequest, Preview, PreviewRequest, ValueDecision
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal.encoding import parse_json
 from codra_dsl.runtime.journal.events import Event
-from codra_dsl.runtime.knowledge import ConflictError
+from codra_dsl.runtime.journal.run_header import RunHeader
+from codra_dsl.runtime.knowledge import ConflictError, KnowledgeModel
 from codra_dsl.runtime.knowledge.context_link import RefusedWrite
 from codra_dsl.runtime.knowledge.operations import operations_of
-from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedJobs
+from codra_dsl.runtime.replay.comparison import Comparison
+from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
 from codra_dsl.runtime.replay.recording import Recording
 from codra_dsl.runtime.values.model import NotOfTypeError
 
@@ -36,35 +37,50 @@ _POSITION_DETAILS = frozenset({"step", "work", "number"})
 
 
 class Player:
-    """Passes the inputs of a journal to a context manager.
+    """A context manager, with time and jobs that follow a journal, and the inputs that it receives.
 
     Attributes:
         decisions: the decisions that wait or look, by their numbers in the journal.
-        previews: the previews that wait or look, by their numbers in the journal.
         on_decision: called with each decision that context has answered, or for which the main execution looks now.
         pending_input: the input that comes next, and has not been passed completely.
         has_tried_input: whether the player has tried to pass it.
     """
 
-    def __init__(
-        self, manager: ContextManager[Any, Any], model: ContextModel, jobs: ReplayedJobs, recording: Recording
+    def __init__(  # noqa: PLR0917 - the arguments of `replay`
+        self,
+        header: RunHeader,
+        recording: Recording,
+        model: ContextModel,
+        build: Build,
+        comparison: Comparison,
+        knowledge: KnowledgeModel | None,
     ) -> None:
-        self._commands: Commands = manager.commands
-        self._manager = manager
-        self._jobs = jobs
+        """Create the context manager; no input is passed yet."""
+        self.recording = recording
+        self.jobs = ReplayedJobs(lambda: comparison.difference is None)
+        self.jobs.repeat_calls = self._repeat_calls_of
+        recording.on_job_event = self.jobs.add_event
+        self.clock = ReplayedClock(header.start_s, self.jobs)
+        self.manager = build(
+            model,
+            clock=self.clock,
+            resources={resource.name: None for resource in model.resources if resource.slots is None},
+            seed=header.seed,
+            record=comparison,
+            find=self.jobs.find,
+            knowledge=knowledge,
+        )
+        self._commands = self.manager.commands
         self._types = {variable.name: variable.type for variable in model.variables}
         self._skill_names = frozenset(skill.name for skill in model.skills)
-        self.decisions: dict[int, ValueDecision] = {}
-        self.previews: dict[int, Preview] = {}
-        self.on_decision: Callable[[ValueDecision], None] = lambda _: None
+        self.decisions: dict[int, Decision] = {}
+        self.on_decision: Callable[[Decision], None] = lambda _: None
         self.pending_input: Event | None = None
         self.has_tried_input = False
         self._skill_numbers: dict[int, int] = {}
         self._slot_numbers: dict[int, int] = {}
         self._begun_skill_count = 0
         self._slot_request_count = 0
-        self._recording = recording
-        jobs.repeat_calls = self._repeat_calls_of
 
     def pass_input(self, event: Event) -> None:
         """Pass an input to the context manager; an input that was refused in the run is refused again."""
@@ -83,33 +99,45 @@ class Player:
                 f"{event.what} of {event.name} cannot be replayed: {type(error).__name__} {error}"
             ) from error
 
+    def waiting_numbers(self) -> list[int]:
+        """Return the numbers of the decisions that wait for observers."""
+        return [number for number, decision in self.decisions.items() if decision.is_waiting]
+
+    def next_check_s(self, number: int) -> float:
+        """Return the next instant at which time alone can end the wait of a decision."""
+        decision, now_s = self.decisions[number], self.clock.now_s()
+        return min(decision.until_s, now_s + decision.flips_s(self.manager.get, now_s))
+
+    def is_wait_over(self, number: int, until_s: float) -> bool:
+        """Return whether context can answer a decision now, or its wait ends by an instant."""
+        decision = self.decisions[number]
+        return decision.until_s <= until_s or decision.can_be_decided(self.manager.get, self.clock.now_s())
+
     def resume(self, number: int) -> None:
-        """Read the variable of a decision again after its wait."""
+        """Look up the answer to a decision again after its wait."""
         decision = self.decisions[number]
         self._commands.resume(decision)
-        self._note_decision(number, decision, is_waiting=False)
+        self._note_decision(number, decision)
 
-    def conclude_without_result(self, number: int, message: str) -> None:
-        """End a decision for which the main execution looks, without a value; `message` says why there is none."""
-        self._commands.abandon(self.decisions.pop(number), message)
+    def abandon(self, number: int, why: str) -> None:
+        """End a decision that waits, or for which the main execution looks."""
+        self._commands.abandon(self._take_decision(number), why)
 
-    def is_met(self, decision: ValueDecision, now_s: float) -> bool:
-        """Return whether context can answer a decision now."""
-        return decision.request.permits(self._manager.get(decision.request.variable), now_s)
-
-    def _note_decision(self, number: int, decision: ValueDecision, *, is_waiting: bool) -> None:
+    def _note_decision(self, number: int, decision: Decision) -> None:
         """Keep a decision that waits or looks."""
-        self.decisions[number] = decision
-        if is_waiting:
-            return
-        self.on_decision(decision)
-        if decision.is_answered:
-            del self.decisions[number]
+        if not decision.is_waiting:
+            self.on_decision(decision)
+        if decision.is_over:
+            self.decisions.pop(number, None)
+        else:
+            self.decisions[number] = decision
 
-    def _note_preview(self, number: int, preview: Preview) -> None:
-        """Keep a preview that waits or looks."""
-        if not preview.is_over:
-            self.previews[number] = preview
+    def _take_decision(self, number: int) -> Decision:
+        """Return a decision that ends; if it waits, the main execution has abandoned it."""
+        decision = self.decisions.pop(number)
+        if decision.is_waiting:
+            self.on_decision(decision)
+        return decision
 
     def _check_names(self, kind: str, names: Sequence[str], declared_names: Set[str]) -> None:
         missing_name = next((name for name in names if name not in declared_names), None)
@@ -126,7 +154,7 @@ class Player:
 
     def _repeat_calls_of(self, work_number: int) -> None:
         """Repeat the calls that a job's function made. In simulated time, the step that begins the job made them."""
-        for event in self._recording.calls.pop(work_number, ()):
+        for event in self.recording.calls.pop(work_number, ()):
             self.pass_input(event)
 
     def _apply(self, event: Event, details: Mapping[str, Any]) -> None:
@@ -162,46 +190,36 @@ class Player:
             case "release":
                 commands.release_slots(self._slot_numbers.pop(details["number"]))
             case "delivered":
-                self._jobs.deliver((event.name, details["index"]))
+                self.jobs.deliver((event.name, details["index"]), self.clock.now_s())
             case "close":
-                self._manager.close()
+                self.manager.close()
             case _:
                 self._decide(event, details)
 
     def _decide(self, event: Event, details: Mapping[str, Any]) -> None:
         number = details.get("number", 0)
+        request_fields = {key: value for key, value in details.items() if key not in _POSITION_DETAILS}
         match event.what:
             case "decide":
-                request_fields = {key: value for key, value in details.items() if key not in _POSITION_DETAILS}
-                decision = self._commands.ask(DecisionRequest(**request_fields))
-                self._note_decision(number, decision, is_waiting=is_waiting(decision))
+                self._note_decision(number, self._commands.ask(DecisionRequest(**request_fields)))
             case "preview":
-                since_s = parse_json(details["since"]) if "since" in details else {}
-                fields = {key: value for key, value in details.items() if key not in {*_POSITION_DETAILS, "since"}}
-                self._note_preview(number, self._commands.ask_preview(PreviewRequest(**fields, since_s=since_s)))
-            case "waited" if number in self.previews:
-                preview = self.previews.pop(number)
-                self._commands.resume(preview)
-                self._note_preview(number, preview)
-            case "looked" if "variable" in details:
-                preview, content = self.previews.pop(number), self._value(details["variable"], details)
-                self._commands.record_look(preview, details["variable"], content)
-                self._note_preview(number, preview)
-            case "looked":
-                self._commands.abandon(self.previews.pop(number), details.get("raised", ""))
+                since_s = parse_json(request_fields.pop("since", "{}"))
+                self._note_decision(
+                    number, self._commands.ask_preview(PreviewRequest(**request_fields, since_s=since_s))
+                )
             case "waited":
                 self.resume(number)
-            case "found":
-                decision = self.decisions.pop(number)
-                if is_waiting(decision):  # the main execution has abandoned it
-                    self.on_decision(decision)
-                if "raised" in details:
-                    self._commands.abandon(decision, details["raised"])
-                else:
-                    self._commands.conclude(decision, self._value(decision.name, details))
+            case "found" | "looked" if "raised" in details:
+                self.abandon(number, details["raised"])
+            case "looked" if isinstance(preview := self.decisions[number], Preview):
+                variable = details["variable"]
+                self._commands.record_look(preview, variable, self._value(variable, details))
+                self._note_decision(number, preview)
+            case "found" if isinstance(decision := self._take_decision(number), ValueDecision):
+                self._commands.conclude(decision, self._value(decision.name, details))
             case "graph":
                 operations = operations_of(parse_json(details["operations"]))
-                self._manager.knowledge.write_as(event.name, operations)
+                self.manager.knowledge.write_as(event.name, operations)
             case "refused":
                 refused_write_fields = (
                     details["subject"],
@@ -209,17 +227,12 @@ class Player:
                     details.get("variable", ""),
                     details.get("value"),
                 )
-                self._manager.knowledge.replay_refusal(event.name, RefusedWrite(*refused_write_fields))
+                self.manager.knowledge.replay_refusal(event.name, RefusedWrite(*refused_write_fields))
             case "adapt":
                 adaptation = parse_json(details["told"])
                 self._commands.adapt(event.name, adaptation["name"], adaptation["what"], adaptation["details"])
             case "rule":
                 rule_event_fields = (details["rule"], details["became"], details.get("message", ""))
-                self._manager.knowledge.record_rule_state(event.name, *rule_event_fields)
+                self.manager.knowledge.record_rule_state(event.name, *rule_event_fields)
             case _:
                 pass
-
-
-def is_waiting(decision: ValueDecision) -> bool:
-    """Return whether a decision waits for observers after its question."""
-    return decision.is_waiting

@@ -69,8 +69,9 @@ class Recording:
         kinds: the kinds of events that the journal has.
         on_job_event: called with each event about a job's evidence or end, when it is read; after `expect_nothing`,
             also with each start of a job.
-        on_decision: called with each event of a decision, when it is read.
-        calls: for each job, the inputs that are calls of its function. The key is the number of the job.
+        on_decision: called with each event of a decision or preview, when it is read.
+        calls: for each job, the inputs that are calls of its function; after `expect_nothing`, such calls are inputs as
+            all others. The key is the number of the job.
     """
 
     def __init__(self, kinds: Iterable[Kind], events: Iterator[RecordedEvent]) -> None:
@@ -198,16 +199,16 @@ class Recording:
         self._last_event = recorded_event
         if recorded_event.kind is not Kind.INPUT and self._is_expecting:
             self._expected_events.append(recorded_event)
-        is_used = recorded_event.kind in (Kind.INPUT, Kind.DECISION) or recorded_event.is_job_end
+        is_used = recorded_event.kind in (Kind.INPUT, Kind.DECISION, Kind.PREVIEW) or recorded_event.is_job_end
         is_job_start = recorded_event.kind is Kind.JOB and not self._is_expecting
         event = recorded_event.event if is_used or is_job_start else None
         if event is None:
             return
-        if event.kind is Kind.DECISION:
+        if event.kind in (Kind.DECISION, Kind.PREVIEW):
             self.on_decision(event)
         if "index" in event.details:
             self.on_job_event(event)
-        if event.kind is Kind.INPUT and "work" in event.details:
+        if event.kind is Kind.INPUT and "work" in event.details and self._is_expecting:
             self.calls.setdefault(event.details["work"], []).append(event)
         elif event.kind is Kind.INPUT:
             self._inputs.append(event)

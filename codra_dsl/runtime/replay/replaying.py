@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from dataclasses import replace
 
 from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
 from codra_dsl.runtime.context.context import ContextManager
@@ -19,22 +17,15 @@ from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance
 from codra_dsl.runtime.knowledge import KnowledgeModel, Snapshot
 from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
 from codra_dsl.runtime.replay.decision_counts import DecisionComparison
-from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
-from codra_dsl.runtime.replay.player import Player
+from codra_dsl.runtime.replay.jobs import DivergedError
+from codra_dsl.runtime.replay.player import Build, Player
 from codra_dsl.runtime.replay.recording import Recording
 from codra_dsl.runtime.replay.undetermined import Undetermined
-from codra_dsl.runtime.replay.what_if import WhatIf, count_decision
-
-Build = Callable[..., ContextManager[Any, Any]]
-"""Creates the context manager of a package: a class with the parameters of `ContextManager`."""
+from codra_dsl.runtime.replay.what_if import WhatIf
 
 
 def _show_nothing(_: float) -> None:
     """Show no progress."""
-
-
-def _show_since_start(progress: Callable[[float], None], start_s: float, now_s: float) -> None:
-    progress(now_s - start_s)
 
 
 def replay(  # noqa: PLR0917 - the parts of a journal and of a package
@@ -70,30 +61,22 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
     def is_in_range(instant_s: float) -> bool:
         return instant_s >= from_s
 
-    progress = partial(_show_since_start, progress, header.start_s)
+    def show_instant(instant_s: float) -> None:
+        progress(instant_s - header.start_s)
+
     recording = events if isinstance(events, Recording) else Recording.of(events)
-    comparison = Comparison(recording, copy, is_in_range)
-    decisions = DecisionComparison(is_in_range)
+    comparison, decisions = Comparison(recording, copy, is_in_range), DecisionComparison(is_in_range)
     recording.on_decision = decisions.add_recorded
-    parts = _prepare(header, recording, model, build, comparison, knowledge)
-    summary = header.summary if comparison.spec_summary is None else comparison.spec_summary
-    undetermined = Undetermined(summary)
-    parts.player.on_decision = count_decision(decisions, undetermined)
-    comparison.on_event = undetermined.add_missing_result
-    comparison.check_completeness(_play(parts, recording, comparison, progress))
+    player = Player(header, recording, model, build, comparison, knowledge)
+    undetermined = Undetermined(header.summary if comparison.spec_summary is None else comparison.spec_summary)
+    player.on_decision = lambda decision: decisions.add_replayed(decision, undetermined)
+    player.jobs.undetermined = undetermined
+    comparison.on_event = undetermined.add_event
+    comparison.check_completeness(_follow(player, comparison, show_instant) or "")
     ended_because, skipped_inputs = "", Counter[str]()
     if comparison.difference is not None:
-        comparison.on_event = undetermined.add_event
-        what_if = WhatIf(
-            player=parts.player,
-            clock=parts.clock,
-            jobs=parts.jobs,
-            recording=recording,
-            undetermined=undetermined,
-            decisions=decisions,
-            summary=summary,
-        )
-        ended_because, skipped_inputs = what_if.go_on(progress), what_if.skipped_inputs
+        what_if = WhatIf(player, undetermined, decisions)
+        ended_because, skipped_inputs = what_if.go_on(show_instant), what_if.skipped_inputs
     recording.check()
     comparison.end()
     return Replayed(
@@ -127,53 +110,19 @@ def knowledge_at(
         raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
     recording = Recording.of([event for event in events if event.instant_s <= instant_s])
     comparison = Comparison(recording, None)
-    parts = _prepare(header, recording, model, ContextManager, comparison, knowledge)
-    divergence_text = _play(parts, recording, comparison, _show_nothing)
-    if comparison.difference is not None or divergence_text:
+    player = Player(header, recording, model, ContextManager, comparison, knowledge)
+    divergence_text = _follow(player, comparison, _show_nothing)
+    if comparison.difference is not None or divergence_text is not None:
         raise ValueError(f"the journal does not follow from its inputs: {divergence_text or comparison.difference}")
-    parts.clock.advance(instant_s)
-    return parts.manager.knowledge.at(instant_s)
+    player.clock.advance(instant_s)
+    return player.manager.knowledge.at(instant_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Parts:
-    """The parts of a replay."""
-
-    manager: ContextManager[Any, Any]
-    clock: ReplayedClock
-    jobs: ReplayedJobs
-    player: Player
-
-
-def _prepare(  # noqa: PLR0917 - the arguments of `replay`
-    header: RunHeader,
-    recording: Recording,
-    model: ContextModel,
-    build: Build,
-    comparison: Comparison,
-    knowledge: KnowledgeModel | None,
-) -> _Parts:
-    """Return a new context manager, and what passes the journal's inputs to it."""
-    jobs = ReplayedJobs(lambda: comparison.difference is None)
-    recording.on_job_event = jobs.add_event
-    clock = ReplayedClock(header.start_s, jobs)
-    handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    manager_arguments = {
-        "clock": clock,
-        "resources": handles,
-        "seed": header.seed,
-        "record": comparison,
-        "find": jobs.find,
-    }
-    manager = build(model, **manager_arguments, knowledge=knowledge)
-    return _Parts(manager=manager, clock=clock, jobs=jobs, player=Player(manager, model, jobs, recording))
-
-
-def _play(parts: _Parts, recording: Recording, comparison: Comparison, progress: Callable[[float], None]) -> str:
-    """Pass a journal's inputs until the first difference; return why the replay stopped before its end, if it did."""
-    clock = parts.clock
+def _follow(player: Player, comparison: Comparison, progress: Callable[[float], None]) -> str | None:
+    """Follow a journal until the first difference; return why the replay stopped before its end, if it did."""
+    clock, recording = player.clock, player.recording
     try:
-        _pass_inputs(parts.player, clock, comparison, recording, progress)
+        _pass_inputs(player, comparison, progress)
         end_s = clock.now_s() if recording.end_s is None else recording.end_s
         while not comparison.is_over and clock.next_event_s() <= end_s:
             clock.step()  # the journal may end in the middle of the run, after its last input
@@ -181,7 +130,7 @@ def _play(parts: _Parts, recording: Recording, comparison: Comparison, progress:
         return str(error)
     finally:
         recording.check()
-    return ""
+    return None
 
 
 def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | None:
@@ -193,13 +142,8 @@ def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | Non
     return replace(difference, changes=changes_by_distance(names, header.summary, comparison.spec_summary))
 
 
-def _pass_inputs(
-    player: Player,
-    clock: ReplayedClock,
-    comparison: Comparison,
-    recording: Recording,
-    progress: Callable[[float], None],
-) -> None:
+def _pass_inputs(player: Player, comparison: Comparison, progress: Callable[[float], None]) -> None:
+    clock, recording = player.clock, player.recording
     while (next_input := recording.take_input()) is not None:
         event, is_last = next_input
         player.pending_input, player.has_tried_input = event, False
@@ -207,7 +151,7 @@ def _pass_inputs(
             if clock.next_event_s() > event.instant_s:
                 raise DivergedError
             clock.step()
-        while comparison.difference is None and _has_missed_step(clock, event.instant_s, recording):
+        while comparison.difference is None and _has_missed_step(player, event.instant_s):
             clock.step()
         if comparison.difference is not None:
             return
@@ -219,7 +163,8 @@ def _pass_inputs(
         player.pending_input = None
 
 
-def _has_missed_step(clock: ReplayedClock, instant_s: float, recording: Recording) -> bool:
+def _has_missed_step(player: Player, instant_s: float) -> bool:
     """Return whether a step of the replay was due before an instant, and the run did not make this step later."""
-    due_s = clock.next_event_s()
-    return due_s < instant_s - PUNCTUALITY_TOLERANCE_S and not recording.is_late(clock.step_count, due_s)
+    due_s = player.clock.next_event_s()
+    is_due = due_s < instant_s - PUNCTUALITY_TOLERANCE_S
+    return is_due and not player.recording.is_late(player.clock.step_count, due_s)

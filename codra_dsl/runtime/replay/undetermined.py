@@ -6,8 +6,9 @@ have changed are undetermined, and so are all variables whose observers depend o
 identifies them again.
 
 If the package looks at other times than the run, the replay assumes that its looks happen when those of the run
-happened. Variables that rest on this assumption are called assumed. A look that finds no look of the run within the
-period of its observer is missing, and its variables are undetermined.
+happened. If an algorithm receives values of context-variables, the replay assumes that they are those of the run.
+Variables that rest on such an assumption are called assumed. A look that finds no look of the run within the period of
+its observer is missing, and its variables are undetermined.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ class Undetermined:
     Attributes:
         missing_looks: the number of looks whose results the run does not have, by algorithm or `main_execution`.
         variables: the undetermined variables.
-        assumed_variables: the variables whose readings assume that the package looks when the run looked.
+        assumed_variables: the variables whose readings rest on an assumption.
+        periods_s: the period of each algorithm's observer, by algorithm.
     """
 
     def __init__(self, summary: SpecSummary) -> None:
@@ -54,12 +56,15 @@ class Undetermined:
             for variable, rule in algorithm.identifies.items()
             if isinstance(rule.term, DebouncedCondition | Hysteresis)
         }
-        self._shifted_algorithms: set[str] = set()
+        self.periods_s = {
+            algorithm: observer.period_s for observer in summary.observers.values() for algorithm in observer.algorithms
+        }
+        self._assumed_algorithms: set[str] = set()
         self._overdue_algorithms: set[str] = set()
 
-    def begin_shifted_look(self, algorithm: str) -> None:
-        """Handle the start of a look at a time at which the run began none."""
-        self._shifted_algorithms.add(algorithm)
+    def begin_assumed_look(self, algorithm: str) -> None:
+        """Handle the start of a look at a time at which the run began none, or with the values of variables."""
+        self._assumed_algorithms.add(algorithm)
         self.assumed_variables |= self._with_dependents(self._identified_variables.get(algorithm, ()))
 
     def miss_look(self, algorithm: str) -> None:
@@ -68,18 +73,13 @@ class Undetermined:
         self.missing_looks[algorithm] += 1
         self.variables |= self._with_dependents(self._identified_variables.get(algorithm, ()))
 
-    def end_look(self, algorithm: str, *, is_known: bool, is_shifted: bool) -> None:
+    def end_look(self, algorithm: str, *, is_known: bool, is_assumed: bool) -> None:
         """Handle the end of a look: with a result of the run, or with a result that the run does not have."""
         if not is_known and algorithm not in self._overdue_algorithms:
             self.miss_look(algorithm)
         self._overdue_algorithms.discard(algorithm)
-        if not is_shifted:
-            self._shifted_algorithms.discard(algorithm)
-
-    def add_missing_result(self, event: Event) -> None:
-        """Handle an event before the first difference, which may be the lack of a result that the run did not need."""
-        if event.kind is Kind.JOB and event.what == "failed" and event.details["message"] == NOT_RECORDED:
-            self.end_look(event.name, is_known=False, is_shifted=False)
+        if not is_assumed:
+            self._assumed_algorithms.discard(algorithm)
 
     def miss_look_of_main_execution(self, variable: str) -> None:
         """Handle an own look of the main execution that the run did not make.
@@ -100,7 +100,7 @@ class Undetermined:
         has_memory = source in self._identified_variables and variable in self._variables_with_memory
         if not may_change and not has_memory and self.variables.isdisjoint(read_variables):
             self.variables.discard(variable)
-        if source in self._shifted_algorithms or not self.assumed_variables.isdisjoint(read_variables):
+        if source in self._assumed_algorithms or not self.assumed_variables.isdisjoint(read_variables):
             self.assumed_variables |= self._with_dependents([variable])
         elif not has_memory:
             self.assumed_variables.discard(variable)

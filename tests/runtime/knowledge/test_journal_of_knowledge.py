@@ -156,6 +156,21 @@ def test_the_graph_at_any_instant_is_the_same_live_and_from_a_file(tmp_path: Pat
             assert replayed_snapshot.transform("robot", "box") == live_snapshot.transform("robot", "box")
 
 
+def test_a_journal_that_does_not_follow_from_its_inputs_has_no_graph(tmp_path: Path) -> None:
+    run(tmp_path / "run.mcap")
+    head, events = read(tmp_path / "run.mcap")
+    close = max(index for index, event in enumerate(events) if event.kind is Kind.INPUT)
+    end = Event(
+        instant_s=events[close].instant_s,
+        kind=Kind.INPUT,
+        name="look",
+        what="delivered",
+        details={"index": 0, "step": events[close].details["step"]},
+    )
+    with pytest.raises(ValueError, match="'look' has no job 0 that could end"):
+        knowledge_at(head, [*events[:close], end], MODEL, KNOWLEDGE, end.instant_s)
+
+
 def _plain(snapshot: Snapshot) -> object:
     nodes = [(node.name, node.type, node.writer, node.since_s, dict(node.attributes)) for node in snapshot.nodes()]
     edges = [(edge.key, edge.type, edge.writer, edge.since_s, dict(edge.attributes)) for edge in snapshot.edges()]

@@ -15,8 +15,8 @@ from hypothesis import given as given_examples
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from codra_dsl.logic import Term, value
-from codra_dsl.runtime import ContextManager, ContextModel, Journal, SimClock
+from codra_dsl.logic import Term, known, value
+from codra_dsl.runtime import ContextManager, ContextModel, EventLog, Journal, SimClock, boolean
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.replay import DecisionCounts, Replayed, replay, what_if
@@ -276,12 +276,88 @@ def test_a_derived_variable_is_determined_as_soon_as_its_inputs_are(tmp_path: Pa
     header, _ = door_run(tmp_path / "run.mcap")
     undetermined = Undetermined(header.summary)
     undetermined.miss_look("measure")
-    undetermined.end_look("measure", is_known=True, is_shifted=False)
+    undetermined.end_look("measure", is_known=True, is_assumed=False)
     assert undetermined.variables == {"near", "open", "ready"}
     for source, name in (("measure", "near"), ("look", "open")):
         details = {"value": True, "evidence_s": 1.0, "source": source, "present": True}
         undetermined.add_event(Event(instant_s=1.0, kind=Kind.VARIABLE, name=name, what="identified", details=details))
     assert undetermined.variables == set()
+
+
+def preview_run(path: Path, **preview: Any) -> tuple[RunHeader, list[Event]]:
+    """Run a robot that asks for the preview of a skill, which needs `near`, and decides on `near` one second later."""
+    clock, world = SimClock(), World({"measure": {"number": 6, "quality": 9}})
+    with Manager(preview_model(), clock=clock, resources={"world": world}, record=Journal(path)) as manager:
+        manager.declare("near")
+        manager.set("light", 3)
+        clock.sleep(1.2)
+        manager.preview("go", **preview)
+        clock.sleep(1.0)
+        manager.decide("near", lambda: None)
+    return read(path)
+
+
+def preview_model(light: int = 0) -> ContextModel:
+    return replace(Thresholds(light=light).model(), skills=(SkillModel(name="go", preview=("near",)),))
+
+
+def test_a_look_that_a_preview_would_need_leaves_its_variable_undetermined(tmp_path: Path) -> None:
+    header, events = preview_run(tmp_path / "run.mcap", otherwise=lambda _: True)
+
+    result = replay(header, events, preview_model(light=5), Manager, None)
+    assert result.decisions == {"near": DecisionCounts(decisions=1, recorded=1, unknown=1)}
+    assert (result.derived[Kind.PREVIEW], result.missing_looks["main_execution"]) == (1, 2)
+
+
+def test_a_preview_that_waits_only_in_the_replay_ends_after_its_time(tmp_path: Path) -> None:
+    header, events = preview_run(tmp_path / "run.mcap", wait_up_to_s=0.5)
+    copy = EventLog()
+
+    result = replay(header, events, preview_model(light=5), Manager, copy)
+    (preview,) = copy.of(Kind.PREVIEW)
+    assert (preview.what, preview.instant_s) == ("unanswered", pytest.approx(1.7))
+    assert result.decisions == {"near": DecisionCounts(decisions=1, recorded=1, lost=1)}
+
+
+def test_a_result_for_other_arguments_than_those_of_the_run_is_an_assumption(tmp_path: Path) -> None:
+    def model(near: int) -> ContextModel:
+        look = Look(algorithm("look", {"seen": boolean()}, given=("near",)), {"open": value("seen")}, [known("near")])
+        near_look = Look(algorithm("measure", RESULT), {"near": value("number") > near})
+        variables = [variable("near", valid_for_s=3.0), variable("open", valid_for_s=4.0)]
+        settings: dict[str, Any] = {"period_s": 0.5}
+        return forest(variables, observer("o_near", near_look, **settings), observer("o_open", look, **settings))
+
+    world = World({"measure": {"number": 6, "quality": 9}, "look": lambda _: {"seen": world.given[-1]["near"]}})
+    clock, journal = SimClock(), Journal(tmp_path / "run.mcap")
+    with Manager(model(4), clock=clock, resources={"world": world}, record=journal) as manager:
+        manager.declare("open")
+        clock.sleep(2.0)
+        assert manager.decide("open", lambda: None) is True
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replay(header, events, model(7), Manager, None)
+    assert result.decisions == {"open": DecisionCounts(decisions=1, recorded=1, replayed=1, assumed=1)}
+
+
+def test_writes_of_perception_functions_are_passed_on(tmp_path: Path) -> None:
+    running: list[Manager] = []
+
+    def measure(job: Any) -> Mapping[str, int]:
+        running[0].set("light", min(int(job.index), 9))
+        return {"number": 6, "quality": 9}
+
+    clock, journal, world = SimClock(), Journal(tmp_path / "run.mcap"), World({"measure": measure})
+    model = replace(Thresholds(light=-1).model(), skills=())
+    with Manager(model, clock=clock, resources={"world": world}, record=journal) as manager:
+        running.append(manager)
+        manager.set("light", 0)
+        manager.declare("near")
+        clock.sleep(2.2)
+        assert manager.decide("light", lambda: None) > 2
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replayed(header, events, Thresholds(light=-1, near=7))
+    assert result.decisions == {"light": DecisionCounts(decisions=1, recorded=1, replayed=1)}
 
 
 def test_a_forged_journal_cannot_let_a_replay_go_on_forever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
