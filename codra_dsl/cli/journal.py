@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,14 +10,21 @@ import typer
 
 from codra_dsl.cli.arguments import QuickCommand
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, text_for_log, write_result
-from codra_dsl.cli.journals import FromOption, ToOption
+from codra_dsl.cli.journals import (
+    FromOption,
+    JournalFile,
+    ResultFormat,
+    ToOption,
+    open_journal,
+    range_of,
+    report_damage,
+)
 from codra_dsl.regular_files import real_path
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal import Event
     from codra_dsl.runtime.journal.recovery import Recovery
 
-JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal of a run.", show_default=False)]
 OutputOption = Annotated[
     Path | None,
     typer.Option(
@@ -59,13 +65,6 @@ WhatOption = Annotated[
 ]
 
 _LINES_PER_WRITE = 1000
-
-
-class ShowFormat(StrEnum):
-    """The formats of events."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 journal_commands = typer.Typer(
@@ -112,11 +111,10 @@ def show_command(
     from_: FromOption = None,
     to: ToOption = None,
     format_: Annotated[
-        ShowFormat, typer.Option("--format", help="The format of the events; json is one JSON object per line.")
-    ] = ShowFormat.TEXT,
+        ResultFormat, typer.Option("--format", help="The format of the events; json is one JSON object per line.")
+    ] = ResultFormat.TEXT,
 ) -> None:
     """Print the events of a journal, one per line: instant, kind, name, what happened, and details."""
-    from codra_dsl.cli.journals import open_journal, range_of, report_damage
     from codra_dsl.cli.worlds import Progress
     from codra_dsl.runtime.journal import Kind
 
@@ -128,7 +126,7 @@ def show_command(
             f"'{unknown_kind}' is not a kind; choose from {', '.join(kind_names)}", param_hint="--kind"
         )
     wanted_kinds = frozenset(kind or (name for name in kind_names if name != Kind.INPUT))
-    is_text = format_ is ShowFormat.TEXT
+    is_text = format_ is ResultFormat.TEXT
     text_of, for_output = (_event_text, text_for_log) if is_text else (_event_json, str)
     with open_journal(file) as reader:
         header = reader.header()

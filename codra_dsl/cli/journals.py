@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.journal.reader import JournalReader
     from codra_dsl.runtime.journal.run_header import RunHeader
 
+JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal of a run.", show_default=False)]
 FromOption = Annotated[
     str | None,
     typer.Option(
@@ -31,6 +33,22 @@ ToOption = Annotated[
         "--to", metavar="T", help="The last instant, in the same forms.  [default: the end]", show_default=False
     ),
 ]
+
+
+class ResultFormat(StrEnum):
+    """The formats of what a command finds in a journal."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+def json_of(result: Any) -> str:
+    """Return a result, an object of a dataclass, as one line of JSON."""
+    import dataclasses
+
+    from codra_dsl.runtime.journal.encoding import json_text
+
+    return f"{json_text(dataclasses.asdict(result))}\n"
 
 
 @contextmanager

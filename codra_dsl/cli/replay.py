@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable
-from enum import StrEnum
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -14,8 +14,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from codra_dsl.cli.console import ExitCode, common_root, existing, harmless_text, say, write_result
-from codra_dsl.cli.journal import JournalFile
-from codra_dsl.cli.journals import FromOption, ToOption
+from codra_dsl.cli.journals import (
+    FromOption,
+    JournalFile,
+    ResultFormat,
+    ToOption,
+    json_of,
+    open_journal,
+    range_of,
+    report_damage,
+)
 from codra_dsl.isolation.error_text import described
 from codra_dsl.regular_files import real_path
 
@@ -29,13 +37,6 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.replay.recording import Recording
 
     KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
-
-
-class ReplayFormat(StrEnum):
-    """The formats of the result of a replay."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 PackageOption = Annotated[
@@ -82,10 +83,9 @@ def replay_command(
     journal: JournalOption = None,
     from_: FromOption = None,
     to: ToOption = None,
-    format_: Annotated[ReplayFormat, typer.Option("--format", help="The format of the result.")] = ReplayFormat.TEXT,
+    format_: Annotated[ResultFormat, typer.Option("--format", help="The format of the result.")] = ResultFormat.TEXT,
 ) -> None:
     """Derive the variables and decisions of a run again from its evidence, and compare them with the journal."""
-    from codra_dsl.cli.journals import open_journal, range_of, report_damage
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.replay.recording import Recording
 
@@ -103,13 +103,12 @@ def replay_command(
             report_damage(index_reader, header.start_s if end_s is None else end_s)
         from_s, to_s = range_of(from_, to, header)
         recording = Recording.of_file(reader, index_reader.kinds(), to_s)
-        replay_result, is_journal_complete = _load_and_replay(
-            header, recording, from_s, package, spec, make_knowledge, journal
-        )
+        with _loaded_package(header, package, spec) as module:
+            replay_result, is_journal_complete = _replay(header, recording, from_s, module, make_knowledge, journal)
         if not is_torn and to is None:
             report_damage(reader, header.start_s if recording.end_s is None else recording.end_s)
-    is_text = format_ is ReplayFormat.TEXT
-    text = harmless_text(_replay_result_text(replay_result, header)) if is_text else _replay_result_json(replay_result)
+    is_text = format_ is ResultFormat.TEXT
+    text = harmless_text(_replay_result_text(replay_result, header)) if is_text else json_of(replay_result)
     write_result(text)
     is_clean = replay_result.difference is None and is_journal_complete
     raise typer.Exit(ExitCode.CLEAN if is_clean else ExitCode.FAILED)
@@ -140,16 +139,9 @@ def _knowledge_from_dsr(dsr: Path, unit_m: float, knowledge: KnowledgeModel | No
         raise typer.BadParameter(str(error), param_hint="--dsr") from error
 
 
-def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
-    header: RunHeader,
-    recording: Recording,
-    from_s: float,
-    package: Path | None,
-    spec: Path | None,
-    make_knowledge: KnowledgeFactory,
-    journal: Path | None,
-) -> tuple[Replayed, bool]:
-    """Return the result of the replay, and whether the journal of derived events is complete, if there is one."""
+@contextmanager
+def _loaded_package(header: RunHeader, package: Path | None, spec: Path | None) -> Iterator[ModuleType]:
+    """Load the package that the options or the journal name, and report how it differs from the one that ran."""
     import tempfile
 
     from codra_dsl.integrations.inspection.loading import load_package
@@ -167,12 +159,7 @@ def _load_and_replay(  # noqa: PLR0917 - the arguments of the command
             say(f"codra: '{folder}' is not a package of codra that can be loaded: {described(error)}")
             raise typer.Exit(ExitCode.FAILED) from error
         _report_version_differences(header, folder)
-        try:
-            knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
-            return _replay(header, recording, from_s, module, knowledge, _create_journal(journal))
-        except _REPLAY_ERRORS as error:
-            say(f"codra: the journal cannot be replayed: {described(error)}")
-            raise typer.Exit(ExitCode.FAILED) from error
+        yield module
 
 
 def _manager_class(module: ModuleType) -> Build:
@@ -188,21 +175,27 @@ def _replay(  # noqa: PLR0917 - the arguments of the command
     recording: Recording,
     from_s: float,
     module: ModuleType,
-    knowledge: KnowledgeModel | None,
-    derived_journal: Journal | None,
+    make_knowledge: KnowledgeFactory,
+    journal: Path | None,
 ) -> tuple[Replayed, bool]:
+    """Return the result of the replay, and whether the journal of derived events is complete, if there is one."""
     from codra_dsl.cli.worlds import Progress
     from codra_dsl.runtime.replay import replay
 
     progress = Progress()
-    replay_result = replay(
-        header, recording, module.MODEL, _manager_class(module), derived_journal, knowledge, progress, from_s
-    )
-    progress.clear()
-    if derived_journal is None or derived_journal.failure is None:
-        return replay_result, True
-    say(f"codra: '{derived_journal.path}' is incomplete: {derived_journal.failure}")
-    return replay_result, False
+    try:
+        knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
+        copy = _create_journal(journal)
+        build = _manager_class(module)
+        replay_result = replay(header, recording, module.MODEL, build, copy, knowledge, progress, from_s)
+    except _REPLAY_ERRORS as error:
+        say(f"codra: the journal cannot be replayed: {described(error)}")
+        raise typer.Exit(ExitCode.FAILED) from error
+    finally:
+        progress.clear()
+    if copy is not None and copy.failure is not None:
+        say(f"codra: '{copy.path}' is incomplete: {copy.failure}")
+    return replay_result, copy is None or copy.failure is None
 
 
 def _default_package(header: RunHeader) -> Path:
@@ -313,14 +306,6 @@ def _counts_text(row: DecisionCounts) -> str:
     )
     parts_text = ", ".join(f"{count} {text}" for count, text in parts if count)
     return f"{row.replayed} of {row.decisions}, in the run {row.recorded} ({parts_text})"
-
-
-def _replay_result_json(replay_result: Replayed) -> str:
-    import dataclasses
-
-    from codra_dsl.runtime.journal.encoding import json_text
-
-    return f"{json_text(dataclasses.asdict(replay_result))}\n"
 
 
 def _difference_text(difference: Difference, header: RunHeader) -> str:

@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
+from codra_dsl.cli.journals import JournalFile, ResultFormat, json_of, open_journal, report_damage
 from codra_dsl.isolation.error_text import described
-
-if TYPE_CHECKING:
-    from codra_dsl.runtime.context.shadow import ShadowReport
-
-JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal of a run.", show_default=False)]
-
-
-class ShadowFormat(StrEnum):
-    """The formats of the report."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 def shadow_command(
     file: JournalFile,
     *,
-    format_: Annotated[ShadowFormat, typer.Option("--format", help="The format of the report.")] = ShadowFormat.TEXT,
+    format_: Annotated[ResultFormat, typer.Option("--format", help="The format of the report.")] = ResultFormat.TEXT,
 ) -> None:
     """Report how often context agreed with the robot's own perception, in decisions with `shadow=True`."""
-    from codra_dsl.cli.journals import open_journal, report_damage
     from codra_dsl.runtime.context.shadow import shadow_report
 
     existing([file])
@@ -42,12 +28,4 @@ def shadow_command(
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         say(f"codra: the decisions in '{file}' cannot be read: {described(error)}")
         raise typer.Exit(ExitCode.FAILED) from error
-    write_result(harmless_text(f"{report}\n") if format_ is ShadowFormat.TEXT else _json(report))
-
-
-def _json(report: ShadowReport) -> str:
-    import dataclasses
-
-    from codra_dsl.runtime.journal.encoding import json_text
-
-    return f"{json_text(dataclasses.asdict(report))}\n"
+    write_result(harmless_text(f"{report}\n") if format_ is ResultFormat.TEXT else json_of(report))

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import difflib
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from codra_dsl.cli.console import ExitCode, existing, harmless_text, say, write_result
+from codra_dsl.cli.journals import ResultFormat, instant_of, json_of, open_journal, report_damage
 from codra_dsl.isolation.error_text import described
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.journal.run_header import RunHeader
     from codra_dsl.runtime.why import Why
-
-
-class WhyFormat(StrEnum):
-    """The formats of an explanation."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 def complete_variable(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -80,10 +73,11 @@ def why_command(
     *,
     journal: JournalOption,
     at: AtOption = None,
-    format_: Annotated[WhyFormat, typer.Option("--format", help="The format of the explanation.")] = WhyFormat.TEXT,
+    format_: Annotated[
+        ResultFormat, typer.Option("--format", help="The format of the explanation.")
+    ] = ResultFormat.TEXT,
 ) -> None:
     """Explain why a variable had its value, back to its evidence, or why it was unknown, back to what was missing."""
-    from codra_dsl.cli.journals import instant_of, open_journal, report_damage
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.why.values import instant_text
 
@@ -101,8 +95,8 @@ def why_command(
             explanation = _explain(header, events, variable, end_s if at_s is None else at_s, journal)
         finally:
             report_damage(reader, end_s)
-    is_text = format_ is WhyFormat.TEXT
-    write_result(harmless_text(f"{explanation}\n") if is_text else _explanation_json(explanation))
+    is_text = format_ is ResultFormat.TEXT
+    write_result(harmless_text(f"{explanation}\n") if is_text else json_of(explanation))
 
 
 def _explain(header: RunHeader, events: EventsInFile, variable: str, at_s: float, journal: Path) -> Why:
@@ -126,11 +120,3 @@ def _refuse_undeclared_variable(name: str, header: RunHeader) -> None:
         hint = f": did you mean '{similar_names[0]}'?" if similar_names else ""
         message = harmless_text(f"the spec has no context-variable '{name}'{hint}")
         raise typer.BadParameter(message, param_hint="VARIABLE")
-
-
-def _explanation_json(explanation: Why) -> str:
-    import dataclasses
-
-    from codra_dsl.runtime.journal.encoding import json_text
-
-    return f"{json_text(dataclasses.asdict(explanation))}\n"
