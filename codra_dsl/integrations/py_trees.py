@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -30,21 +29,57 @@ from codra_dsl.runtime import (
     Skill,
     UnknownNameError,
 )
+from codra_dsl.runtime.values.model import SkillModel
 
 __all__ = ["Acting", "ContextIs", "Decide", "DuringSkill", "Expecting", "PreviewHolds"]
 
 Manager = ContextManager[Any, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class _SetupArguments:
-    """The arguments of `setup`."""
+class _ContextNode(Behaviour):
+    """A node that uses the context manager and its clock."""
 
-    codra: Manager
-    clock: Clock
+    _setup_arguments: tuple[Manager, Clock] | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Receive `codra` and `clock`.
+
+        Raises:
+            TypeError: if one of them is missing, or if an acting part is not inside a skill.
+            UnknownNameError: if the spec lacks the variable or a skill of this node.
+        """
+        missing_names = [name for name in ("codra", "clock") if name not in kwargs]
+        if missing_names:
+            missing_text = " and ".join(missing_names)
+            raise TypeError(f"{self.name!r} needs {missing_text}: call tree.setup(codra=codra, clock=clock)")
+        self._setup_arguments = kwargs["codra"], kwargs["clock"]
+        self._check_setup()
+
+    def _check_setup(self) -> None:
+        """Check the names in this node."""
+        raise NotImplementedError
+
+    @property
+    def _codra(self) -> Manager:
+        return self._require_setup()[0]
+
+    @property
+    def _clock(self) -> Clock:
+        return self._require_setup()[1]
+
+    def _skill_model(self, name: str) -> SkillModel:
+        skills = self._codra.skills()
+        if name not in skills:
+            raise UnknownNameError(f"the spec has no skill {name!r}; it has {', '.join(map(repr, skills)) or 'none'}")
+        return skills[name]
+
+    def _require_setup(self) -> tuple[Manager, Clock]:
+        if self._setup_arguments is None:
+            raise RuntimeError(f"{self.name!r} was not set up: call tree.setup(codra=codra, clock=clock) first")
+        return self._setup_arguments
 
 
-class ContextIs(Behaviour):
+class ContextIs(_ContextNode):
     """A condition on a variable: SUCCESS if it holds, FAILURE if not.
 
     The node only reads the variable and records no event. So it can be a child of a reactive composite, which checks it
@@ -79,26 +114,17 @@ class ContextIs(Behaviour):
         self._wait_up_to_s = wait_up_to_s
         self._max_age_s = max_age_s
         self._wait_start_s = -math.inf
-        self._setup_arguments: _SetupArguments | None = None
 
-    def setup(self, **kwargs: Any) -> None:
-        """Receive `codra` and `clock`.
-
-        Raises:
-            TypeError: if one of them is missing.
-            UnknownNameError: if the spec has no such variable.
-        """
-        self._setup_arguments = _read_setup(self, kwargs)
-        self._setup_arguments.codra.get(self._variable)
+    def _check_setup(self) -> None:
+        self._codra.get(self._variable)
 
     def initialise(self) -> None:
         """Start the wait."""
-        self._wait_start_s = _require_setup(self, self._setup_arguments).clock.now_s()
+        self._wait_start_s = self._clock.now_s()
 
     def update(self) -> Status:
         """Read the variable."""
-        setup_arguments = _require_setup(self, self._setup_arguments)
-        now_s, reading = setup_arguments.clock.now_s(), setup_arguments.codra.get(self._variable)
+        now_s, reading = self._clock.now_s(), self._codra.get(self._variable)
         is_fresh = reading.known and reading.age_s(now_s) <= self._max_age_s
         if is_fresh and reading.start_s >= _evidence_start_s(self, self._variable):
             self.feedback_message = f"{reading.value!r}"
@@ -107,7 +133,7 @@ class ContextIs(Behaviour):
         return Status.RUNNING if now_s < self._wait_start_s + self._wait_up_to_s else self._unknown_status
 
 
-class Decide(Decorator):
+class Decide(_ContextNode, Decorator):
     """A decision that is answered from context, or by a subtree that looks.
 
     The subtree is the robot's own perception. It runs only if context does not answer. The status is SUCCESS if the
@@ -150,22 +176,14 @@ class Decide(Decorator):
         self._max_age_s = max_age_s
         self._shadow = shadow
         self._pending_decision: PendingDecision | None = None
-        self._setup_arguments: _SetupArguments | None = None
 
-    def setup(self, **kwargs: Any) -> None:
-        """Receive `codra` and `clock`.
-
-        Raises:
-            TypeError: if one of them is missing.
-            UnknownNameError: if the spec has no such variable.
-        """
-        self._setup_arguments = _read_setup(self, kwargs)
-        self._setup_arguments.codra.get(self._variable)
+    def _check_setup(self) -> None:
+        self._codra.get(self._variable)
 
     def initialise(self) -> None:
         """Start the decision, unless it is already pending."""
         if self._pending_decision is None:
-            self._pending_decision = _require_setup(self, self._setup_arguments).codra.ask(
+            self._pending_decision = self._codra.ask(
                 self._variable,
                 max_age_s=self._max_age_s,
                 since_s=_evidence_start_s(self, self._variable),
@@ -212,7 +230,7 @@ class Decide(Decorator):
         return _status(self._holds(value))
 
 
-class PreviewHolds(Behaviour):
+class PreviewHolds(_ContextNode):
     """The preview of a skill as one decision: SUCCESS if it holds, FAILURE if it is violated.
 
     While the preview is unknown, the status is RUNNING, for at most `wait_up_to_s`; after this time, the status is the
@@ -244,23 +262,14 @@ class PreviewHolds(Behaviour):
         self._wait_up_to_s = wait_up_to_s
         self._max_age_s = max_age_s
         self._pending_preview: PendingPreview | None = None
-        self._setup_arguments: _SetupArguments | None = None
 
-    def setup(self, **kwargs: Any) -> None:
-        """Receive `codra` and `clock`.
-
-        Raises:
-            TypeError: if one of them is missing.
-            UnknownNameError: if the spec has no such skill.
-        """
-        self._setup_arguments = _read_setup(self, kwargs)
-        _skill_of(self._setup_arguments.codra, self._skill)
+    def _check_setup(self) -> None:
+        self._skill_model(self._skill)
 
     def initialise(self) -> None:
         """Start the decision."""
-        codra = _require_setup(self, self._setup_arguments).codra
-        variables = _skill_of(codra, self._skill).preview
-        self._pending_preview = codra.ask_preview(
+        variables = self._skill_model(self._skill).preview
+        self._pending_preview = self._codra.ask_preview(
             self._skill,
             max_age_s=self._max_age_s,
             since_s={variable: _evidence_start_s(self, variable) for variable in variables},
@@ -284,7 +293,7 @@ class PreviewHolds(Behaviour):
             self._pending_preview = None
 
 
-class DuringSkill(Decorator):
+class DuringSkill(_ContextNode, Decorator):
     """A subtree that is a skill: the variables that the skill previews and monitors are declared while it runs."""
 
     def __init__(self, name: str, child: Behaviour, skill: str) -> None:
@@ -295,25 +304,15 @@ class DuringSkill(Decorator):
         self._last_action_end_s = -math.inf
         self._stack = ExitStack()
         self._running_skill: Skill | None = None
-        self._setup_arguments: _SetupArguments | None = None
 
-    def setup(self, **kwargs: Any) -> None:
-        """Receive `codra` and `clock`.
-
-        Raises:
-            TypeError: if one of them is missing.
-            UnknownNameError: if the spec has no such skill.
-        """
-        self._setup_arguments = _read_setup(self, kwargs)
-        self._changes = frozenset(_skill_of(self._setup_arguments.codra, self._skill).changes)
+    def _check_setup(self) -> None:
+        self._changes = frozenset(self._skill_model(self._skill).changes)
 
     def initialise(self) -> None:
         """Begin the skill."""
         self._stack.close()  # if an earlier tick raised an exception, the skill of that tick has not ended yet
         self._last_action_end_s = -math.inf
-        self._running_skill = self._stack.enter_context(
-            _require_setup(self, self._setup_arguments).codra.skill(self._skill)
-        )
+        self._running_skill = self._stack.enter_context(self._codra.skill(self._skill))
 
     def update(self) -> Status:
         """Return the status of the subtree."""
@@ -349,7 +348,7 @@ class DuringSkill(Decorator):
         return self._last_action_end_s if variable in self._changes else -math.inf
 
 
-class Acting(Decorator):
+class Acting(_ContextNode, Decorator):
     """The acting part of a skill: the variables that the skill changes are unknown from the start of this part.
 
     Later conditions and decisions in the skill use only evidence whose observation began after the end of this part.
@@ -360,15 +359,8 @@ class Acting(Decorator):
         super().__init__(name, child)
         self._stack = ExitStack()
         self._skill_node: DuringSkill | None = None
-        self._setup_arguments: _SetupArguments | None = None
 
-    def setup(self, **kwargs: Any) -> None:
-        """Receive `codra` and `clock`, and find the skill.
-
-        Raises:
-            TypeError: if one of them is missing, or no `DuringSkill` is above this node.
-        """
-        self._setup_arguments = _read_setup(self, kwargs)
+    def _check_setup(self) -> None:
         self._skill_node = next(_skills_above(self), None)
         if self._skill_node is None:
             raise TypeError(f"{self.name!r} acts outside of a skill: put a DuringSkill around it")
@@ -392,10 +384,10 @@ class Acting(Decorator):
 
     def _end(self) -> None:
         assert self._skill_node is not None
-        self._skill_node.note_action(_require_setup(self, self._setup_arguments).clock.now_s())
+        self._skill_node.note_action(self._clock.now_s())
 
 
-class Expecting(Decorator):
+class Expecting(_ContextNode, Decorator):
     """A subtree that is followed by skills. The previews of these skills are declared from the start of the subtree.
 
     The declaration is withdrawn if the subtree fails or is interrupted, and when a later `Expecting` node of the tree
@@ -407,25 +399,17 @@ class Expecting(Decorator):
         super().__init__(name, child)
         self._skills = skills
         self._is_latest = False
-        self._setup_arguments: _SetupArguments | None = None
 
-    def setup(self, **kwargs: Any) -> None:
-        """Receive `codra` and `clock`.
-
-        Raises:
-            TypeError: if one of them is missing.
-            UnknownNameError: if the spec has no such skill.
-        """
-        self._setup_arguments = _read_setup(self, kwargs)
+    def _check_setup(self) -> None:
         for skill in self._skills:
-            _skill_of(self._setup_arguments.codra, skill)
+            self._skill_model(skill)
 
     def initialise(self) -> None:
         """Expect the skills."""
         for node in _root(self).iterate():
             if isinstance(node, Expecting):
                 node._is_latest = node is self
-        _require_setup(self, self._setup_arguments).codra.expect(*self._skills)
+        self._codra.expect(*self._skills)
 
     def update(self) -> Status:
         """Return the status of the subtree."""
@@ -435,27 +419,7 @@ class Expecting(Decorator):
         """Withdraw the expectation, unless the subtree succeeded or a later node expects skills."""
         if new_status is not Status.SUCCESS and self._is_latest:
             self._is_latest = False
-            _require_setup(self, self._setup_arguments).codra.expect()
-
-
-def _read_setup(node: Behaviour, kwargs: dict[str, Any]) -> _SetupArguments:
-    missing_names = [name for name in ("codra", "clock") if name not in kwargs]
-    if missing_names:
-        raise TypeError(f"{node.name!r} needs {' and '.join(missing_names)}: call tree.setup(codra=codra, clock=clock)")
-    return _SetupArguments(kwargs["codra"], kwargs["clock"])
-
-
-def _require_setup(node: Behaviour, setup_arguments: _SetupArguments | None) -> _SetupArguments:
-    if setup_arguments is None:
-        raise RuntimeError(f"{node.name!r} was not set up: call tree.setup(codra=codra, clock=clock) first")
-    return setup_arguments
-
-
-def _skill_of(codra: Manager, name: str) -> Any:
-    skills = codra.skills()
-    if name not in skills:
-        raise UnknownNameError(f"the spec has no skill {name!r}; it has {', '.join(map(repr, skills)) or 'none'}")
-    return skills[name]
+            self._codra.expect()
 
 
 def _root(node: Behaviour) -> Behaviour:

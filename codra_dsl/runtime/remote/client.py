@@ -199,7 +199,10 @@ class RemoteContext:
             return _value_or_none(otherwise())
         if answer["answered"]:
             return reading_of(answer["reading"]).content
-        return self._look(answer["decision"], otherwise)
+        value, result = self._look(answer["decision"], otherwise)
+        with contextlib.suppress(ConnectionError):
+            self._ask("found", **result)
+        return value
 
     def preview(
         self,
@@ -219,7 +222,8 @@ class RemoteContext:
         answer = self._ask("preview", wait_up_to_s, skill=skill, looks=otherwise is not None, **_fields_of(options))
         while answer["look"] and otherwise is not None:
             (variable,) = answer["look"]
-            answer = self._look_for_preview(answer["decision"], partial(otherwise, variable))
+            _, result = self._look(answer["decision"], partial(otherwise, variable))
+            answer = self._ask("found", **result)
         return preview_of(answer["preview"])
 
     def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
@@ -245,25 +249,15 @@ class RemoteContext:
             self._socket.close()
             raise
 
-    def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer | None:
+    def _look(self, decision: int, otherwise: Callable[[], Answer]) -> tuple[Answer | None, PlainData]:
+        """Return what the program found by its own look, and the fields of the request that reports it."""
         try:
             value = _value_or_none(otherwise())
         except BaseException as error:
             with contextlib.suppress(ConnectionError):
                 self._ask("found", decision=decision, raised=type_name(error))
             raise
-        with contextlib.suppress(ConnectionError):
-            self._ask("found", decision=decision, **({} if value is None else {"value": value}))
-        return value
-
-    def _look_for_preview(self, decision: int, look: Callable[[], object]) -> PlainData:
-        try:
-            value = _value_or_none(look())
-        except BaseException as error:
-            with contextlib.suppress(ConnectionError):
-                self._ask("found", decision=decision, raised=type_name(error))
-            raise
-        return self._ask("found", decision=decision, **({} if value is None else {"value": value}))
+        return value, {"decision": decision, **({} if value is None else {"value": value})}
 
     def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> PlainData:
         future = Future[PlainData]()
