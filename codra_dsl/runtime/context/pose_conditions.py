@@ -8,7 +8,7 @@ so that it changes rarely, too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -40,43 +40,40 @@ class PoseConditions:
             store: stores the readings.
         """
         self._take_snapshot = knowledge.step_snapshot
-        graph_variables = [variable for variable in variables if variable.pose_condition is not None]
-        paths = {f"count({path})": path for path in knowledge.model.counts}
-        self._counts = tuple(
-            _PathCount(variable, path, knowledge, store)
-            for variable in graph_variables
-            for name, path in paths.items()
-            if variable.pose_condition is not None and name in variable.pose_condition.variables()
-        )
-        counted_names = {count.name for count in self._counts}
-        self._conditions = tuple(
-            _PoseCondition(variable, self._take_snapshot, clock, store)
-            for variable in graph_variables
-            if variable.name not in counted_names
-        )
+        graph_variables = [
+            _GraphVariable(variable, variable.pose_condition, knowledge, clock, store)
+            for variable in variables
+            if variable.pose_condition is not None
+        ]
+        counts = [variable for variable in graph_variables if variable.counts_paths]
+        conditions = [variable for variable in graph_variables if not variable.counts_paths]
+        self._graph_variables = (*conditions, *counts)
         self._together = store.derivations.together
         if graph_variables:
             knowledge.on_change = self._evaluate_affected_variables
-        for count in self._counts:
-            count.evaluate(self._take_snapshot())
-        for condition in self._conditions:
-            condition.evaluate(self._take_snapshot())
+        for variable in (*counts, *conditions):
+            variable.evaluate(self._take_snapshot())
 
     def _evaluate_affected_variables(self, changed_subjects: Collection[ChangeSubject]) -> None:
         """Compute the variables that a change of the graph may affect."""
-        with self._together():
-            self._evaluate_affected_conditions(changed_subjects)
-            for count in self._counts:
-                if count.depends_on(changed_subjects):
-                    count.evaluate(self._take_snapshot())
-
-    def _evaluate_affected_conditions(self, changed_subjects: Collection[ChangeSubject]) -> None:
-        frames = frozenset(name for kind, name in changed_subjects if kind == "frame")
-        has_nodes = any(kind == "node" for kind, _ in changed_subjects)
+        change = _Change(
+            changed_subjects,
+            frames=frozenset(name for kind, name in changed_subjects if kind == "frame"),
+            has_nodes=any(kind == "node" for kind, _ in changed_subjects),
+        )
         snapshot = self._take_snapshot()
-        for condition in self._conditions if frames or has_nodes else ():
-            if has_nodes or condition.depends_on(frames):
-                condition.evaluate(snapshot, frames)
+        with self._together():
+            for variable in self._graph_variables:
+                if variable.depends_on(change):
+                    variable.evaluate(snapshot, change.frames)
+
+
+class _Change(NamedTuple):
+    """A change of the graph: all changed subjects, the frames among them, and whether there are nodes among them."""
+
+    subjects: Collection[ChangeSubject]
+    frames: frozenset[str]
+    has_nodes: bool
 
 
 class _InputsStatus(NamedTuple):
@@ -94,80 +91,65 @@ class _InputsStatus(NamedTuple):
     detail: str = ""
 
 
-class _PathCount:
-    """One variable that follows from the number of matches of a path. This number is always known."""
+class _Counts(NamedTuple):
+    """The numbers of matches of paths, by their names in a term."""
 
-    def __init__(self, variable: VariableModel, path: Path, knowledge: Knowledge, store: Store) -> None:
-        first = path.places[0]
-        is_single = not path.links and not first.called
-        self.name = variable.name
-        self._term = _term_of(variable)
-        # matches differ in their edges and named places, so a single node needs a name
-        self._path = replace(path, places=(replace(first, called="_"),)) if is_single else path
-        self._count_name = f"count({path})"
-        self._subjects = knowledge.step_snapshot().subjects_of(path)
-        self._store = store
-
-    def depends_on(self, changed_subjects: Collection[ChangeSubject]) -> bool:
-        """Return whether changes of some subjects can change the number."""
-        return any((kind, name) in self._subjects or (kind, ANY) in self._subjects for kind, name in changed_subjects)
-
-    def evaluate(self, snapshot: Snapshot) -> None:
-        """Count, and store a reading if the value has changed."""
-        count = len(snapshot.match(self._path))
-        content = self._term.evaluate(_CountScope(self._count_name, count))
-        before, now_s = self._store.cells[self.name].observed, snapshot.instant_s
-        if content is not None and before.content != content:
-            self._store.write(known_reading(self.name, content, now_s, now_s, now_s, FOREVER_S, POSES))
-
-
-class _CountScope(NamedTuple):
-    """The number of matches of one path."""
-
-    name: str
-    number: int
+    numbers: Mapping[str, int]
 
     def value(self, name: str) -> Value | None:
-        """Return the number."""
-        return self.number if name == self.name else None
+        """Return a number."""
+        return self.numbers.get(name)
 
     def age_s(self, name: str) -> float | None:
-        """Return no age: the number is counted now."""
-        return 0.0 if name == self.name else None
+        """Return no age: the paths are counted now."""
+        return 0.0 if name in self.numbers else None
 
 
-class _PoseCondition:
-    """One variable that follows from poses."""
+class _GraphVariable:
+    """One variable that follows from poses, or from the number of matches of a path, which is always known.
 
-    def __init__(
-        self, variable: VariableModel, take_snapshot: Callable[[], Snapshot], clock: Clock, store: Store
-    ) -> None:
+    Attributes:
+        counts_paths: whether the variable follows from the number of matches of a path.
+    """
+
+    def __init__(self, variable: VariableModel, term: Term, knowledge: Knowledge, clock: Clock, store: Store) -> None:
+        names = term.variables()
+        paths = {f"count({path})": path for path in knowledge.model.counts}
         self._name = variable.name
-        self._term = _term_of(variable)
+        self._term = term
         self._resolution_m = variable.resolution_m
-        self._take_snapshot = take_snapshot
+        self._take_snapshot = knowledge.step_snapshot
         self._clock = clock
         self._store = store
+        self._paths = {name: _distinguishing(path) for name, path in paths.items() if name in names}
+        self.counts_paths = bool(self._paths)
+        snapshot = knowledge.step_snapshot()
+        self._subjects = {subject for path in self._paths.values() for subject in snapshot.subjects_of(path)}
         self._frames: frozenset[str] | None = None
         self._timer: Timer | None = None
 
-    def depends_on(self, frames: frozenset[str]) -> bool:
-        """Return whether the poses of some frames can change the condition."""
-        return self._frames is None or not self._frames.isdisjoint(frames)
+    def depends_on(self, change: _Change) -> bool:
+        """Return whether a change of the graph can change the variable."""
+        if self.counts_paths:
+            return any(not self._subjects.isdisjoint({(kind, name), (kind, ANY)}) for kind, name in change.subjects)
+        has_moved = bool(change.frames) and (self._frames is None or not self._frames.isdisjoint(change.frames))
+        return change.has_nodes or has_moved
 
     def evaluate(self, snapshot: Snapshot, moved_frames: frozenset[str] = frozenset()) -> None:
-        """Compute the condition, and store a reading if its value or reason has changed.
+        """Compute the variable, and store a reading if its value or reason has changed.
 
         Args:
             snapshot: the snapshot of the present step.
             moved_frames: the frames whose poses have changed.
         """
         status = _inputs_status(snapshot, self._term)
-        content = _rounded(term_value(snapshot, self._term), self._resolution_m)
+        content = _rounded(self._value(snapshot), self._resolution_m)
         before, now_s = self._store.cells[self._name].observed, snapshot.instant_s
         self._frames = status.frames
         reason = None if content is not None else _reason(before, status)
-        if before.content != content or before.reason is not reason or before.evidence_s == BEFORE_ALL_S:
+        is_explained = content is not None or before.detail == status.detail
+        is_same = before.content == content and before.reason is reason and is_explained
+        if not is_same or before.evidence_s == BEFORE_ALL_S:
             evidence_s = max(before.evidence_s, self._evidence_s(snapshot, moved_frames))
             if content is not None:
                 reading = known_reading(self._name, content, evidence_s, evidence_s, now_s, FOREVER_S, POSES)
@@ -183,6 +165,11 @@ class _PoseCondition:
                 )
             self._store.write(reading)
         self._schedule_evaluation(status.next_update_s)
+
+    def _value(self, snapshot: Snapshot) -> Value | None:
+        if not self.counts_paths:
+            return term_value(snapshot, self._term)
+        return self._term.evaluate(_Counts({name: len(snapshot.match(path)) for name, path in self._paths.items()}))
 
     def _evidence_s(self, snapshot: Snapshot, moved_frames: frozenset[str]) -> float:
         """Return when the newest pose of the condition's moved frames was measured; now, if none of them moved."""
@@ -206,9 +193,10 @@ class _PoseCondition:
         self.evaluate(self._take_snapshot())
 
 
-def _term_of(variable: VariableModel) -> Term:
-    assert variable.pose_condition is not None
-    return variable.pose_condition
+def _distinguishing(path: Path) -> Path:
+    """Return a path with as many matches as it has nodes and edges: matches differ in edges and named places."""
+    first = path.places[0]
+    return path if path.links or first.called else replace(path, places=(replace(first, called="_"),))
 
 
 def _rounded(content: Value | None, resolution_m: float | None) -> Value | None:

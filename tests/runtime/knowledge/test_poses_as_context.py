@@ -18,6 +18,8 @@ from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.knowledge.declarations import distance
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.values.cell import Reason
+from codra_dsl.runtime.values.declarations import POSES
+from codra_dsl.runtime.values.model import VariableModel, boolean
 from codra_dsl.runtime.why import explain
 from tests.runtime.journal.journals import read
 from tests.runtime.knowledge.bay import (
@@ -32,6 +34,8 @@ from tests.runtime.knowledge.bay import (
     manager,
     sees,
 )
+
+Manager = ContextManager[str, str]
 
 
 def drive(codra: ContextManager[str, str], *positions_m: float) -> None:
@@ -97,6 +101,20 @@ def test_a_comparison_is_unknown_for_a_node_without_a_pose() -> None:
         people.graph.place("robot", "cup_pose", "cup", Pose.of((0.0, 0.0, 1.0)))
         people.graph.delete_node("cup")
         assert codra.get(IN_VIEW).reason is Reason.FORGOTTEN
+
+
+def test_the_detail_of_an_unknown_comparison_names_a_pose_that_is_missing_now() -> None:
+    nearer = VariableModel(
+        name="nearer",
+        type=boolean(),
+        sources=(POSES,),
+        pose_condition=distance("robot", "machine") < distance("cup", "machine"),
+    )
+    model, clock = replace(MODEL, variables=(*MODEL.variables, nearer)), SimClock()
+    with Manager(model, clock=clock, resources={"lid": Lid()}, knowledge=knowledge()) as codra:
+        assert codra.get("nearer").detail == "the pose of 'machine' relative to 'robot' is unknown"
+        drive(codra, 3.5)
+        assert codra.get("nearer").detail == "the pose of 'machine' relative to 'cup' is unknown"
 
 
 def test_agents_cannot_write_comparisons_with_poses() -> None:
