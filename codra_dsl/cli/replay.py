@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -35,8 +34,6 @@ if TYPE_CHECKING:
     from codra_dsl.runtime.knowledge import KnowledgeModel
     from codra_dsl.runtime.replay import Build, DecisionCounts, Difference, Replayed
     from codra_dsl.runtime.replay.recording import Recording
-
-    KnowledgeFactory = Callable[[KnowledgeModel | None], KnowledgeModel | None]
 
 
 PackageOption = Annotated[
@@ -94,7 +91,6 @@ def replay_command(
         raise typer.BadParameter("give either --package or --spec, not both", param_hint="--spec")
     if journal is not None and real_path(journal) == real_path(file):
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
-    make_knowledge = _declared_knowledge if dsr is None else partial(_knowledge_from_dsr, dsr, dsr_unit_m)
     with open_journal(file) as index_reader, open_journal(file) as reader:
         header = index_reader.header()
         end_s = EventsInFile(index_reader, header.summary).end_s
@@ -104,6 +100,7 @@ def replay_command(
         from_s, to_s = range_of(from_, to, header)
         recording = Recording.of_file(reader, index_reader.kinds(), to_s)
         with _loaded_package(header, package, spec) as module:
+            make_knowledge = partial(_initial_knowledge, module, dsr, dsr_unit_m)
             replay_result, is_journal_complete = _replay(header, recording, from_s, module, make_knowledge, journal)
         if not is_torn and to is None:
             report_damage(reader, header.start_s if recording.end_s is None else recording.end_s)
@@ -123,14 +120,13 @@ def _create_journal(path: Path | None) -> Journal | None:
         raise typer.BadParameter(f"cannot write '{path}': {error.strerror}", param_hint="--journal") from error
 
 
-def _declared_knowledge(knowledge: KnowledgeModel | None) -> KnowledgeModel | None:
-    return knowledge
-
-
-def _knowledge_from_dsr(dsr: Path, unit_m: float, knowledge: KnowledgeModel | None) -> KnowledgeModel:
-    """Return the knowledge that a spec declares, with the initial graph from a DSR file."""
+def _initial_knowledge(module: ModuleType, dsr: Path | None, unit_m: float) -> KnowledgeModel | None:
+    """Return the knowledge that a spec declares, with the initial graph from a DSR file if there is one."""
     from codra_dsl.runtime.knowledge.exchange import ExchangeError, import_dsr, read_dsr
 
+    knowledge: KnowledgeModel | None = getattr(module, "KNOWLEDGE", None)
+    if dsr is None:
+        return knowledge
     if knowledge is None:
         raise typer.BadParameter("the spec declares no knowledge", param_hint="--dsr")
     try:
@@ -175,7 +171,7 @@ def _replay(  # noqa: PLR0917 - the arguments of the command
     recording: Recording,
     from_s: float,
     module: ModuleType,
-    make_knowledge: KnowledgeFactory,
+    make_knowledge: Callable[[], KnowledgeModel | None],
     journal: Path | None,
 ) -> tuple[Replayed, bool]:
     """Return the result of the replay, and whether the journal of derived events is complete, if there is one."""
@@ -184,9 +180,7 @@ def _replay(  # noqa: PLR0917 - the arguments of the command
 
     progress = Progress()
     try:
-        knowledge = make_knowledge(getattr(module, "KNOWLEDGE", None))
-        copy = _create_journal(journal)
-        build = _manager_class(module)
+        knowledge, copy, build = make_knowledge(), _create_journal(journal), _manager_class(module)
         replay_result = replay(header, recording, module.MODEL, build, copy, knowledge, progress, from_s)
     except _REPLAY_ERRORS as error:
         say(f"codra: the journal cannot be replayed: {described(error)}")
@@ -252,8 +246,7 @@ def _report_version_differences(header: RunHeader, folder: Path) -> None:
 
 
 def _replay_result_text(replay_result: Replayed, header: RunHeader) -> str:
-    counts_by_kind = Counter(replay_result.derived)
-    derived_counts_text = ", ".join(f"{count} of kind {kind}" for kind, count in sorted(counts_by_kind.items()))
+    derived_counts_text = ", ".join(f"{count} of kind {kind}" for kind, count in sorted(replay_result.derived.items()))
     absent_kinds_text = "".join(
         f"not compared, because the journal has no such events: {kind}\n" for kind in replay_result.absent
     )
@@ -274,7 +267,7 @@ def _decisions_text(replay_result: Replayed) -> str:
             f"decisions: context would have answered {sum_.replayed} of {sum_.decisions}; "
             f"in the run, context answered {sum_.recorded}"
         )
-        lines += [f"  {variable}: {_counts_text(row)}" for variable, row in counts.items() if _has_change(row)]
+        lines += [f"  {variable}: {_counts_text(row)}" for variable, row in counts.items() if _changes_text(row)]
         if sum_.assumed:
             lines.append(
                 "assumed: for these decisions, the package looks when the run looked, and with the same values"
@@ -292,11 +285,11 @@ def _decisions_text(replay_result: Replayed) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _has_change(row: DecisionCounts) -> bool:
-    return bool(row.gained or row.lost or row.other_value or row.unknown or row.assumed)
-
-
 def _counts_text(row: DecisionCounts) -> str:
+    return f"{row.replayed} of {row.decisions}, in the run {row.recorded} ({_changes_text(row)})"
+
+
+def _changes_text(row: DecisionCounts) -> str:
     parts = (
         (row.gained, "answered instead of a look"),
         (row.lost, "replaced by a look"),
@@ -304,8 +297,7 @@ def _counts_text(row: DecisionCounts) -> str:
         (row.unknown, "unknown"),
         (row.assumed, "assumed"),
     )
-    parts_text = ", ".join(f"{count} {text}" for count, text in parts if count)
-    return f"{row.replayed} of {row.decisions}, in the run {row.recorded} ({parts_text})"
+    return ", ".join(f"{count} {text}" for count, text in parts if count)
 
 
 def _difference_text(difference: Difference, header: RunHeader) -> str:

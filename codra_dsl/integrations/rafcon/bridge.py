@@ -149,8 +149,7 @@ class Bridge:
                 skill, since_s=self._action_ends_s, wait_up_to_s=wait_up_to_s, max_age_s=max_age_s
             )
         )
-        while pending_preview.state is DecisionState.WAITING and not _is_preempted(state):
-            self._do(lambda: pending_preview.wait(_PREEMPTION_CHECK_PERIOD_S))
+        self._wait(state, pending_preview)
         self._do(lambda: pending_preview.abandon("preempted"))
         return pending_preview.answer
 
@@ -247,9 +246,13 @@ class Bridge:
                 shadow=self._answers is Answers.SHADOW,
             )
         )
-        while pending_decision.state is DecisionState.WAITING and not _is_preempted(state):
-            self._do(lambda: pending_decision.wait(_PREEMPTION_CHECK_PERIOD_S))
+        self._wait(state, pending_decision)
         return pending_decision
+
+    def _wait(self, state: State, decision: PendingDecision | PendingPreview) -> None:
+        """Wait until a decision does not wait any more, or a state is preempted."""
+        while decision.state is DecisionState.WAITING and not _is_preempted(state):
+            self._do(lambda: decision.wait(_PREEMPTION_CHECK_PERIOD_S))
 
     def _skip(self, state: State, outcome: str) -> None:
         """End a state with an outcome, given by name, as if it had run."""

@@ -105,6 +105,12 @@ class RequestShape:
     optional: Mapping[str, FieldType] = field(default_factory=dict)
 
 
+_DECISION_LIMITS = {
+    "max_age_s": FieldType.DURATION,
+    "since_s": FieldType.NUMBER,
+    "wait_up_to_s": FieldType.DURATION,
+}
+
 REQUESTS: Mapping[str, RequestShape] = {
     "hello": RequestShape(optional={"lease_s": FieldType.LEASE, "token": FieldType.TEXT}),
     "keep": RequestShape(),
@@ -126,22 +132,10 @@ REQUESTS: Mapping[str, RequestShape] = {
     ),
     "clear_override": RequestShape(required={"variable": FieldType.TEXT}),
     "decide": RequestShape(
-        required={"variable": FieldType.TEXT},
-        optional={
-            "max_age_s": FieldType.DURATION,
-            "since_s": FieldType.NUMBER,
-            "wait_up_to_s": FieldType.DURATION,
-            "shadow": FieldType.TRUTH,
-        },
+        required={"variable": FieldType.TEXT}, optional={**_DECISION_LIMITS, "shadow": FieldType.TRUTH}
     ),
     "preview": RequestShape(
-        required={"skill": FieldType.TEXT},
-        optional={
-            "max_age_s": FieldType.DURATION,
-            "since_s": FieldType.NUMBER,
-            "wait_up_to_s": FieldType.DURATION,
-            "looks": FieldType.TRUTH,
-        },
+        required={"skill": FieldType.TEXT}, optional={**_DECISION_LIMITS, "looks": FieldType.TRUTH}
     ),
     "found": RequestShape(
         required={"decision": FieldType.INTEGER}, optional={"value": FieldType.VALUE, "raised": FieldType.TEXT}

@@ -13,7 +13,7 @@ its observer is missing, and its variables are undetermined.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.runtime.journal.events import Event, Kind
@@ -41,15 +41,19 @@ class Undetermined:
         self.variables: set[str] = set()
         self.assumed_variables: set[str] = set()
         self._identified_variables = {name: set(algorithm.identifies) for name, algorithm in summary.algorithms.items()}
-        self._read_variables: Mapping[str, set[str]] = {
+        derived_terms = ((name, variable.derived) for name, variable in summary.variables.items())
+        self._inputs = {name: term.variables() for name, term in derived_terms if term is not None}
+        self._read_variables = {
             name: {variable for rule in algorithm.preconditions for variable in rule.term.variables()}
             for name, algorithm in summary.algorithms.items()
         }
-        self._inputs: Mapping[str, frozenset[str]] = {
-            name: variable.derived.variables()
-            for name, variable in summary.variables.items()
-            if variable.derived is not None
-        }
+        self._readers: Mapping[str, set[str]] = defaultdict(set)
+        for algorithm, read_variables in self._read_variables.items():
+            for variable in read_variables:
+                self._readers[variable] |= self._identified_variables[algorithm]
+        for derived_variable, inputs in self._inputs.items():
+            for variable in inputs:
+                self._readers[variable].add(derived_variable)
         self._variables_with_memory = {
             variable
             for algorithm in summary.algorithms.values()
@@ -116,17 +120,8 @@ class Undetermined:
 
     def _with_dependents(self, variables: Iterable[str]) -> set[str]:
         """Return variables, and all variables whose observers depend on them, or that are derived from them."""
-        dependents = set(variables)
-        new_variables = set(dependents)
+        dependents, new_variables = set[str](), set(variables)
         while new_variables:
-            earlier_variables = new_variables
-            new_variables = {
-                identified_variable
-                for algorithm, read_variables in self._read_variables.items()
-                if not read_variables.isdisjoint(earlier_variables)
-                for identified_variable in self._identified_variables[algorithm]
-            }
-            new_variables |= {name for name, inputs in self._inputs.items() if not inputs.isdisjoint(earlier_variables)}
-            new_variables -= dependents
             dependents |= new_variables
+            new_variables = set[str]().union(*(self._readers[name] for name in new_variables)) - dependents
         return dependents
