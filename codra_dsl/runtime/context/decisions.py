@@ -181,10 +181,9 @@ class ValueDecision(_State):
         """Return whether context has the answer now."""
         return self.request.permits(read(self.name), now_s)
 
-    def flips_s(self, read: ReadNow, now_s: float) -> float:
-        """Return in how many seconds time alone may next decide: never."""
-        del read, now_s
-        return math.inf
+    def next_check_s(self, _read: ReadNow, _now_s: float) -> float:
+        """Return the next instant at which time alone can end the wait."""
+        return self.until_s
 
     def look_up(self, read: ReadNow, now_s: float) -> None:
         """Look up the answer in the context."""
@@ -290,11 +289,11 @@ class Preview(_State):
         """Return whether context, with what was found by looking, decides the preview now."""
         return evaluate(self.skill, self._context(read, now_s)).outcome is not PreviewOutcome.UNKNOWN
 
-    def flips_s(self, read: ReadNow, now_s: float) -> float:
-        """Return in how many seconds an age in a condition next passes its limit; infinite if none does."""
+    def next_check_s(self, read: ReadNow, now_s: float) -> float:
+        """Return the next instant at which the wait ends, or an age in a condition passes its limit."""
         context = self._context(read, now_s)
         waits_s = (condition.condition.flips_s(context) for condition in self.skill.preview_conditions)
-        return min((wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+        return min([self.until_s, *(now_s + wait_s for wait_s in waits_s if wait_s is not None)])
 
     def look_up(self, read: ReadNow, now_s: float) -> None:
         """Evaluate the preview."""

@@ -84,14 +84,14 @@ class Pending(Generic[DecisionT]):
         """
         if self.poll() is DecisionState.WAITING:
             until_s = min(self._decision.until_s, self._clock.now_s() + longest_s)
-            wait_until(self._is_wait_over, self._flips_s, self._clock, until_s)
+            wait_until(self._is_wait_over, self.next_check_s, self._clock, until_s)
         if self.poll() is DecisionState.WAITING and longest_s == math.inf:  # the clock was closed
             self._end_wait()
         return self.state
 
     def next_check_s(self) -> float:
         """Return the next instant at which time alone can end the wait."""
-        return min(self._decision.until_s, self._clock.now_s() + self._flips_s())
+        return self._decision.next_check_s(self._read, self._clock.now_s())
 
     def abandon(self, why: str) -> None:
         """Stop waiting or looking, for example because of a more urgent task. If the decision is over, do nothing."""
@@ -112,9 +112,6 @@ class Pending(Generic[DecisionT]):
     def _is_wait_over(self) -> bool:
         """Return whether context can answer now, or is closed."""
         return self._commands.is_closed or self._decision.can_be_decided(self._read, self._clock.now_s())
-
-    def _flips_s(self) -> float:
-        return self._decision.flips_s(self._read, self._clock.now_s())
 
     def _end_wait(self) -> None:
         self._commands.resume(self._decision)

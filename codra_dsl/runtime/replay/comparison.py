@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -68,15 +69,13 @@ class Comparison(EventLog):
         spec_summary: the summary of the spec that is replayed; None before the replay begins.
         accepts_inputs: whether the log accepts inputs; only `copy_log` needs them.
         position: the number of equal events so far.
-        compared: the number of equal events so far in the range of time whose events are counted.
-        derived: the number of derived events by kind in this range.
+        compared: the number of equal events so far that are not earlier than `from_s`.
+        derived: the number of derived events by kind that are not earlier.
         difference: the first difference, if there is one so far.
         on_event: called with each derived event.
     """
 
-    def __init__(
-        self, recording: Recording, copy_log: EventLog | None, is_in_range: Callable[[float], bool] = lambda _: True
-    ) -> None:
+    def __init__(self, recording: Recording, copy_log: EventLog | None, from_s: float = -math.inf) -> None:
         super().__init__(limit=1)
         self.may_continue = False
         self.spec_summary: SpecSummary | None = None
@@ -86,7 +85,7 @@ class Comparison(EventLog):
         self.difference: Difference | None = None
         self.on_event: Callable[[Event], None] = lambda _: None
         self.compared = 0
-        self._is_in_range = is_in_range
+        self._from_s = from_s
         self._recording = recording
         self._copy_log = copy_log
 
@@ -107,7 +106,7 @@ class Comparison(EventLog):
         if self._copy_log is not None:
             self._copy_log.add(event)
         if event.kind is not Kind.INPUT:
-            if self._is_in_range(event.instant_s):
+            if event.instant_s >= self._from_s:
                 self.derived[event.kind] = self.derived.get(event.kind, 0) + 1
             self.on_event(event)
             if event.kind in self._recording.kinds and self.difference is None:
@@ -135,7 +134,7 @@ class Comparison(EventLog):
         if recorded_event is not None and recorded_event.is_equal(event):
             self._recording.drop_expected_event()
             self.position += 1
-            self.compared += self._is_in_range(event.instant_s)
+            self.compared += event.instant_s >= self._from_s
         elif recorded_event is not None or not self.may_continue:
             self._add_difference(recorded_event, replayed=event)
 

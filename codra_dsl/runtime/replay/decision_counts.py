@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -60,9 +60,9 @@ _DecisionKey = tuple[str, float]
 class DecisionComparison:
     """Compares the decisions of a run, as they are read from its journal, with those of its replay."""
 
-    def __init__(self, is_in_range: Callable[[float], bool]) -> None:
-        """Count only decisions whose questions were asked in a range of time."""
-        self._is_in_range = is_in_range
+    def __init__(self, from_s: float) -> None:
+        """Count only decisions whose questions were not asked before an instant."""
+        self._from_s = from_s
         self._recorded: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
         self._replayed: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
         self._ended_keys: set[_DecisionKey] = set()
@@ -115,7 +115,7 @@ class DecisionComparison:
 
     def _count(self, key: _DecisionKey, recorded: _Answer, replayed: _Answer) -> None:
         variable, asked_s = key
-        if not self._is_in_range(asked_s):
+        if asked_s < self._from_s:
             return
         has_both = recorded.is_context and replayed.is_context
         facts = {

@@ -58,9 +58,6 @@ class _Look(Work):
         self._on_cancel = on_cancel
         self._reported_s = 0.0
 
-    def begin(self, algorithm: Algorithm, job: Job) -> None:
-        self.algorithm, self.job = algorithm, job
-
     def report(self, report_s: float, interval: Interval) -> None:
         """Repeat a report about the evidence."""
         assert self.job is not None
@@ -149,7 +146,7 @@ class ReplayedJobs:
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
             assert self._starting_look is not None
-            self._starting_look.begin(algorithm, job)
+            self._starting_look.algorithm, self._starting_look.job = algorithm, job
             if self._clock is None:
                 self._repeat_calls_of_job()
             return {}
@@ -186,10 +183,10 @@ class ReplayedJobs:
         if look is not None and look.index == index:
             self._end_with(look, end_event)
         elif look is not None and look.index is None and end_event is not None:
-            interval = _evidence_of(end_event)
-            evidence_start_s = recorded_start_s if interval is None else interval.start_s
-            if evidence_start_s >= look.start_s - PUNCTUALITY_TOLERANCE_S:
-                look.report(now_s, interval or Interval(recorded_start_s, now_s))
+            # the evidence of a failed job is not recorded: its entire duration counts
+            interval = Interval(*map(float, end_event.details.get("evidence_s") or (recorded_start_s, now_s)))
+            if interval.start_s >= look.start_s - PUNCTUALITY_TOLERANCE_S:
+                look.report(now_s, interval)
                 self._end_with(look, end_event)
 
     def _repeat_calls_of_job(self) -> None:
@@ -211,24 +208,20 @@ class ReplayedJobs:
 
     def _assign(self, look: _Look, clock: Clock) -> None:
         """After the first difference: let a job repeat the recorded job that began at the same instant, if any."""
-        assert self.undetermined is not None
-        name = look.algorithm.name
+        undetermined, name = self.undetermined, look.algorithm.name
+        assert undetermined is not None
         starts_s = self._recorded_starts_s[name]
         indices = (i for i, start_s in starts_s.items() if abs(start_s - look.start_s) <= PUNCTUALITY_TOLERANCE_S)
         index = next(indices, None)
         look.is_assumed = index is None or bool(look.algorithm.given)
         if look.is_assumed:
-            self.undetermined.begin_assumed_look(name)
+            undetermined.begin_assumed_look(name)
         if index is None:
-            period_s = self.undetermined.periods_s.get(name, 0.0)
-            clock.call_at(clock.now_s() + period_s, lambda: self._miss(look))
+            missing_s = clock.now_s() + undetermined.periods_s.get(name, 0.0)
+            clock.call_at(missing_s, lambda: None if look.is_over else undetermined.miss_look(name))
         else:
             del starts_s[index]
             self._repeat(look, index)
-
-    def _miss(self, look: _Look) -> None:
-        if not look.is_over and self.undetermined is not None:
-            self.undetermined.miss_look(look.algorithm.name)
 
     def _cancel(self, look: _Look) -> None:
         """After the first difference: end a job that was cancelled, or has timed out."""
@@ -256,12 +249,6 @@ class ReplayedJobs:
         if self.undetermined is not None:
             self.undetermined.end_look(look.algorithm.name, is_known=is_known, is_assumed=look.is_assumed)
         look.deliver(outcome)
-
-
-def _evidence_of(end_event: Event) -> Interval | None:
-    """Return the interval of a job's evidence; None if it is not known."""
-    evidence_s = end_event.details.get("evidence_s", ())
-    return Interval(*map(float, evidence_s)) if len(evidence_s) == 2 else None
 
 
 class ReplayedClock(Clock):

@@ -7,7 +7,7 @@ decisions, so a difference means that the spec, the runtime or the journal has c
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Set
 from typing import Any
 
 from codra_dsl.logic import Value
@@ -87,10 +87,8 @@ class Player:
         details = event.details
         self._begun_skill_count += event.what == "begin"
         self._slot_request_count += event.what == "request"
-        self._check_names("variable", [details["variable"]] if "variable" in details else [], self._types.keys())
-        self._check_names(
-            "skill", details.get("skills", [details["skill"]] if "skill" in details else []), self._skill_names
-        )
+        self._check_names("variable", details, self._types.keys())
+        self._check_names("skill", details, self._skill_names)
         try:
             with contextlib.suppress(PermissionError, ValueError):
                 self._apply(event, details)
@@ -105,8 +103,7 @@ class Player:
 
     def next_check_s(self, number: int) -> float:
         """Return the next instant at which time alone can end the wait of a decision."""
-        decision, now_s = self.decisions[number], self.clock.now_s()
-        return min(decision.until_s, now_s + decision.flips_s(self.manager.get, now_s))
+        return self.decisions[number].next_check_s(self.manager.get, self.clock.now_s())
 
     def is_wait_over(self, number: int, until_s: float) -> bool:
         """Return whether context can answer a decision now, or its wait ends by an instant."""
@@ -139,7 +136,8 @@ class Player:
             self.on_decision(decision)
         return decision
 
-    def _check_names(self, kind: str, names: Sequence[str], declared_names: Set[str]) -> None:
+    def _check_names(self, kind: str, details: Mapping[str, Any], declared_names: Set[str]) -> None:
+        names = [*details.get(f"{kind}s", ()), *([details[kind]] if kind in details else ())]
         missing_name = next((name for name in names if name not in declared_names), None)
         if missing_name is not None:
             raise DivergedError(f"the package has no {kind} '{missing_name}', which the run used")
@@ -221,13 +219,9 @@ class Player:
                 operations = operations_of(parse_json(details["operations"]))
                 self.manager.knowledge.write_as(event.name, operations)
             case "refused":
-                refused_write_fields = (
-                    details["subject"],
-                    details["message"],
-                    details.get("variable", ""),
-                    details.get("value"),
-                )
-                self.manager.knowledge.replay_refusal(event.name, RefusedWrite(*refused_write_fields))
+                variable, content = details.get("variable", ""), details.get("value")
+                refused_write = RefusedWrite(details["subject"], details["message"], variable, content)
+                self.manager.knowledge.replay_refusal(event.name, refused_write)
             case "adapt":
                 adaptation = parse_json(details["told"])
                 self._commands.adapt(event.name, adaptation["name"], adaptation["what"], adaptation["details"])

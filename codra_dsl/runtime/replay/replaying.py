@@ -58,14 +58,11 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         JournalError: if the file of the journal exceeds a limit.
     """
 
-    def is_in_range(instant_s: float) -> bool:
-        return instant_s >= from_s
-
     def show_instant(instant_s: float) -> None:
         progress(instant_s - header.start_s)
 
     recording = events if isinstance(events, Recording) else Recording.of(events)
-    comparison, decisions = Comparison(recording, copy, is_in_range), DecisionComparison(is_in_range)
+    comparison, decisions = Comparison(recording, copy, from_s), DecisionComparison(from_s)
     recording.on_decision = decisions.add_recorded
     player = Player(header, recording, model, build, comparison, knowledge)
     undetermined = Undetermined(header.summary if comparison.spec_summary is None else comparison.spec_summary)

@@ -22,8 +22,8 @@ from codra_dsl.runtime.replay.undetermined import NOT_RECORDED, Undetermined
 MAX_STEPS_BETWEEN_INPUTS = 50_000
 """A replay ends after this many steps without an input, because a forged journal could let it run forever."""
 
-_FOLLOWED_ELSEWHERE = frozenset({"evidence", "late", "waited"})
-"""Inputs that are not passed: reports are used with their jobs; waits and steps end when they end in the replay."""
+_FOLLOWED_ELSEWHERE = frozenset({"evidence", "late"})
+"""Inputs that are not passed: reports are used with their jobs, and the steps of a what-if replay are punctual."""
 
 
 class WhatIf:
@@ -95,15 +95,21 @@ class WhatIf:
             self._resume_waiting_decisions(self._clock.now_s())
         elif event.what in ("delivered", "unstarted"):
             self._player.jobs.deliver((event.name, event.details["index"]), self._clock.now_s())
-        elif event.what in ("found", "looked") and number not in self._player.decisions:
-            return  # the replay has answered the decision, so the main execution would not have looked
-        elif event.what not in _FOLLOWED_ELSEWHERE:
+        elif event.what not in _FOLLOWED_ELSEWHERE and self._would_happen(event):
             try:
                 self._player.pass_input(event)
             except DivergedError:
                 self.skipped_inputs[event.what] += 1
         if event.what in ("decide", "preview", "waited", "looked"):
             self._miss_looks_if_ended(number)
+
+    def _would_happen(self, event: Event) -> bool:
+        """Return whether an input would happen in the replay: the main execution looks only for what is missing."""
+        if event.what not in ("found", "looked"):
+            return True
+        decision = self._player.decisions.get(event.details.get("number", 0))
+        variable = event.details.get("variable")
+        return decision is not None and (variable is None or variable in decision.missing)
 
     # Decisions
 
