@@ -144,6 +144,11 @@ class ValueDecision(_State):
         return self.is_decided and not self.request.shadow
 
     @property
+    def variables(self) -> tuple[str, ...]:
+        """Return the variables that are decided."""
+        return (self.name,)
+
+    @property
     def unknown(self) -> tuple[str, ...]:
         """Return the variables that context does not know."""
         return () if self.is_decided else (self.name,)
@@ -243,6 +248,11 @@ class Preview(_State):
     looked: dict[str, Reading[Value]] = field(default_factory=dict)
     context: PreviewContext = field(init=False)
     answer: PreviewAnswer = field(init=False)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Return the variables of the preview."""
+        return self.skill.preview
 
     @property
     def is_decided(self) -> bool:

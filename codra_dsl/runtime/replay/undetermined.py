@@ -14,7 +14,8 @@ its observer is missing, and its variables are undetermined.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
@@ -93,6 +94,19 @@ class Undetermined:
         self.missing_looks[MAIN] += 1
         if variable not in self._inputs:
             self.variables |= self._with_dependents([variable])
+
+    @contextmanager
+    def look_of_main_execution(self, variable: str, decided_variables: Iterable[str]) -> Iterator[None]:
+        """Treat what happens in the `with` statement as a look that the main execution made in the run.
+
+        If one of the variables that are decided is undetermined or assumed, so is what the look finds, because context
+        might have decided without a look.
+        """
+        states = (self.variables, self.assumed_variables)
+        doubtful_states = [state for state in states if not state.isdisjoint(decided_variables)]
+        yield
+        for state in doubtful_states if variable not in self._inputs else ():
+            state.update(self._with_dependents([variable]))
 
     def add_event(self, event: Event) -> None:
         """Handle an event of the replay: evidence of the run may determine a variable again."""

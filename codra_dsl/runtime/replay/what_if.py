@@ -77,10 +77,11 @@ class WhatIf:
         for _ in range(MAX_STEPS_BETWEEN_INPUTS):
             check_s = min(map(self._player.next_check_s, self._player.waiting_numbers()), default=math.inf)
             next_event_s = self._clock.next_event_s()
-            if next_event_s > instant_s and check_s >= ended_before_s:
+            may_still_wait = check_s >= ended_before_s
+            if may_still_wait and next_event_s > instant_s:
                 self._clock.advance(instant_s)
                 return
-            if next_event_s <= check_s:
+            if may_still_wait or next_event_s <= check_s:
                 self._clock.step()
             else:
                 self._clock.advance(check_s)
@@ -91,25 +92,31 @@ class WhatIf:
 
     def _pass(self, event: Event) -> None:
         number = event.details.get("number", 0)
-        if event.what == "waited":
-            self._resume_waiting_decisions(self._clock.now_s())
-        elif event.what in ("delivered", "unstarted"):
-            self._player.jobs.deliver((event.name, event.details["index"]), self._clock.now_s())
-        elif event.what not in _FOLLOWED_ELSEWHERE and self._would_happen(event):
-            try:
-                self._player.pass_input(event)
-            except DivergedError:
-                self.skipped_inputs[event.what] += 1
+        match event.what:
+            case "waited":
+                self._resume_waiting_decisions(self._clock.now_s())
+            case "delivered" | "unstarted":
+                self._player.jobs.deliver((event.name, event.details["index"]), self._clock.now_s())
+            case "found" | "looked":
+                self._pass_look(event, number)
+            case what if what not in _FOLLOWED_ELSEWHERE:
+                self._pass_to_player(event)
         if event.what in ("decide", "preview", "waited", "looked"):
             self._miss_looks_if_ended(number)
 
-    def _would_happen(self, event: Event) -> bool:
-        """Return whether an input would happen in the replay: the main execution looks only for what is missing."""
-        if event.what not in ("found", "looked"):
-            return True
-        decision = self._player.decisions.get(event.details.get("number", 0))
+    def _pass_look(self, event: Event, number: int) -> None:
+        """Pass a look of the main execution, if it would look in the replay, too: only for what is missing."""
+        decision = self._player.decisions.get(number)
         variable = event.details.get("variable")
-        return decision is not None and (variable is None or variable in decision.missing)
+        if decision is not None and (variable is None or variable in decision.missing):
+            with self._undetermined.look_of_main_execution(variable or decision.name, decision.variables):
+                self._pass_to_player(event)
+
+    def _pass_to_player(self, event: Event) -> None:
+        try:
+            self._player.pass_input(event)
+        except DivergedError:
+            self.skipped_inputs[event.what] += 1
 
     # Decisions
 

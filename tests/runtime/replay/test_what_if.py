@@ -23,7 +23,7 @@ from codra_dsl.runtime.replay import DecisionCounts, Replayed, replay, what_if
 from codra_dsl.runtime.replay.decision_counts import total
 from codra_dsl.runtime.replay.undetermined import Undetermined
 from codra_dsl.runtime.values.declarations import DERIVED
-from codra_dsl.runtime.values.model import SkillModel, integer
+from codra_dsl.runtime.values.model import PreviewCondition, SkillModel, integer
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, variable
 from tests.runtime.journal.journals import read
 
@@ -32,6 +32,11 @@ DECISIONS = 5
 SLOT_S = 2.0
 """The time between two decisions of the program; every decision is over after it."""
 
+PASS = SkillModel(
+    name="pass",
+    preview=("near", "open"),
+    preview_conditions=(PreviewCondition(text="near and not open", condition=value("near") & ~value("open")),),
+)
 RESULT = {"number": integer(0, 9), "quality": integer(0, 9)}
 
 
@@ -60,7 +65,7 @@ class Thresholds:
             ],
             observer("o_near", measure, **settings),
             observer("o_open", *looks, **settings),
-            skills=[SkillModel(name="push", changes=("open",))],
+            skills=[SkillModel(name="push", changes=("open",)), PASS],
         )
 
     def _look(self, name: str, identified: str, threshold: int, when: Sequence[Term]) -> Look:
@@ -80,7 +85,7 @@ def world_of(chance: random.Random) -> Callable[[str, float], Mapping[str, int]]
     return see
 
 
-def run(path: Path, thresholds: Thresholds, seed: int) -> tuple[RunHeader, list[Event]]:
+def run(path: Path, thresholds: Thresholds, seed: int, *, has_previews: bool = False) -> tuple[RunHeader, list[Event]]:
     """Run a program that decides, acts and writes at the same instants with any thresholds."""
     chance = random.Random(seed)
     see, clock, duration_s = world_of(chance), SimClock(), chance.choice([0.0, 0.1, 0.3])
@@ -103,6 +108,10 @@ def run(path: Path, thresholds: Thresholds, seed: int) -> tuple[RunHeader, list[
             name, max_age_s = chance.choice(["near", "open", "ready"]), chance.choice([0.4, 2.0, 60.0])
             manager.set("light", chance.choice([2, 5, 8]))
             clock.sleep(chance.choice([0.3, 0.45, 0.7]))
+            if has_previews:
+                results, wait_up_to_s = chance.choices([True, False, None], k=2), chance.choice([0.0, 0.3])
+                look = dict(zip(PASS.preview, results, strict=True)).get if chance.random() < 0.7 else None
+                manager.preview("pass", look, max_age_s=max_age_s, wait_up_to_s=wait_up_to_s)
             found, wait_up_to_s = chance.choice([True, False, None]), chance.choice([0.0, 0.4])
             manager.decide(name, lambda: found, max_age_s=max_age_s, wait_up_to_s=wait_up_to_s)  # noqa: B023
             if chance.random() < 0.3:
@@ -142,14 +151,15 @@ THRESHOLDS = st.builds(
 )
 
 
-@given_examples(THRESHOLDS, THRESHOLDS, st.integers(0, 10_000), st.integers(0, DECISIONS - 1))
+@pytest.mark.parametrize("has_previews", [False, True])
+@given_examples(before=THRESHOLDS, after=THRESHOLDS, seed=st.integers(0, 10_000), index=st.integers(0, DECISIONS - 1))
 @settings(max_examples=5)
 def test_a_claim_without_an_assumption_is_what_the_changed_package_does(
-    before: Thresholds, after: Thresholds, seed: int, index: int
+    before: Thresholds, after: Thresholds, seed: int, index: int, *, has_previews: bool
 ) -> None:
     with TemporaryDirectory() as folder:
-        header, events = run(Path(folder) / "before.mcap", before, seed)
-        _, events_after = run(Path(folder) / "after.mcap", after, seed)
+        header, events = run(Path(folder) / "before.mcap", before, seed, has_previews=has_previews)
+        _, events_after = run(Path(folder) / "after.mcap", after, seed, has_previews=has_previews)
 
     claim = claim_about(header, events, after, index)
     (was_answered, value_before), (is_answered, value_after) = (
@@ -358,6 +368,45 @@ def test_writes_of_perception_functions_are_passed_on(tmp_path: Path) -> None:
 
     result = replayed(header, events, Thresholds(light=-1, near=7))
     assert result.decisions == {"light": DecisionCounts(decisions=1, recorded=1, replayed=1)}
+
+
+def test_a_wait_that_ends_just_before_an_event_and_an_input_does_not_stop_a_replay(tmp_path: Path) -> None:
+    def model(high: int) -> ContextModel:
+        light = given("light", type=integer(0, 9), valid_for_s=2.0)
+        return forest([light, variable("level", type=integer(0, high), derived=value("light"))])
+
+    clock = SimClock()
+    with Manager(model(9), clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as manager:
+        clock.sleep(0.6)
+        manager.set("light", 9)
+        clock.sleep(2.3 - clock.now_s())
+        manager.decide("level", lambda: None, wait_up_to_s=0.3)
+        clock.sleep(2.605 - clock.now_s())
+        manager.set("light", 9)
+        clock.sleep(1.0)
+    header, events = read(tmp_path / "run.mcap")
+
+    assert 2.3 + 0.3 < 2.6, "the light becomes stale after the wait"
+    result = replay(header, events, model(5), Manager, None)
+    assert result.ended_because == ""
+    assert result.decisions == {"level": DecisionCounts(decisions=1, recorded=1, lost=1)}
+
+
+def test_what_the_main_execution_found_is_undetermined_if_it_might_not_have_looked(tmp_path: Path) -> None:
+    clock, world = SimClock(), World({"measure": {"number": 6, "quality": 9}})
+    model, journal = Thresholds(light=4).model(), Journal(tmp_path / "run.mcap")
+    with Manager(model, clock=clock, resources={"world": world}, record=journal) as manager:
+        manager.declare("near")
+        manager.set("light", 5)
+        for _ in range(4):
+            clock.sleep(1.2)
+            manager.decide("near", lambda: False, max_age_s=2.0)
+            manager.set("light", 1)
+    header, events = read(tmp_path / "run.mcap")
+    assert [was_answered for was_answered, _ in decisions_of(events)] == [True, True, False, True]
+
+    result = replayed(header, events, Thresholds(light=6))
+    assert result.decisions == {"near": DecisionCounts(decisions=4, recorded=3, lost=1, unknown=3)}
 
 
 def test_a_forged_journal_cannot_let_a_replay_go_on_forever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
