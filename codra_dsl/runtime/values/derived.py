@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 from codra_dsl.logic import Choice, Conjunction, Disjunction, Operand, Scope, Term, Value, literal
@@ -21,8 +20,10 @@ from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 ReadingOf = Callable[[str], Reading[Any]]
 """Returns the reading of an input at one instant."""
 
-TimeOf = Callable[[Reading[Any]], float]
-"""Returns an instant of a reading."""
+Evidence = tuple[float, float]
+"""The instants at which the taking of evidence ended and began."""
+
+_NO_EVIDENCE: Evidence = (math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -146,8 +147,8 @@ class DerivedCell(Cell):
             reason = next((reading.reason for reading in unknown_readings), None) or Reason.REJECTED
             detail = ", ".join(f"{reading.name} is unknown ({reading.reason})" for reading in unknown_readings)
             return self._unknown_reading(reason, detail or "the expression has no value", scope)
-        evidence_s = min(_deciding_s(self.term, scope, _evidence_s), now_s)
-        start_s = min(_deciding_s(self.term, scope, _start_s), evidence_s)
+        evidence_s, start_s = _oldest([_deciding_evidence(self.term, scope), (now_s, now_s)])
+        start_s = min(start_s, evidence_s)
         reading = known_reading(self.reading.name, content, evidence_s, start_s, now_s, FOREVER_S, DERIVED)
         return replace(reading, expires_s=self._next_change_s(scope))
 
@@ -177,30 +178,48 @@ def readings_at(
 
     If `substitute_reading` is given, it is the reading of its variable.
     """
-
-    @cache
-    def read(name: str) -> Reading[Value]:
-        cell = cells[name]
-        if substitute_reading is not None and substitute_reading.name == name:
-            return substitute_reading
-        if isinstance(cell, DerivedCell) and cell.override_at(instant_s) is None:
-            return cell.derive_from(read, instant_s)
-        return cell.at(instant_s)
-
-    return read
+    return _readings(
+        cells,
+        lambda cell: cell.override_at(instant_s) is None,
+        lambda cell, reading_of: cell.derive_from(reading_of, instant_s),
+        lambda cell: cell.at(instant_s),
+        {} if substitute_reading is None else {substitute_reading.name: substitute_reading},
+    )
 
 
 def _readings_now(cells: Mapping[str, Cell], now_s: float) -> ReadingOf:
     """Return a function that returns the present readings of variables, and derives each variable only once."""
+    return _readings(
+        cells,
+        lambda cell: now_s >= cell.reading.expires_s,
+        lambda cell, reading_of: cell.derive(now_s, reading_of),
+        lambda cell: cell.now(now_s),
+        {},
+    )
 
-    @cache
-    def read(name: str) -> Reading[Value]:
-        cell = cells[name]
-        if isinstance(cell, DerivedCell) and now_s >= cell.reading.expires_s:
-            return cell.derive(now_s, read)
-        return cell.now(now_s)
 
-    return read
+def _readings(
+    cells: Mapping[str, Cell],
+    must_derive: Callable[[DerivedCell], bool],
+    derive: Callable[[DerivedCell, ReadingOf], Reading[Value]],
+    read: Callable[[Cell], Reading[Value]],
+    readings: dict[str, Reading[Value]],
+) -> ReadingOf:
+    """Return a function that fills `readings`. It reads inputs first, so a long chain needs no deep recursion."""
+
+    def reading_of(name: str) -> Reading[Value]:
+        pending_names = [] if name in readings else [name]
+        while pending_names:
+            cell = cells[pending_names[-1]]
+            if not (isinstance(cell, DerivedCell) and must_derive(cell)):
+                readings[pending_names.pop()] = read(cell)
+            elif missing_names := [name for name in cell.inputs if name not in readings]:
+                pending_names.extend(missing_names)
+            else:
+                readings[pending_names.pop()] = derive(cell, readings.__getitem__)
+        return readings[name]
+
+    return reading_of
 
 
 def derived_cells_among(names: Iterable[str], cells: Mapping[str, Cell]) -> list[DerivedCell]:
@@ -241,42 +260,41 @@ def unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for part in parts for name in unknown_inputs(part, scope)))
 
 
-def _deciding_s(term: Term, scope: _InputScope, time_of: TimeOf) -> float:
-    """Return the oldest instant among the inputs that decide the value of a term; infinite if no input decides it.
+def _deciding_evidence(term: Term, scope: _InputScope) -> Evidence:
+    """Return the oldest evidence among the inputs that decide the value of a term; infinite if no input decides it.
 
     If each of several operands alone decides the value, the operand with the newest evidence decides it.
     """
+    parts = term.parts()
     match term:
         case Conjunction(terms=terms) | Disjunction(terms=terms):
             decisive = isinstance(term, Disjunction)
             decisive_terms = [operand for operand in terms if operand.evaluate(scope) is decisive]
             if decisive_terms:
-                return max(_deciding_s(operand, scope, time_of) for operand in decisive_terms)
+                return max(_deciding_evidence(operand, scope) for operand in decisive_terms)
         case Choice(then=then, condition=condition, otherwise=otherwise):
             truth = condition.evaluate(scope)
-            if truth is not None:
-                return min(_deciding_s(part, scope, time_of) for part in (condition, then if truth else otherwise))
-            return min(_deciding_s(part, scope, time_of) for part in (then, otherwise))
+            parts = (then, otherwise) if truth is None else (condition, then if truth else otherwise)
         case Fallback(term=value) if value.evaluate(scope) is not None:
-            return _deciding_s(value, scope, time_of)
-    if term.parts():
-        return min(_deciding_s(part, scope, time_of) for part in term.parts())
-    return min((time_of(scope.reading_of(name)) for name in term.variables()), default=math.inf)
+            parts = (value,)
+    if parts:
+        return _oldest(_deciding_evidence(part, scope) for part in parts)
+    return _oldest(_evidence(scope.reading_of(name)) for name in term.variables())
 
 
-def _evidence_s(reading: Reading[Any]) -> float:
-    """Return the instant of the evidence; for an unknown input, the instant since which it is unknown."""
-    return reading.evidence_s if reading.known else _unknown_since_s(reading)
+def _oldest(evidence: Iterable[Evidence]) -> Evidence:
+    ends_s, starts_s = zip(*evidence, _NO_EVIDENCE, strict=True)
+    return min(ends_s), min(starts_s)
 
 
-def _start_s(reading: Reading[Any]) -> float:
-    """Return when the taking of the evidence began; minus infinity if the operator made the input unknown."""
-    if reading.reason is Reason.OVERRIDDEN:
-        return BEFORE_ALL_S  # an override is no evidence
-    return reading.start_s if reading.known else _unknown_since_s(reading)
+def _evidence(reading: Reading[Any]) -> Evidence:
+    """Return the evidence of an input; for an unknown input, the instant since which it is unknown.
 
-
-def _unknown_since_s(reading: Reading[Any]) -> float:
-    """Return since when an input is unknown; infinite if it was unknown from the beginning of the run."""
+    This instant is infinite if the input was unknown from the beginning of the run. The evidence of an override by the
+    operator began before all instants, because an override is no evidence.
+    """
+    if reading.known:
+        return reading.evidence_s, reading.start_s
     since_s = reading.evidence_s if reading.source == DERIVED else reading.identified_s
-    return since_s if since_s > BEFORE_ALL_S else math.inf
+    since_s = since_s if since_s > BEFORE_ALL_S else math.inf
+    return since_s, BEFORE_ALL_S if reading.reason is Reason.OVERRIDDEN else since_s
