@@ -24,6 +24,7 @@ from codra_dsl.language.expression import (
     is_name,
     names_in,
     parse,
+    parse_derivation,
     parts,
     to_text,
     walk,
@@ -285,6 +286,12 @@ def test_length_has_a_limit() -> None:
     answer = problem("a" * (MAX_LENGTH + 1))
     assert (answer.start, answer.message) == (MAX_LENGTH, f"a condition of {MAX_LENGTH + 1} characters is too long")
     assert parsed("a" * MAX_LENGTH)
+
+
+def test_a_derivation_that_is_too_long_is_refused_before_its_counts_are_read() -> None:
+    answer = parse_derivation("count() + " * MAX_LENGTH)
+    assert isinstance(answer, SyntaxProblem)
+    assert answer.message == f"a condition of {10 * MAX_LENGTH} characters is too long"
 
 
 def test_a_long_conjunction_is_not_deep() -> None:
