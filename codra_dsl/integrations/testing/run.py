@@ -211,9 +211,9 @@ class Run:
 
         The handles that the site states are made for algorithms that the story does not script.
         """
-        for resource, maker in self._timeline.makers.items():
-            if resource not in self.resources:
-                self.resources[resource] = make_stated_handle(maker, self.clock)
+        for handle in self._timeline.handles:
+            if handle.resource not in self.resources:
+                self.resources[handle.resource] = make_stated_handle(handle, self.clock)
         algorithms = self._package.algorithms.values()
         unscripted = (algorithm for algorithm in algorithms if algorithm.name not in self._story.scripted_algorithms)
         needed_handles = {handle for algorithm in unscripted for handle in algorithm.handles}

@@ -9,25 +9,11 @@ from enum import StrEnum
 
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
-from codra_dsl.language.model import Literal
+from codra_dsl.language.model import Handle, Literal
 from codra_dsl.runtime import Reason
 from codra_dsl.runtime.behavior_trees import Result
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.observers.expectations import Outcome as ExpectationOutcome
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Maker:
-    """Makes the handle of a resource for each story.
-
-    Attributes:
-        call: `module:name` of a class or function.
-        arguments: the literals that are its arguments.
-    """
-
-    call: str
-    arguments: Mapping[str, Literal]
-    place: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -326,13 +312,13 @@ class Timeline:
     Attributes:
         spec: the name of the spec that is tested.
         seed: the seed of the random numbers that jobs use.
-        makers: a mapping from resources to the makers of their handles.
+        handles: how the handles of resources are made for each story.
         repeat_intervals_s: a mapping from agents to the intervals at which they repeat their last values.
     """
 
     source: Source
     spec: str
     seed: int
-    makers: Mapping[str, Maker]
+    handles: tuple[Handle, ...]
     repeat_intervals_s: Mapping[str, float]
     stories: tuple[Story, ...]
