@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from codra_dsl.integrations.testing.package import Package
@@ -29,7 +29,7 @@ from codra_dsl.integrations.testing.timeline import (
     Step,
     Verb,
 )
-from codra_dsl.integrations.testing.values import read_anything, read_difference, read_value
+from codra_dsl.integrations.testing.values import read_anything, read_difference, read_value, unknown_name_help
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
@@ -384,13 +384,9 @@ class MomentReader:
                 self._report_unknown("unknown-value", name_node, allowed_names, problem, steps)
 
     def _report_unknown(
-        self, rule: str, node: ScalarNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
+        self, rule: str, node: ScalarNode, names: Collection[str], problem: str, steps: tuple[str, ...]
     ) -> None:
-        allowed_names = list(names)
-        similar_name = self._findings.nearest(node.text, allowed_names)
-        allowed_text = f"there is {list_names(allowed_names)}" if allowed_names else "there is none"
-        message = f"{problem} {shown(node.text)}"
-        help_text = f"did you mean '{similar_name}'?" if similar_name else allowed_text
+        message, help_text = f"{problem} {shown(node.text)}", unknown_name_help(node.text, names, self._findings)
         path = self._subject.part(*steps, node.text)
         self._findings.add(rule, message, self._place(node), help=help_text, path=path)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from codra_dsl.integrations.testing.moments import MomentReader
 from codra_dsl.integrations.testing.package import FOLDER, Package, PackageError, load_package
 from codra_dsl.integrations.testing.timeline import Behaviour, LoopSwitch, Moment, Story, Timeline, Verb
+from codra_dsl.integrations.testing.values import unknown_name_help
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.handles import read_handle
@@ -117,10 +118,7 @@ class _TimelineReader:
     ) -> Iterator[tuple[ScalarNode, MappingNode]]:
         for key, value in entries(self._node.value(section)):
             if key.text not in names:
-                similar_name = self._findings.nearest(key.text, names)
-                help_text = (
-                    f"did you mean '{similar_name}'?" if similar_name else f"there is {list_names(names) or 'none'}"
-                )
+                help_text = unknown_name_help(key.text, names, self._findings)
                 message = f"spec '{self._package.model.name}' has no {noun} {shown(key.text)}"
                 self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help_text, path=section)
             elif isinstance(value, MappingNode):

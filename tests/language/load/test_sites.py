@@ -328,6 +328,17 @@ def test_a_finding_about_the_spec_that_only_the_site_causes_names_the_value_of_t
         assert related(finding)[-1] == ("only with this value of the site", SITE, 4)
 
 
+def test_the_second_declaration_of_a_name_is_read_without_the_site(tmp_path: Path) -> None:
+    again = "context:\n  light: {type: float, source: main_execution}\n"
+    spec = SPEC.replace("context:\n", again, 1)
+    root = project(tmp_path, site_of("context: {light: {valid_for: 3 apples}}\n"), spec)
+    (root / "specs/parts/light.yaml").write_text(PART.replace("1 min", "2 apples"), "utf-8")
+    findings = plan_paths([root / "specs"], root, sites=[root / SITE]).diagnostics
+
+    wrong_values = [finding.message[-10:] for finding in findings if finding.rule.name == "duration"]
+    assert sorted(wrong_values) == ["'2 apples'", "'3 apples'"]
+
+
 @pytest.mark.parametrize("valid_for", ["5", "1 ms"])
 def test_the_work_for_naming_both_files_grows_with_the_number_of_values(valid_for: str, tmp_path: Path) -> None:
     """A value that cannot be read has a finding in the site; a validity that is too short has one in the spec."""
