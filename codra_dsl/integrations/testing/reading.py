@@ -13,7 +13,6 @@ from pathlib import Path
 from codra_dsl.integrations.testing.moments import MomentReader
 from codra_dsl.integrations.testing.package import FOLDER, Package, PackageError, load_package
 from codra_dsl.integrations.testing.timeline import Behaviour, LoopSwitch, Moment, Story, Timeline, Verb
-from codra_dsl.integrations.testing.values import unknown_name_help
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.handles import read_handle
@@ -101,28 +100,21 @@ class _TimelineReader:
         )
 
     def _handles(self) -> Iterator[Handle]:
-        for key, node in self._known_entries("resources", self._package.handles, "handle"):
-            reader = Reader(self._subject, node, self._findings)
+        for key, reader in self._readers("resources", "handle"):
             handle = read_handle(reader, key.text, _CALL_HELP, "resources", key.text)
             if handle is not None:
                 yield handle
 
     def _speakers(self) -> Iterator[tuple[str, float]]:
-        for key, node in self._known_entries("agents", self._package.agents, "agent"):
-            repeat_interval_s = Reader(self._subject, node, self._findings).duration_s("every", 0.0)
+        for key, reader in self._readers("agents", "agent"):
+            repeat_interval_s = reader.duration_s("every", 0.0)
             if repeat_interval_s > 0:
                 yield key.text, repeat_interval_s
 
-    def _known_entries(
-        self, section: str, names: tuple[str, ...], noun: str
-    ) -> Iterator[tuple[ScalarNode, MappingNode]]:
-        for key, value in entries(self._node.value(section)):
-            if key.text not in names:
-                help_text = unknown_name_help(key.text, names, self._findings)
-                message = f"spec '{self._package.model.name}' has no {noun} {shown(key.text)}"
-                self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help_text, path=section)
-            elif isinstance(value, MappingNode):
-                yield key, value
+    def _readers(self, section: str, noun: str) -> Iterator[tuple[ScalarNode, Reader]]:
+        for key, node in self._moments.declared_entries(self._node.value(section), noun, (section,)):
+            if isinstance(node, MappingNode):
+                yield key, Reader(self._subject, node, self._findings)
 
     def _stories(self) -> Iterator[Story]:
         start_entry = self._node.entries.get("start")
