@@ -18,7 +18,7 @@ from codra_dsl.logic import Term
 from codra_dsl.runtime import ContextModel, Kind, NotASourceError, SimClock
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.conditions import age, choose, first_known, known, maximum, value
-from codra_dsl.runtime.values.conditions_held import ContextAt
+from codra_dsl.runtime.values.derived import ContextAt
 from codra_dsl.runtime.values.model import ExpectationModel, SkillModel, boolean, real
 from tests.runtime.forests import (
     Look,
