@@ -23,7 +23,7 @@ from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_bindi
 from codra_dsl.language.file_queries import Answers, PresentAnswers, merged_answers, recorded_queries
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
 from codra_dsl.language.load.site.both_files import name_both_files
-from codra_dsl.language.load.site.requested import RequestedSites, find_sites, sites_without_spec
+from codra_dsl.language.load.site.site_file import RequestedSites, find_sites, sites_without_spec
 from codra_dsl.language.load.yaml.rules import RULES as LANGUAGE_RULES
 from codra_dsl.language.load.yaml.source import AS_ON_DISK
 from codra_dsl.language.model import Spec

@@ -36,6 +36,21 @@ def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
     return tuple(reached_names)
 
 
+def needs_first(needs: Needs, name: str) -> tuple[str, ...]:
+    """Return a name and all names that it needs, each after the names that it needs, unless they need each other."""
+    names: dict[str, None] = {}
+    reached_names: set[str] = set()
+    open_names = [name]
+    while open_names:
+        open_name = open_names[-1]
+        if open_name in reached_names:
+            names[open_names.pop()] = None
+        else:
+            reached_names.add(open_name)
+            open_names.extend(need for need in needs.get(open_name, ()) if need not in reached_names)
+    return tuple(names)
+
+
 def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
     """Return the groups of names that need each other. Each group is sorted; groups are ordered by their first name.
 

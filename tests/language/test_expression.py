@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -24,6 +26,8 @@ from codra_dsl.language.expression import (
     is_name,
     names_in,
     parse,
+    parse_derivation,
+    parse_over_context,
     parts,
     to_text,
     walk,
@@ -285,6 +289,17 @@ def test_length_has_a_limit() -> None:
     answer = problem("a" * (MAX_LENGTH + 1))
     assert (answer.start, answer.message) == (MAX_LENGTH, f"a condition of {MAX_LENGTH + 1} characters is too long")
     assert parsed("a" * MAX_LENGTH)
+
+
+@pytest.mark.parametrize(
+    ("parse_text", "item"), [(parse_derivation, "count() + "), (parse_over_context, "distance() < 1 m or ")]
+)
+def test_a_text_that_is_too_long_is_refused_before_its_functions_of_the_graph_are_read(
+    parse_text: Callable[[str], Node | SyntaxProblem], item: str
+) -> None:
+    answer = parse_text(item * MAX_LENGTH)
+    assert isinstance(answer, SyntaxProblem)
+    assert answer.message == f"a condition of {len(item) * MAX_LENGTH} characters is too long"
 
 
 def test_a_long_conjunction_is_not_deep() -> None:

@@ -6,7 +6,7 @@ import networkx as nx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codra_dsl.language.graph import closure, shortest_cycle, strong_components
+from codra_dsl.language.graph import closure, needs_first, shortest_cycle, strong_components
 
 NAMES = "abcdefg"
 GRAPHS = st.dictionaries(st.sampled_from(NAMES), st.lists(st.sampled_from(NAMES), unique=True, max_size=4))
@@ -37,6 +37,19 @@ def test_a_closure_contains_the_reachable_names(needs: dict[str, list[str]], sta
 
     assert set(reached) == expected
     assert len(reached) == len(expected)
+
+
+@given(GRAPHS, st.sampled_from(NAMES))
+def test_needed_names_come_first_unless_they_need_each_other(needs: dict[str, list[str]], start: str) -> None:
+    graph = directed(needs)
+    graph.add_node(start)
+
+    ordered = needs_first(needs, start)
+
+    assert sorted(ordered) == sorted(closure(needs, [start]))
+    for position, name in enumerate(ordered):
+        later = set(ordered[position + 1 :]) & set(needs.get(name, ()))
+        assert all(name in nx.descendants(graph, need) for need in later)
 
 
 @given(GRAPHS)

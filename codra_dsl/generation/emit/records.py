@@ -182,8 +182,8 @@ def _other_place_text(place: Place, site: Site) -> str:
     value = site.replacement_around(place)
     if value is not None:
         return "" if value.replaced is None else f', "replaces": {{{_span_entries(value.replaced.span)}}}'
-    arguments = [value for value in site.replacements if value.section == "use" and value.element.span == place.use]
-    values = [value for value in site.replacements if value.element == place]
+    arguments = [value for value in site.replacements_of.get(place.use, ()) if value.section == "use"]
+    values = [value for value in site.replacements_of.get(place.span, ()) if value.element == place]
     first_value = next(iter((*values, *arguments)), None)
     return "" if first_value is None else f', "site": {{{_span_entries(first_value.place.span)}}}'
 

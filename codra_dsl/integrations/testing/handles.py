@@ -4,25 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, MutableMapping
 
-from codra_dsl.integrations.testing.timeline import Alteration, Maker
+from codra_dsl.integrations.testing.timeline import Alteration
 from codra_dsl.isolation.error_text import described
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.model import Handle
 from codra_dsl.runtime import CallError, Clock
 from codra_dsl.runtime.perception.site_handles import make_handle
 
 _PLAIN_TYPES = (bool, int, float, str, type(None))
 
 
-def make_stated_handle(maker: Maker, clock: Clock) -> object:
-    """Return the handle that a maker makes.
+def make_stated_handle(handle: Handle, clock: Clock) -> object:
+    """Make a handle as a timeline states.
 
     Raises:
         CallError: if the class or function cannot be imported, or raises an exception, e.g. for a wrong argument.
     """
     try:
-        return make_handle(maker.call, maker.arguments, clock)
+        return make_handle(handle.call, dict(handle.arguments), clock)
     except Exception as error:
-        raise CallError(f"{_place_text(maker.place)}: {maker.call!r}: {described(error)}") from error
+        raise CallError(f"{_place_text(handle.place)}: {handle.call!r}: {described(error)}") from error
 
 
 def alter(handle: object, change: Alteration) -> None:

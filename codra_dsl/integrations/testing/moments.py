@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from codra_dsl.integrations.testing.package import Package
@@ -29,7 +29,7 @@ from codra_dsl.integrations.testing.timeline import (
     Step,
     Verb,
 )
-from codra_dsl.integrations.testing.values import read_anything, read_difference, read_value
+from codra_dsl.integrations.testing.values import read_anything, read_difference, read_value, unknown_name_help
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
@@ -53,6 +53,15 @@ class MomentReader:
     def __init__(self, package: Package, subject: Subject, findings: Findings) -> None:
         """Read moments for a compiled spec; findings refer to `subject`."""
         self._missing_prefix = f"spec {shown(package.model.name)} has no"
+        self._variables = package.variables
+        self._declared_names: Mapping[str, Collection[str]] = {
+            "context-variable": self._variables,
+            "handle": package.handles,
+            "agent": package.agents,
+            "skill": [skill.name for skill in package.model.skills],
+            "observer": [observer.name for observer in package.model.observers],
+            "loop": [loop.name for loop in package.mape.loops] if package.mape is not None else [],
+        }
         self._package = package
         self._subject = subject
         self._findings = findings
@@ -92,7 +101,7 @@ class MomentReader:
     # Changes of the world
 
     def _alterations(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known_entries(node, self._package.handles, f"{self._missing_prefix} handle", steps):
+        for key, value in self.declared_entries(node, "handle", steps):
             if isinstance(value, MappingNode):
                 reader = self._reader(value)
                 attributes = {
@@ -102,9 +111,9 @@ class MomentReader:
                 yield Alteration(resource=key.text, attributes=attributes, place=self._place(key))
 
     def _sayings(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known_entries(node, self._package.agents, f"{self._missing_prefix} agent", steps):
+        for key, value in self.declared_entries(node, "agent", steps):
             if isinstance(value, MappingNode):
-                names = [name for name, variable in self._package.variables.items() if key.text in variable.sources]
+                names = [name for name, variable in self._variables.items() if key.text in variable.sources]
                 problem = f"agent '{key.text}' is not a source of"
                 values = dict(self._values(value, names, problem, (*steps, key.text)))
                 yield Saying(agent=key.text, values=values, place=self._place(key))
@@ -112,9 +121,8 @@ class MomentReader:
                 yield Saying(agent=key.text, values=None, place=self._place(key))
 
     def _behaviours(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known_entries(
-            node, self._package.algorithms, f"no observer of spec {shown(self._package.model.name)} runs", steps
-        ):
+        problem = f"no observer of spec {shown(self._package.model.name)} runs"
+        for key, value in self._known_entries(node, self._package.algorithms, problem, steps):
             value_steps = (*steps, key.text)
             if not isinstance(value, MappingNode):
                 if not value.reported:
@@ -132,9 +140,7 @@ class MomentReader:
             )
 
     def _overrides(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known_entries(
-            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
-        ):
+        for key, value in self.declared_entries(node, "context-variable", steps):
             if isinstance(value, MappingNode):
                 yield self._override(key.text, value, (*steps, key.text))
             elif not value.reported:
@@ -142,7 +148,7 @@ class MomentReader:
 
     def _override(self, variable: str, node: MappingNode, steps: tuple[str, ...]) -> Overriding:
         reader, value_node, reason_node = self._reader(node), node.value("is"), node.value("reason")
-        type_, reason = self._package.variables[variable].type, reader.text("reason", "")
+        type_, reason = self._variables[variable].type, reader.text("reason", "")
         if reason_node is not None and not reason_node.reported and not reason.strip():
             reader.fail("wrong-type", "'reason' is empty", reason_node, "state why the operator overrides it", *steps)
         return Overriding(
@@ -157,16 +163,14 @@ class MomentReader:
     ) -> Mapping[str, Literal | None] | None:
         if not isinstance(node, MappingNode):
             return None
-        declared_types = self._package.algorithms[algorithm].returns
+        types, reader = self._package.algorithms[algorithm].returns, self._reader(node)
         returned_values: dict[str, Literal | None] = {}
-        for key, value in self._known_entries(node, declared_types, f"'{algorithm}' returns no", (*steps, "returns")):
+        for key, value in self._known_entries(node, types, f"'{algorithm}' returns no", (*steps, "returns")):
             is_absent = isinstance(value, ScalarNode) and value.data is None and not value.reported
-            if is_absent and declared_types[key.text].optional:
-                returned_values[key.text] = None
-            else:
-                returned_values[key.text] = read_value(
-                    self._reader(node), value, declared_types[key.text], *steps, key.text
-                )
+            may_be_absent = is_absent and types[key.text].optional
+            returned_values[key.text] = (
+                None if may_be_absent else read_value(reader, value, types[key.text], *steps, key.text)
+            )
         return returned_values
 
     def _evidence(self, reader: Reader, node: YamlNode | None, steps: tuple[str, ...]) -> tuple[float, float] | None:
@@ -209,8 +213,7 @@ class MomentReader:
     # Changes of loops
 
     def _loop_switches(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        names = () if self._package.mape is None else tuple(loop.name for loop in self._package.mape.loops)
-        for key, value in self._known_entries(node, names, f"{self._missing_prefix} loop", steps):
+        for key, value in self.declared_entries(node, "loop", steps):
             if isinstance(value, ScalarNode) and not value.reported:
                 yield LoopSwitch(loop=key.text, runs=value.text == _RUNS, place=self._place(key))
 
@@ -232,9 +235,8 @@ class MomentReader:
             value_steps = (*steps, key.text)
             verb = Verb(key.text)
             if verb is Verb.SET and isinstance(value, MappingNode):
-                for name, content in self._values(
-                    value, self._package.variables, f"{self._missing_prefix} context-variable", value_steps
-                ):
+                problem = f"{self._missing_prefix} context-variable"
+                for name, content in self._values(value, self._variables, problem, value_steps):
                     yield Step(verb=verb, names=(name,), value=content, place=self._place(value.entries[name][0]))
             elif verb is Verb.DECIDE:
                 yield from self._decisions(value, value_steps)
@@ -242,29 +244,21 @@ class MomentReader:
                 yield self._step(verb, value, value_steps)
 
     def _step(self, verb: Verb, node: SequenceNode, steps: tuple[str, ...]) -> Step:
-        skills = [skill.name for skill in self._package.model.skills]
-        names, noun = (skills, "skill") if verb in _SKILL_VERBS else (self._package.variables, "context-variable")
-        known_names = tuple(
-            name.text for name in self._known_name_nodes(node, names, f"{self._missing_prefix} {noun}", steps)
-        )
-        return Step(verb=verb, names=known_names, place=self._place(node))
+        noun = "skill" if verb in _SKILL_VERBS else "context-variable"
+        names = tuple(name.text for name in self._declared_name_nodes(node, noun, steps))
+        return Step(verb=verb, names=names, place=self._place(node))
 
     def _decisions(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Step]:
-        for key, value in self._known_entries(
-            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
-        ):
-            decision_arguments = DecisionArguments()
-            if isinstance(value, MappingNode):
-                decision_arguments = self._decision_arguments(
-                    self._reader(value), value, self._package.variables[key.text].type, steps
-                )
+        for key, value in self.declared_entries(node, "context-variable", steps):
+            decision_arguments = self._decision_arguments(value, self._variables[key.text].type, steps)
             yield Step(
                 verb=Verb.DECIDE, names=(key.text,), decision_arguments=decision_arguments, place=self._place(key)
             )
 
-    def _decision_arguments(
-        self, reader: Reader, node: MappingNode, type_: ValueType, steps: tuple[str, ...]
-    ) -> DecisionArguments:
+    def _decision_arguments(self, node: YamlNode, type_: ValueType, steps: tuple[str, ...]) -> DecisionArguments:
+        if not isinstance(node, MappingNode):
+            return DecisionArguments()
+        reader = self._reader(node)
         otherwise, shadow = node.value("otherwise"), node.value("shadow")
         return DecisionArguments(
             otherwise=None if otherwise is None else read_value(reader, otherwise, type_, *steps, "otherwise"),
@@ -277,10 +271,8 @@ class MomentReader:
     # Checks
 
     def _beliefs(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
-        for key, value in self._known_entries(
-            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
-        ):
-            type_ = self._package.variables[key.text].type
+        for key, value in self.declared_entries(node, "context-variable", steps):
+            type_ = self._variables[key.text].type
             if isinstance(value, MappingNode):
                 yield self._belief(key, value, type_, (*steps, key.text))
             else:
@@ -310,14 +302,11 @@ class MomentReader:
         )
 
     def _observer_checks(self, node: YamlNode, steps: tuple[str, ...], *, is_running: bool) -> Iterator[Check]:
-        names = [observer.name for observer in self._package.model.observers]
-        for name in self._known_name_nodes(node, names, f"{self._missing_prefix} observer", steps):
+        for name in self._declared_name_nodes(node, "observer", steps):
             yield RunningCheck(observer=name.text, is_running=is_running, place=self._place(name))
 
     def _outcomes(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
-        for key, value in self._known_entries(
-            node, self._package.variables, f"{self._missing_prefix} context-variable", steps
-        ):
+        for key, value in self.declared_entries(node, "context-variable", steps):
             if isinstance(value, ScalarNode):
                 yield Outcome(variable=key.text, expected_outcome=value.text, place=self._place(value))
 
@@ -326,71 +315,63 @@ class MomentReader:
             skill.name: tuple(dict.fromkeys(expectation.variable for expectation in skill.expects))
             for skill in self._package.model.skills
         }
-        for key, value in self._known_entries(node, expected_variables, f"{self._missing_prefix} skill", steps):
+        for key, value in self.declared_entries(node, "skill", steps):
             problem, skill_steps = f"skill '{key.text}' expects nothing of", (*steps, key.text)
             for variable, word in self._known_entries(value, expected_variables[key.text], problem, skill_steps):
                 if isinstance(word, ScalarNode) and not word.reported:
+                    outcome, place = ExpectationOutcome(word.text), self._place(word)
                     yield ExpectationCheck(
-                        skill=key.text,
-                        variable=variable.text,
-                        expected_outcome=ExpectationOutcome(word.text),
-                        place=self._place(word),
+                        skill=key.text, variable=variable.text, expected_outcome=outcome, place=place
                     )
 
     def _preview_checks(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
-        skills = [skill.name for skill in self._package.model.skills]
-        for key, value in self._known_entries(node, skills, f"{self._missing_prefix} skill", steps):
+        for key, value in self.declared_entries(node, "skill", steps):
             outcome = value.value("is") if isinstance(value, MappingNode) else value
             because = self._reader(value).text("because", "") if isinstance(value, MappingNode) else ""
             if isinstance(outcome, ScalarNode):
-                yield PreviewCheck(
-                    skill=key.text,
-                    expected_outcome=outcome.text,
-                    because=because,
-                    place=self._place_of_value(key, value),
-                )
+                place = self._place_of_value(key, value)
+                yield PreviewCheck(skill=key.text, expected_outcome=outcome.text, because=because, place=place)
 
     # Names
 
     def _values(
-        self, node: MappingNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
+        self, node: MappingNode, names: Collection[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[str, Literal | None]]:
         for key, value in self._known_entries(node, names, problem, steps):
-            type_ = self._package.variables[key.text].type
+            type_ = self._variables[key.text].type
             yield key.text, read_value(self._reader(node), value, type_, *steps, key.text)
 
+    def declared_entries(
+        self, node: YamlNode | None, noun: str, steps: tuple[str, ...]
+    ) -> Iterator[tuple[ScalarNode, YamlNode]]:
+        """Yield the entries whose keys are names of the spec, such as its skills; report the others."""
+        return self._known_entries(node, self._declared_names[noun], f"{self._missing_prefix} {noun}", steps)
+
     def _known_entries(
-        self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
+        self, node: YamlNode | None, names: Collection[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[ScalarNode, YamlNode]]:
         """Yield the entries whose keys are among `names`; report the others."""
-        allowed_names = list(names)
         for key, value in entries(node):
-            if key.text in allowed_names:
+            if key.text in names:
                 yield key, value
             else:
-                self._report_unknown("unknown-key", key, allowed_names, problem, steps)
+                self._report_unknown("unknown-key", key, names, problem, steps)
 
-    def _known_name_nodes(
-        self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
-    ) -> Iterator[ScalarNode]:
-        """Yield the items that are among `names`; report the others."""
-        allowed_names = list(names)
+    def _declared_name_nodes(self, node: YamlNode, noun: str, steps: tuple[str, ...]) -> Iterator[ScalarNode]:
+        """Yield the items that are names of the spec, such as its skills; report the others."""
+        names = self._declared_names[noun]
         for name_node in node.items if isinstance(node, SequenceNode) else ():
             if not isinstance(name_node, ScalarNode) or name_node.reported:
                 continue
-            if name_node.text in allowed_names:
+            if name_node.text in names:
                 yield name_node
             else:
-                self._report_unknown("unknown-value", name_node, allowed_names, problem, steps)
+                self._report_unknown("unknown-value", name_node, names, f"{self._missing_prefix} {noun}", steps)
 
     def _report_unknown(
-        self, rule: str, node: ScalarNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
+        self, rule: str, node: ScalarNode, names: Collection[str], problem: str, steps: tuple[str, ...]
     ) -> None:
-        allowed_names = list(names)
-        similar_name = self._findings.nearest(node.text, allowed_names)
-        allowed_text = f"there is {list_names(allowed_names)}" if allowed_names else "there is none"
-        message = f"{problem} {shown(node.text)}"
-        help_text = f"did you mean '{similar_name}'?" if similar_name else allowed_text
+        message, help_text = f"{problem} {shown(node.text)}", unknown_name_help(node.text, names, self._findings)
         path = self._subject.part(*steps, node.text)
         self._findings.add(rule, message, self._place(node), help=help_text, path=path)
 

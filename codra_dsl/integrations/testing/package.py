@@ -23,10 +23,12 @@ from codra_dsl.runtime import ContextManager, ContextModel, SimClock
 from codra_dsl.runtime.context.package_files import manifest_of
 from codra_dsl.runtime.knowledge import KnowledgeModel
 from codra_dsl.runtime.loops import Mape, MapeModel
+from codra_dsl.runtime.values.declarations import DERIVED, MAIN, OBSERVER, POSES
 from codra_dsl.runtime.values.model import Algorithm, VariableModel
 
 FOLDER = "generated"
-_OWN_SOURCES = ("main_execution", "observer")
+_OWN_SOURCES = (MAIN, OBSERVER, DERIVED, POSES)
+"""The sources that are not outside writers."""
 
 
 class PackageError(Exception):

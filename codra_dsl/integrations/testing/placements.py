@@ -7,9 +7,11 @@ that is not in the initial graph is inserted first, by an agent that may insert 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
-from codra_dsl.integrations.testing.timeline import Change, NewNode, Placement, Removal
+from codra_dsl.integrations.testing.timeline import Change, GraphChange
+from codra_dsl.integrations.testing.values import unknown_name_help
+from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.knowledge import read_pose
 from codra_dsl.language.load.yaml.findings import Findings, list_names
@@ -17,12 +19,21 @@ from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.reader import Reader, entries
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.knowledge import EdgeTypeModel, KnowledgeModel, NodeModel, NodeTypeModel
+from codra_dsl.runtime.knowledge import KnowledgeModel
 from codra_dsl.runtime.knowledge.declarations import Writer
+from codra_dsl.runtime.knowledge.operations import Operation, Verb
 
 _EDGE_PATTERN = re.compile(r"(\S+) +-(\S+)-> +(\S+)")
 _EDGE_HELP = "write it as in patterns: 'world -robot_pose-> robot'"
 _GONE = "gone"
+
+
+class _RefusedError(Exception):
+    """The spec does not allow a change of the graph."""
+
+    def __init__(self, message: str, help_text: str, rule: str = "unknown-key") -> None:
+        super().__init__(message)
+        self.message, self.help, self.rule = message, help_text, rule
 
 
 class PlacementReader:
@@ -52,130 +63,92 @@ class PlacementReader:
         for key, value in entries(node):
             if value.reported or key.reported:
                 continue
+            place = self._subject.origin.of(key)
             is_gone = isinstance(value, ScalarNode) and value.text == _GONE
-            change = (
-                self._removed_node(key, steps)
-                if is_gone and " " not in key.text
-                else self._edge_change(key, value, steps, is_gone=is_gone)
-            )
-            if change is not None:
-                yield change
+            try:
+                if is_gone and " " not in key.text:
+                    yield self._removed_node(key.text, place)
+                else:
+                    yield self._edge_change(key.text, None if is_gone else value, place)
+            except _RefusedError as error:
+                path = self._subject.part(*steps, key.text)
+                self._findings.add(error.rule, error.message, place, help=error.help, path=path)
 
-    def _removed_node(self, key: ScalarNode, steps: tuple[str, ...]) -> Change | None:
-        if key.text in self._nodes:
-            writers = self._node_types[self._nodes[key.text].type].sources
-            agent = self._agent(writers, key, f"node {shown(key.text)} may be deleted", steps)
-        else:  # a node that an agent inserts; the agents of its type are known when it is there
-            agent = ""
-        return None if agent is None else Removal(agent=agent, node=key.text, place=self._subject.origin.of(key))
+    def _removed_node(self, name: str, place: Place) -> GraphChange:
+        node, agent = self._nodes.get(name), ""
+        if node is not None:  # the agents of any other node are known when an agent has inserted it
+            agent = _first_agent(self._node_types[node.type].sources, f"node {shown(name)} may be deleted")
+        return GraphChange(agent=agent, operation=Operation(Verb.DELETE_NODE, (name,)), place=place)
 
-    def _edge_change(self, key: ScalarNode, value: YamlNode, steps: tuple[str, ...], *, is_gone: bool) -> Change | None:
-        match = _EDGE_PATTERN.fullmatch(key.text)
+    def _edge_change(self, text: str, value: YamlNode | None, place: Place) -> GraphChange:
+        """Return the change of an edge; without a value, the edge is deleted."""
+        match = _EDGE_PATTERN.fullmatch(text)
         if match is None:
-            self._fail("unknown-key", key, f"{shown(key.text)} is not an edge", _EDGE_HELP, steps)
-            return None
-        origin, type_name, target = match.groups()
+            raise _RefusedError(f"{shown(text)} is not an edge", _EDGE_HELP)
+        origin, type_name, target = edge = match.groups()
         edge_type = self._edge_types.get(type_name)
         if edge_type is None:
-            self._fail_unknown(key, f"{self._missing_prefix} edge", type_name, self._edge_types, steps)
-            return None
-        agent = self._agent(edge_type.sources, key, f"edge {shown(type_name)} may be written", steps)
-        new_nodes = self._new_nodes(key, ((origin, edge_type.origins), (target, edge_type.targets)), steps)
-        if agent is None or new_nodes is None or not self._has_right_form(key, value, edge_type, steps, is_gone):
-            return None
-        place = self._subject.origin.of(key)
-        if is_gone:
-            return Removal(agent=agent, edge=(origin, type_name, target), place=place)
-        pose = _pose(Reader(self._subject, value, self._findings)) if isinstance(value, MappingNode) else None
-        return Placement(
-            agent=agent, origin=origin, type=type_name, target=target, pose=pose, new_nodes=new_nodes, place=place
-        )
-
-    def _has_right_form(
-        self, key: ScalarNode, value: YamlNode, edge_type: EdgeTypeModel, steps: tuple[str, ...], is_gone: bool
-    ) -> bool:
+            raise self._unknown_name("edge", type_name, self._edge_types)
+        agent = _first_agent(edge_type.sources, f"edge {shown(type_name)} may be written")
+        ends = ((origin, edge_type.origins), (target, edge_type.targets))
+        new_nodes = tuple(self._new_node(*end, place) for end in ends if not self._is_present(*end))
         has_pose = isinstance(value, MappingNode)
-        if is_gone or has_pose is (edge_type.motion is not None):
-            return True
-        message, help_text = (
-            (f"edge {shown(edge_type.name)} has no pose", "write 'present' or 'gone'")
-            if has_pose
-            else (f"edge {shown(edge_type.name)} has a pose", "write the pose: '{x: 2 m, yaw: 90 deg}'")
-        )
-        self._fail("wrong-type", key, message, help_text, steps)
-        return False
+        if value is not None and has_pose is (edge_type.motion is None):
+            help_text = "write 'present' or 'gone'" if has_pose else "write the pose: '{x: 2 m, yaw: 90 deg}'"
+            message = f"edge {shown(type_name)} has {'no' if has_pose else 'a'} pose"
+            raise _RefusedError(message, help_text, "wrong-type")
+        if value is None:
+            operation, new_nodes = Operation(Verb.DELETE_EDGE, edge), ()
+        elif isinstance(value, MappingNode):
+            pose = _pose(Reader(self._subject, value, self._findings))
+            operation = Operation(Verb.PLACE, (*edge, pose, None))
+        else:
+            operation = Operation(Verb.INSERT_EDGE, (*edge, {}))
+        return GraphChange(agent=agent, operation=operation, place=place, new_nodes=new_nodes)
 
-    def _new_nodes(
-        self, key: ScalarNode, ends: Sequence[tuple[str, Sequence[str]]], steps: tuple[str, ...]
-    ) -> tuple[NewNode, ...] | None:
-        """Return the ends of an edge that are not in the initial graph; None if an end is not possible."""
-        new_nodes: list[NewNode] = []
-        for name, allowed_names in ends:
-            node = self._nodes.get(name)
-            if node is not None and {name, node.type} & {*allowed_names}:
-                continue
-            new_node = None if node is not None else self._new_node(key, name, allowed_names, steps)
-            if node is not None:
-                help_text = f"the edge can have {list_names(allowed_names)} there"
-                self._fail("unknown-key", key, f"this edge cannot have node {shown(name)} there", help_text, steps)
-            if new_node is None:
-                return None
-            new_nodes.append(new_node)
-        return tuple(new_nodes)
+    def _is_present(self, name: str, allowed_names: Sequence[str]) -> bool:
+        """Return whether an end of an edge is in the initial graph.
 
-    def _new_node(
-        self, key: ScalarNode, name: str, allowed_names: Sequence[str], steps: tuple[str, ...]
-    ) -> NewNode | None:
+        Raises:
+            _RefusedError: if the edge cannot have this node.
+        """
+        node = self._nodes.get(name)
+        if node is not None and not {name, node.type} & {*allowed_names}:
+            help_text = f"the edge can have {list_names(allowed_names)} there"
+            raise _RefusedError(f"this edge cannot have node {shown(name)} there", help_text)
+        return node is not None
+
+    def _new_node(self, name: str, allowed_names: Sequence[str], place: Place) -> GraphChange:
         node_types = [
             self._node_types[type_name]
             for type_name in allowed_names
             if type_name in self._node_types and type_name not in self._nodes and self._node_types[type_name].sources
         ]
-        if len(node_types) == 1:
-            return NewNode(name=name, type=node_types[0].name, agent=_first_agent(node_types[0].sources))
         if not node_types:
-            possible_nodes = [node.name for node in self._nodes.values() if _is_allowed(node, allowed_names)]
-            self._fail_unknown(key, f"{self._missing_prefix} node", name, possible_nodes, steps)
-        else:
-            message = f"node {shown(name)} can have type {_either(node_types)}"
+            nodes = self._nodes.values()
+            raise self._unknown_name("node", name, [n.name for n in nodes if {n.name, n.type} & {*allowed_names}])
+        if len(node_types) > 1:
+            types_text = " or ".join(node_type.name for node_type in node_types)
             help_text = "place it first by an edge that allows only one of these types"
-            self._fail("unknown-key", key, message, help_text, steps)
-        return None
+            raise _RefusedError(f"node {shown(name)} can have type {types_text}", help_text)
+        agent = _first_agent(node_types[0].sources, "")
+        operation = Operation(Verb.INSERT_NODE, (name, node_types[0].name, {}))
+        return GraphChange(agent=agent, operation=operation, place=place)
 
-    def _agent(
-        self, writers: Sequence[Writer], key: ScalarNode, permission_text: str, steps: tuple[str, ...]
-    ) -> str | None:
-        if writers:
-            return _first_agent(writers)
-        help_text = "name an agent under its 'source' in the spec"
-        self._fail("unknown-key", key, f"{permission_text} by no agent", help_text, steps)
-        return None
-
-    def _fail_unknown(
-        self, key: ScalarNode, problem: str, name: str, names: Iterable[str], steps: tuple[str, ...]
-    ) -> None:
-        allowed_names = list(names)
-        similar_name = self._findings.nearest(name, allowed_names)
-        allowed_text = f"there is {list_names(allowed_names)}" if allowed_names else "there is none"
-        help_text = f"did you mean '{similar_name}'?" if similar_name else allowed_text
-        self._fail("unknown-key", key, f"{problem} {shown(name)}", help_text, steps)
-
-    def _fail(self, rule: str, key: ScalarNode, message: str, help_text: str, steps: tuple[str, ...]) -> None:
-        path = self._subject.part(*steps, key.text)
-        self._findings.add(rule, message, self._subject.origin.of(key), help=help_text, path=path)
+    def _unknown_name(self, noun: str, name: str, names: Collection[str]) -> _RefusedError:
+        help_text = unknown_name_help(name, names, self._findings)
+        return _RefusedError(f"{self._missing_prefix} {noun} {shown(name)}", help_text)
 
 
-def _first_agent(writers: Sequence[Writer]) -> str:
-    """Return the writer with the highest priority; the first of several."""
+def _first_agent(writers: Sequence[Writer], permission_text: str) -> str:
+    """Return the writer with the highest priority; the first of several.
+
+    Raises:
+        _RefusedError: if there is no writer.
+    """
+    if not writers:
+        raise _RefusedError(f"{permission_text} by no agent", "name an agent under its 'source' in the spec")
     return max(writers, key=lambda writer: writer.priority).agent
-
-
-def _is_allowed(node: NodeModel, allowed_names: Sequence[str]) -> bool:
-    return node.name in allowed_names or node.type in allowed_names
-
-
-def _either(node_types: Sequence[NodeTypeModel]) -> str:
-    return " or ".join(node_type.name for node_type in node_types)
 
 
 def _pose(reader: Reader) -> Pose:

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from codra_dsl.integrations.testing.moments import MomentReader
 from codra_dsl.integrations.testing.package import FOLDER, Package, PackageError, load_package
-from codra_dsl.integrations.testing.timeline import Behaviour, LoopSwitch, Maker, Moment, Story, Timeline, Verb
+from codra_dsl.integrations.testing.timeline import Behaviour, LoopSwitch, Moment, Story, Timeline, Verb
 from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.elements.values import read_literal
+from codra_dsl.language.load.elements.handles import read_handle
 from codra_dsl.language.load.schema.keys_and_values import explain
 from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.yaml.compose import compose
@@ -24,6 +24,7 @@ from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import Reader, entries
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, file_place, read
+from codra_dsl.language.model import Handle
 from codra_dsl.language.project import relative_path, root_of
 from codra_dsl.language.units import duration_help, parse_duration
 
@@ -93,46 +94,27 @@ class _TimelineReader:
             source=self._source,
             spec=name,
             seed=reader.number("seed", 0),
-            makers=dict(self._makers()),
+            handles=tuple(self._handles()),
             repeat_intervals_s=dict(self._speakers()),
             stories=tuple(self._stories()),
         )
 
-    def _makers(self) -> Iterator[tuple[str, Maker]]:
-        for key, node in self._known_entries("resources", self._package.handles, "handle"):
-            reader = Reader(self._subject, node, self._findings)
-            call = reader.scalar("call")
-            if call is None:
-                continue
-            if not all(part.isidentifier() for part in call.text.replace(":", ".").split(".")) or ":" not in call.text:
-                reader.fail(
-                    "call", f"{shown(call.text)} is not the name of a class or function", call, _CALL_HELP, "resources"
-                )
-            literals = {
-                name.text: read_literal(reader, value, "resources", key.text, name.text)
-                for name, value in entries(node.value("with"))
-            }
-            yield key.text, Maker(call=call.text, arguments=literals, place=self._subject.origin.of(call))
+    def _handles(self) -> Iterator[Handle]:
+        for key, reader in self._readers("resources", "handle"):
+            handle = read_handle(reader, key.text, _CALL_HELP, "resources", key.text)
+            if handle is not None:
+                yield handle
 
     def _speakers(self) -> Iterator[tuple[str, float]]:
-        for key, node in self._known_entries("agents", self._package.agents, "agent"):
-            repeat_interval_s = Reader(self._subject, node, self._findings).duration_s("every", 0.0)
+        for key, reader in self._readers("agents", "agent"):
+            repeat_interval_s = reader.duration_s("every", 0.0)
             if repeat_interval_s > 0:
                 yield key.text, repeat_interval_s
 
-    def _known_entries(
-        self, section: str, names: tuple[str, ...], noun: str
-    ) -> Iterator[tuple[ScalarNode, MappingNode]]:
-        for key, value in entries(self._node.value(section)):
-            if key.text not in names:
-                similar_name = self._findings.nearest(key.text, names)
-                help_text = (
-                    f"did you mean '{similar_name}'?" if similar_name else f"there is {list_names(names) or 'none'}"
-                )
-                message = f"spec '{self._package.model.name}' has no {noun} {shown(key.text)}"
-                self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help_text, path=section)
-            elif isinstance(value, MappingNode):
-                yield key, value
+    def _readers(self, section: str, noun: str) -> Iterator[tuple[ScalarNode, Reader]]:
+        for key, node in self._moments.declared_entries(self._node.value(section), noun, (section,)):
+            if isinstance(node, MappingNode):
+                yield key, Reader(self._subject, node, self._findings)
 
     def _stories(self) -> Iterator[Story]:
         start_entry = self._node.entries.get("start")

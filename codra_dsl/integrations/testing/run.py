@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from typing import Any, Protocol, Self
 
@@ -19,12 +19,11 @@ from codra_dsl.integrations.testing.timeline import (
     Change,
     Clearing,
     DecisionArguments,
+    GraphChange,
     LeafBehaviour,
     LoopSwitch,
     Moment,
     Overriding,
-    Placement,
-    Removal,
     Saying,
     Step,
     Story,
@@ -93,7 +92,7 @@ class Run:
 
     def __exit__(self, exception_type: object, *_: object) -> None:
         __tracebackhide__ = True
-        with self.codra, self._loops:
+        with self.codra, closing(self._loops):
             if exception_type is None:
                 self.until(self._story.end_s)
                 self.check()
@@ -168,7 +167,7 @@ class Run:
         self._make_handles()
         with ExitStack() as stack:
             stack.enter_context(self._begin(self.clock, self.resources, self._timeline.seed, None))
-            stack.enter_context(self._loops)
+            stack.enter_context(closing(self._loops))
             for index, moment in enumerate(self._story.moments):
                 self.until(moment.at_s)
                 for step in moment.steps:
@@ -211,9 +210,9 @@ class Run:
 
         The handles that the site states are made for algorithms that the story does not script.
         """
-        for resource, maker in self._timeline.makers.items():
-            if resource not in self.resources:
-                self.resources[resource] = make_stated_handle(maker, self.clock)
+        for handle in self._timeline.handles:
+            if handle.resource not in self.resources:
+                self.resources[handle.resource] = make_stated_handle(handle, self.clock)
         algorithms = self._package.algorithms.values()
         unscripted = (algorithm for algorithm in algorithms if algorithm.name not in self._story.scripted_algorithms)
         needed_handles = {handle for algorithm in unscripted for handle in algorithm.handles}
@@ -239,14 +238,12 @@ class Run:
                 self.codra.clear_override(change.variable)
             case Alteration():
                 alter(self.resources.get(change.resource), change)
-            case Placement():
-                speakers.place(change)
-            case Removal():
-                speakers.remove(change)
+            case GraphChange():
+                speakers.change_graph(change)
             case LoopSwitch():
                 self._loops.switch(change)
             case LeafBehaviour():
-                self._loops.change_leaf(change)
+                self._loops.robot.behaviours[change.leaf] = change
 
     @contextmanager
     def _refusals_at(self, change: Change) -> Iterator[None]:
@@ -255,7 +252,7 @@ class Run:
         try:
             yield
         except (LookupError, ValueError, PermissionError, RuntimeError) as error:
-            if not isinstance(change, (Saying, Placement, Removal, LoopSwitch)):
+            if not isinstance(change, (Saying, GraphChange, LoopSwitch)):
                 raise
             refuses = "the loop cannot run" if isinstance(change, LoopSwitch) else "the graph does not allow this"
             message = f"{refuses}: {type(error).__name__}: {error}"

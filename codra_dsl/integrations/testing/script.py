@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from codra_dsl.integrations.testing.timeline import Behaviour, Fault, Placement, Removal, Saying
+from codra_dsl.integrations.testing.timeline import Behaviour, Fault, GraphChange, Saying
 from codra_dsl.language.model import Literal
 from codra_dsl.runtime import Clock, ContextManager, Job
 from codra_dsl.runtime.clock import Timer
-from codra_dsl.runtime.knowledge.operations import Operation, Verb
+from codra_dsl.runtime.knowledge.operations import Verb
 from codra_dsl.runtime.perception import Function, imported
 from codra_dsl.runtime.values.model import Algorithm
 
@@ -186,7 +186,7 @@ class Speakers:
         codra: ContextManager[Any, Any],
         clock: Clock,
         repeat_intervals_s: Mapping[str, float],
-        refusals_at: Callable[[Saying | Placement], AbstractContextManager[None]],
+        refusals_at: Callable[[Saying | GraphChange], AbstractContextManager[None]],
     ) -> None:
         """Write to a context manager.
 
@@ -202,7 +202,7 @@ class Speakers:
         self._repeat_intervals_s = repeat_intervals_s
         self._refusals_at = refusals_at
         self._last_sayings: dict[str, Saying] = {}
-        self._last_placements: dict[str, dict[tuple[str, str, str], Placement]] = {}
+        self._last_edges: dict[str, dict[tuple[str, ...], GraphChange]] = {}
         self._inserting_agents: dict[str, str] = {}
         self._timers: dict[str, Timer] = {}
 
@@ -217,46 +217,33 @@ class Speakers:
             self._write(saying)
             self._repeat_later(agent)
 
-    def place(self, placement: Placement) -> None:
-        """Let an agent write an edge.
+    def change_graph(self, change: GraphChange) -> None:
+        """Let an agent change the graph.
 
         Raises:
             LookupError: if the graph does not allow this; ValueError, PermissionError and RuntimeError likewise.
         """
-        edge = (placement.origin, placement.type, placement.target)
-        self._last_placements.setdefault(placement.agent, {})[edge] = placement
-        self._write_edge(placement)
-        if placement.agent not in self._timers:
-            self._repeat_later(placement.agent)
+        verb, arguments = change.operation
+        if verb in (Verb.INSERT_EDGE, Verb.PLACE):
+            self._last_edges.setdefault(change.agent, {})[arguments[:3]] = change
+            self._write_edge(change)
+            if change.agent not in self._timers:
+                self._repeat_later(change.agent)
+            return
+        for edges in self._last_edges.values():
+            for edge in [edge for edge in edges if arguments in (edge, edge[:1], edge[2:])]:
+                del edges[edge]
+        agent = change.agent or self._inserting_agents.get(arguments[0], "")
+        self._codra.knowledge.write_as(agent, [change.operation])
 
-    def remove(self, removal: Removal) -> None:
-        """Let an agent remove an edge or a node.
-
-        Raises:
-            LookupError: if the graph does not have it; PermissionError if the agent may not remove it.
-        """
-        for placements in self._last_placements.values():
-            for edge in [edge for edge in placements if edge == removal.edge or removal.node in (edge[0], edge[2])]:
-                del placements[edge]
+    def _write_edge(self, change: GraphChange) -> None:
         graph = self._codra.knowledge
-        agent = removal.agent or self._inserting_agents.get(removal.node, "")
-        operation = (
-            Operation(Verb.DELETE_NODE, (removal.node,)) if removal.node else Operation(Verb.DELETE_EDGE, removal.edge)
-        )
-        graph.write_as(agent, [operation])
-
-    def _write_edge(self, placement: Placement) -> None:
-        graph, edge = self._codra.knowledge, (placement.origin, placement.type, placement.target)
-        for node in placement.new_nodes:
-            if node.name not in graph.snapshot():
-                self._inserting_agents[node.name] = node.agent
-                graph.write_as(node.agent, [Operation(Verb.INSERT_NODE, (node.name, node.type, {}))])
-        operation = (
-            Operation(Verb.INSERT_EDGE, (*edge, {}))
-            if placement.pose is None
-            else Operation(Verb.PLACE, (*edge, placement.pose, None))
-        )
-        graph.write_as(placement.agent, [operation])
+        for insertion in change.new_nodes:
+            node = insertion.operation.arguments[0]
+            if node not in graph.snapshot():
+                self._inserting_agents[node] = insertion.agent
+                graph.write_as(insertion.agent, [insertion.operation])
+        graph.write_as(change.agent, [change.operation])
 
     def _repeat_later(self, agent: str) -> None:
         if agent in self._repeat_intervals_s:
@@ -269,9 +256,9 @@ class Speakers:
         if agent in self._last_sayings:
             with self._refusals_at(self._last_sayings[agent]):
                 self._write(self._last_sayings[agent])
-        for placement in self._last_placements.get(agent, {}).values():
-            with self._refusals_at(placement):
-                self._write_edge(placement)
+        for change in self._last_edges.get(agent, {}).values():
+            with self._refusals_at(change):
+                self._write_edge(change)
         self._repeat_later(agent)
 
     def _write(self, saying: Saying) -> None:

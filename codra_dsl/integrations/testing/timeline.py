@@ -9,25 +9,11 @@ from enum import StrEnum
 
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.load.yaml.source import Source
-from codra_dsl.language.model import Literal
+from codra_dsl.language.model import Handle, Literal
 from codra_dsl.runtime import Reason
 from codra_dsl.runtime.behavior_trees import Result
-from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge.operations import Operation
 from codra_dsl.runtime.observers.expectations import Outcome as ExpectationOutcome
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Maker:
-    """Makes the handle of a resource for each story.
-
-    Attributes:
-        call: `module:name` of a class or function.
-        arguments: the literals that are its arguments.
-    """
-
-    call: str
-    arguments: Mapping[str, Literal]
-    place: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,41 +90,19 @@ class Clearing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NewNode:
-    """A node that an agent inserts if the graph does not have it yet."""
-
-    name: str
-    type: str
-    agent: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Placement:
-    """An edge of the knowledge graph that an agent writes.
+class GraphChange:
+    """A change of the knowledge graph by an agent.
 
     Attributes:
-        agent: the agent that writes the edge.
-        pose: the pose of the target in the origin; None for an edge without a pose.
-        new_nodes: the ends of the edge that are not in the initial graph.
+        agent: the agent; empty if it is the agent that inserted the node that is deleted.
+        operation: inserts or places an edge, deletes an edge or a node, or inserts a node.
+        new_nodes: the insertions of the ends of an edge that are not in the initial graph.
     """
 
     agent: str
-    origin: str
-    type: str
-    target: str
-    pose: Pose | None
-    new_nodes: tuple[NewNode, ...]
+    operation: Operation
     place: Place
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Removal:
-    """An edge, or a node with all of its edges, that an agent removes; one of both is empty."""
-
-    agent: str
-    place: Place
-    node: str = ""
-    edge: tuple[str, str, str] = ("", "", "")
+    new_nodes: tuple[GraphChange, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,7 +128,7 @@ class LeafBehaviour:
     takes_s: float = 0.0
 
 
-Change = Saying | Behaviour | Alteration | Overriding | Clearing | Placement | Removal | LoopSwitch | LeafBehaviour
+Change = Saying | Behaviour | Alteration | Overriding | Clearing | GraphChange | LoopSwitch | LeafBehaviour
 """A change in the world, or of a loop."""
 
 
@@ -326,13 +290,13 @@ class Timeline:
     Attributes:
         spec: the name of the spec that is tested.
         seed: the seed of the random numbers that jobs use.
-        makers: a mapping from resources to the makers of their handles.
+        handles: how the handles of resources are made for each story.
         repeat_intervals_s: a mapping from agents to the intervals at which they repeat their last values.
     """
 
     source: Source
     spec: str
     seed: int
-    makers: Mapping[str, Maker]
+    handles: tuple[Handle, ...]
     repeat_intervals_s: Mapping[str, float]
     stories: tuple[Story, ...]

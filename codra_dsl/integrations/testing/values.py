@@ -1,9 +1,12 @@
-"""Values in a timeline, with the types and units of the compiled spec."""
+"""Values in a timeline, with the types and units of the compiled spec, and the help about unknown names."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.elements.values import read_literal
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader
 from codra_dsl.language.model import Literal
@@ -42,6 +45,12 @@ def read_anything(reader: Reader, node: YamlNode, *steps: str) -> object:
     if isinstance(node, SequenceNode):
         return [read_anything(reader, item, *steps, str(index)) for index, item in enumerate(node.items)]
     return None if node.data is None else read_literal(reader, node, *steps)
+
+
+def unknown_name_help(name: str, names: Collection[str], findings: Findings) -> str:
+    """Return the help about a name that is not among the names that a timeline may use."""
+    similar_name = findings.nearest(name, names)
+    return f"did you mean '{similar_name}'?" if similar_name else f"there is {list_names(names) or 'none'}"
 
 
 def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from codra_dsl.language.expression.parser import parse
-from codra_dsl.language.expression.patterns import Count, Path, parse_path
+from codra_dsl.language.expression.patterns import Count, parse_path
 from codra_dsl.language.expression.poses import (
     comparison_name,
     map_parts,
@@ -19,7 +19,7 @@ from codra_dsl.language.expression.poses import (
     reads_of,
     restore_names,
 )
-from codra_dsl.language.expression.tokens import ExpressionError, SyntaxProblem
+from codra_dsl.language.expression.tokens import MAX_LENGTH, ExpressionError, SyntaxProblem
 from codra_dsl.language.expression.tree import Call, Compare, Fallback, In, Name, Node, names_in, walk
 
 COUNTS = ("count", "exists")
@@ -36,6 +36,8 @@ _WORD = re.compile(r"\w+", re.ASCII)
 
 def parse_derivation(text: str) -> Node | SyntaxProblem:
     """Return the tree of a derived variable's expression, or the problem of an invalid text. Never raises."""
+    if len(text) > MAX_LENGTH:
+        return parse(text)  # it reports the length
     try:
         masked_text, counts = _mask_counts(text)
         masked_text, pose_names = mask_pose_functions(masked_text)
@@ -76,42 +78,22 @@ def _with_written_names(problem: SyntaxProblem, text: str, masked_text: str, off
 def _mask_counts(text: str) -> tuple[str, dict[int, Count]]:
     """Return the text with a plain name in place of each count, and a mapping from offsets to the counts."""
     counts: dict[int, Count] = {}
-    masked_text = text
-    for match in _COUNT.finditer(text):
+
+    def mask(match: re.Match[str]) -> str:
         if match["function"] is None:
-            continue
+            return match[0]
         start, end = match.span()
         if not match["end"] or not match["path"].strip():
             help_text = f"write {match['function']}(some TYPE -EDGE-> NODE)"
             raise ExpressionError(f"{match['function']}() takes a path of the knowledge graph", start, end, help_text)
-        path = _parse_path(match["path"], match.start("path"))
+        path = parse_path(f"{' ' * match.start('path')}{match['path']}")  # with offsets in the complete expression
+        if path.negated:
+            help_text = "remove 'not', and write 'not exists(PATH)' or 'count(PATH) == 0'"
+            raise ExpressionError("'not' cannot be in a counted path", path.start, path.start + len("not"), help_text)
         counts[start] = Count(start=start, end=end, function=match["function"], path=path)
-        masked_text = masked_text[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked_text[end:]
-    return masked_text, counts
+        return re.sub(r"\W", "_", match[0], flags=re.ASCII)
 
-
-def _parse_path(text: str, offset: int) -> Path:
-    try:
-        path = parse_path(text)
-    except ExpressionError as error:
-        problem = error.problem
-        raise ExpressionError(problem.message, problem.start + offset, problem.end + offset, problem.help) from error
-    if path.negated:
-        help_text = "remove 'not', and write 'not exists(PATH)' or 'count(PATH) == 0'"
-        start = path.start + offset
-        raise ExpressionError("'not' cannot be in a counted path", start, start + len("not"), help_text)
-    return _moved(path, offset)
-
-
-def _moved(path: Path, offset: int) -> Path:
-    """Return a path whose parts have offsets in the complete expression."""
-    return replace(
-        path,
-        start=path.start + offset,
-        end=path.end + offset,
-        terms=tuple(replace(term, start=term.start + offset, end=term.end + offset) for term in path.terms),
-        links=tuple(replace(link, start=link.start + offset, end=link.end + offset) for link in path.links),
-    )
+    return _COUNT.sub(mask, text), counts
 
 
 def _with_implicit_names(part: Node, counts: dict[int, Count]) -> Node:
@@ -120,32 +102,28 @@ def _with_implicit_names(part: Node, counts: dict[int, Count]) -> Node:
     Raises:
         ExpressionError: if the part uses the age of something that the graph determines.
     """
-    if isinstance(part, Call) and part.function == "age" and _is_of_graph(part.arguments[0], counts):
+    if isinstance(part, Call) and part.function == "age" and not _reads_context(part.arguments[0], counts):
         help_text = "remove age(): what is too old in the knowledge graph is unknown"
         raise ExpressionError("age() needs the name of a context-variable", part.start, part.end, help_text)
     if isinstance(part, Compare | In | Call) and _reads_only_poses(part, counts):
         return comparison_name(part)
-    if isinstance(part, Name):
-        return _implicit_name(part, counts)
-    return map_parts(part, lambda inner_part: _with_implicit_names(inner_part, counts))
+    if not isinstance(part, Name):
+        return map_parts(part, lambda inner_part: _with_implicit_names(inner_part, counts))
+    count = counts.get(part.start)
+    if count is not None:
+        return replace(part, name=f"{count.function}({count.path})", pose_comparison=count)
+    return part if _reads_context(part, counts) else replace(part, pose_comparison=part)
 
 
-def _implicit_name(name: Name, counts: dict[int, Count]) -> Name:
-    if name.start in counts and name.name.startswith(COUNTS):
-        count = counts[name.start]
-        return replace(name, name=f"{count.function}({count.path})", pose_comparison=count)
-    return replace(name, pose_comparison=name) if reads_of(name.name)[0] else name
-
-
-def _is_of_graph(name: Node, counts: dict[int, Count]) -> bool:
-    return isinstance(name, Name) and (name.start in counts or bool(reads_of(name.name)[0]))
+def _reads_context(part: Node, counts: dict[int, Count]) -> bool:
+    """Return whether a part is the name of a context-variable or no name at all."""
+    return not isinstance(part, Name) or (part.start not in counts and not reads_of(part.name)[0])
 
 
 def _reads_only_poses(part: Compare | In | Call, counts: dict[int, Count]) -> bool:
     """Return whether a part is true or false, and follows from poses and literals alone."""
     is_truth = isinstance(part, Compare | In) or part.function == "known"
     names = names_in(part)
-    has_other_reads = any(isinstance(inner_part, Fallback) for inner_part in walk(part)) or any(
-        name.start in counts or not reads_of(name.name)[0] for name in names
-    )
-    return is_truth and bool(names) and not has_other_reads
+    has_fallback = any(isinstance(inner_part, Fallback) for inner_part in walk(part))
+    reads_poses = all(name.start not in counts and reads_of(name.name)[0] for name in names)
+    return is_truth and bool(names) and reads_poses and not has_fallback

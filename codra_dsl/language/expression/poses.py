@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from codra_dsl.language.expression.parser import parse
 from codra_dsl.language.expression.printer import to_text
-from codra_dsl.language.expression.tokens import ExpressionError, SyntaxProblem, shown
+from codra_dsl.language.expression.tokens import MAX_LENGTH, ExpressionError, SyntaxProblem, shown
 from codra_dsl.language.expression.tree import Call, Compare, In, Name, Node, names_in, walk
 
 NodeT = TypeVar("NodeT", bound=Node)
@@ -87,6 +87,8 @@ def mask_pose_functions(text: str) -> tuple[str, dict[int, str]]:
 
 
 def _parse_masked(text: str, pattern: re.Pattern[str]) -> Node | SyntaxProblem:
+    if len(text) > MAX_LENGTH:
+        return parse(text)  # it reports the length
     masked_text, names = _mask(text, pattern)
     tree = parse(masked_text)
     if isinstance(tree, SyntaxProblem):

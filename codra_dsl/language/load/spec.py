@@ -174,7 +174,7 @@ def _site(
     return Site(
         file=site_file.source.file,
         place=site_file.origin.of(site_file.spec_name),
-        replacements=tuple(overlay.replacements),
+        replacements=tuple(sorted(overlay.replacements, key=lambda value: value.place)),
         handles=handles,
     )
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.diagnostics import Place, Span
 from codra_dsl.language.model.elements import Literal
 
 
@@ -48,13 +51,14 @@ class Handle:
         return f"{self.call}({', '.join(f'{name}={value!r}' for name, value in self.arguments)})"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Site:
     """What a site's file states about a spec.
 
     Attributes:
         file: the site's file, relative to the project root.
         place: the place of the spec's name under `overlays`.
+        replacements: the values that the site replaces, in the order of the site's file.
     """
 
     file: str
@@ -64,4 +68,21 @@ class Site:
 
     def replacement_around(self, place: Place) -> Replacement | None:
         """Return the value of the site that contains a place; None if there is none."""
-        return next((value for value in self.replacements if value.extent.span.contains(place.span)), None)
+        if place.span.file != self.file:
+            return None
+        index = bisect_right(self.replacements, _start(place), key=lambda value: _start(value.extent))
+        value = self.replacements[index - 1] if index else None
+        return value if value is not None and value.extent.span.contains(place.span) else None
+
+    @cached_property
+    def replacements_of(self) -> Mapping[str | Span | None, Sequence[Replacement]]:
+        """The values by the name of their element or use, and by the span of this name in the spec."""
+        replacements: dict[str | Span | None, list[Replacement]] = {}
+        for value in self.replacements:
+            for key in (value.name, value.element.span):
+                replacements.setdefault(key, []).append(value)
+        return replacements
+
+
+def _start(place: Place) -> tuple[int, int]:
+    return place.span.line, place.span.column

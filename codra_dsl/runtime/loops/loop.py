@@ -179,7 +179,7 @@ class Loop:
         valid_for_s = {variable.name: variable.valid_for_s for variable in codra.model.variables}
         parameters = [parameter for parameter in model.parameters if parameter.name in loop.adapt]
         self._renewals = Renewals(model.adapter, {name.variable: valid_for_s[name.variable] for name in parameters})
-        self._never_known = NeverKnownInputs.of(planning.model, loop)
+        self._never_known = NeverKnownInputs(planning.model, loop)
         self._unexplained_decisions: list[Decision] = []
         self._is_explaining = False
         self._timer: Timer | None = None
@@ -430,7 +430,7 @@ class Loop:
         model = setting.parameter
         variable_write = VariableWrite(variable=model.variable, value=setting.value, evidence_s=setting.instant_s)
         self._writers.write(self._model.adapter, variable_write, setting.instant_s)
-        self._renewals.confirm(model, setting.value, setting.instant_s)
+        self._renewals.confirm(variable_write)
         was_set = math.isfinite(setting.since_s)
         self._record_event(
             model.name,

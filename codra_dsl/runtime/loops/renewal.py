@@ -9,23 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
-from codra_dsl.logic import Value
-from codra_dsl.runtime.loops.declarations import ParameterModel
 from codra_dsl.runtime.loops.planning import VariableWrite
 from codra_dsl.runtime.values.cell import Override, Reading
 
 _ROUNDING_S = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class _Confirmed:
-    """The value that was last written to a parameter, and the instant of the analysis that confirmed it."""
-
-    value: Value
-    evidence_s: float
 
 
 class Renewals:
@@ -44,18 +34,18 @@ class Renewals:
         """
         self._writer = writer
         self._valid_for_s = {name: valid_for_s for name, valid_for_s in valid_for_s.items() if valid_for_s < math.inf}
-        self._confirmed: dict[str, _Confirmed] = {}
+        self._last_writes: dict[str, VariableWrite] = {}
         self.due_s = math.inf
 
-    def confirm(self, parameter: ParameterModel, value: Value, evidence_s: float) -> None:
+    def confirm(self, variable_write: VariableWrite) -> None:
         """Store the value that was written to a parameter."""
-        if parameter.variable in self._valid_for_s:
-            self._confirmed[parameter.variable] = _Confirmed(value, evidence_s)
+        if variable_write.variable in self._valid_for_s:
+            self._last_writes[variable_write.variable] = variable_write
 
     @property
     def variables(self) -> tuple[str, ...]:
         """Return the variables that may be renewed."""
-        return tuple(self._confirmed)
+        return tuple(self._last_writes)
 
     def renew(
         self, readings: Mapping[str, Reading[Any]], unconfirmed: Collection[str], now_s: float
@@ -68,11 +58,11 @@ class Renewals:
             now_s: the instant of the analysis.
         """
         self.due_s = math.inf
-        for name in [name for name in self._confirmed if name not in unconfirmed]:
+        for name in [name for name in self._last_writes if name not in unconfirmed]:
             renewal_s = self._renewal_s(readings[name], now_s)
             if renewal_s <= now_s + _ROUNDING_S:
-                self._confirmed[name] = _Confirmed(self._confirmed[name].value, now_s)
-                yield VariableWrite(variable=name, value=self._confirmed[name].value, evidence_s=now_s)
+                self._last_writes[name] = replace(self._last_writes[name], evidence_s=now_s)
+                yield self._last_writes[name]
                 renewal_s = now_s + self._valid_for_s[name] / 2
             self.due_s = min(self.due_s, renewal_s)
 
@@ -86,4 +76,4 @@ class Renewals:
             return now_s
         if present_reading.source != self._writer:
             return present_reading.expires_s
-        return self._confirmed[reading.name].evidence_s + self._valid_for_s[reading.name] / 2
+        return self._last_writes[reading.name].evidence_s + self._valid_for_s[reading.name] / 2

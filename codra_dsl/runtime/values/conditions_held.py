@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from codra_dsl.logic import Term, Value, reads_ages
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Override, Reading
-from codra_dsl.runtime.values.derived import DerivedCell, derived_cells_among, readings_at, with_inputs
+from codra_dsl.runtime.values.derived import ContextAt, DerivedCell, derived_cells_among, with_inputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,36 +34,6 @@ class ContextNow:
         """Return the age of a variable's evidence, or None if the variable is unknown."""
         reading = self.cells[name].now(self.now_s)
         return reading.age_s(self.now_s) if reading.known else None
-
-
-@dataclass(frozen=True, slots=True)
-class ContextAt:
-    """The context as it was at an instant, according to what is known today.
-
-    Attributes:
-        substitute_reading: one of several readings that a variable received at the instant, to be used instead of the
-            last one; None to use the last readings.
-    """
-
-    cells: Mapping[str, Cell]
-    instant_s: float
-    substitute_reading: Reading[Value] | None = None
-
-    def _reading(self, name: str) -> Reading[Value]:
-        if self.substitute_reading is not None and self.substitute_reading.name == name:
-            return self.substitute_reading
-        if isinstance(self.cells[name], DerivedCell):
-            return readings_at(self.cells, self.instant_s, self.substitute_reading)(name)
-        return self.cells[name].at(self.instant_s)
-
-    def value(self, name: str) -> Value | None:
-        """Return the value of a variable at the instant, or None if it was unknown."""
-        return self._reading(name).content
-
-    def age_s(self, name: str) -> float | None:
-        """Return the age of a variable's evidence at the instant, or None if the variable was unknown."""
-        reading = self._reading(name)
-        return reading.age_s(self.instant_s) if reading.known else None
 
 
 def has_held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) -> bool:

@@ -8,9 +8,8 @@ a derived variable in the order of their evidence would say nothing about the pa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 from codra_dsl.logic import Choice, Conjunction, Disjunction, Operand, Scope, Term, Value, literal
@@ -18,11 +17,10 @@ from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Cell, Reading
 from codra_dsl.runtime.values.declarations import DERIVED
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
-ReadingOf = Callable[[str], Reading[Any]]
-"""Returns the reading of an input at one instant."""
+Evidence = tuple[float, float]
+"""The instants at which the taking of evidence ended and began."""
 
-TimeOf = Callable[[Reading[Any]], float]
-"""Returns an instant of a reading."""
+_NO_EVIDENCE: Evidence = (math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -49,22 +47,6 @@ def first_known(term: Operand, otherwise: Operand) -> Term:
     """Return `term` while it is known, and `otherwise` while it is unknown."""
     operands = (operand if isinstance(operand, Term) else literal(operand) for operand in (term, otherwise))
     return Fallback(*operands)
-
-
-@dataclass(frozen=True, slots=True)
-class _InputScope:
-    """The inputs of a derived variable at one instant."""
-
-    reading_of: ReadingOf
-    now_s: float
-
-    def value(self, name: str) -> Value | None:
-        content: Value | None = self.reading_of(name).content
-        return content
-
-    def age_s(self, name: str) -> float | None:
-        reading = self.reading_of(name)
-        return reading.age_s(self.now_s) if reading.known else None
 
 
 class DerivedCell(Cell):
@@ -110,7 +92,7 @@ class DerivedCell(Cell):
 
     def observed_at(self, instant_s: float) -> Reading[Value]:
         """Return the reading without overrides at an instant, according to what is known today about the inputs."""
-        return self.derive_from(readings_at(self._cells, instant_s), instant_s)
+        return self.derive_in(ContextAt(self._cells, instant_s))
 
     def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:  # noqa: ARG002
         """Return no readings: the past follows from the inputs."""
@@ -121,86 +103,131 @@ class DerivedCell(Cell):
         """Return the instant since which all overrides are known; the histories of the inputs state the rest."""
         return self._overrides_complete_from_s
 
-    def derive(self, now_s: float, reading_of: ReadingOf | None = None) -> Reading[Value]:
+    def derive(self, now_s: float) -> Reading[Value]:
         """Return the reading that follows from the present readings of the inputs."""
-        reading = self.derive_from(reading_of or _readings_now(self._cells, now_s), now_s)
-        before = self.observed
+        return self.derive_now(_PresentContext(self._cells, now_s))
+
+    def derive_now(self, context: ContextAt) -> Reading[Value]:
+        """Return the reading that follows from the present context. It keeps the instant since which it is unknown."""
+        reading, before = self.derive_in(context), self.observed
         if reading.reason is not None and before.reason is not None and before.evidence_s > BEFORE_ALL_S:
-            return replace(reading, evidence_s=before.evidence_s, start_s=before.start_s)  # unknown since then
+            return replace(reading, evidence_s=before.evidence_s, start_s=before.start_s)
         return reading
 
-    def derive_from(self, reading_of: ReadingOf, now_s: float) -> Reading[Value]:
-        """Return the reading that follows from some readings of the inputs at an instant.
+    def derive_in(self, context: ContextAt) -> Reading[Value]:
+        """Return the reading that follows from the context at an instant.
 
         The evidence is that of the oldest input that decides the value. The reading expires when it must be derived
         again although no input has new evidence.
         """
-        scope = _InputScope(reading_of, now_s)
-        raw_value = self.term.evaluate(scope)
+        now_s, raw_value = context.instant_s, self.term.evaluate(context)
         try:
             content = None if raw_value is None else self._type.convert(raw_value)
         except NotOfTypeError as error:
-            return self._unknown_reading(Reason.FAILED, str(error), scope)
+            return self._unknown_reading(Reason.FAILED, str(error), context)
         if content is None:
-            unknown_readings = [scope.reading_of(name) for name in unknown_inputs(self.term, scope)]
+            unknown_readings = [context.reading(name) for name in unknown_inputs(self.term, context)]
             reason = next((reading.reason for reading in unknown_readings), None) or Reason.REJECTED
             detail = ", ".join(f"{reading.name} is unknown ({reading.reason})" for reading in unknown_readings)
-            return self._unknown_reading(reason, detail or "the expression has no value", scope)
-        evidence_s = min(_deciding_s(self.term, scope, _evidence_s), now_s)
-        start_s = min(_deciding_s(self.term, scope, _start_s), evidence_s)
-        reading = known_reading(self.reading.name, content, evidence_s, start_s, now_s, FOREVER_S, DERIVED)
-        return replace(reading, expires_s=self._next_change_s(scope))
+            return self._unknown_reading(reason, detail or "the expression has no value", context)
+        evidence_s, start_s = _oldest([_deciding_evidence(self.term, context), (now_s, now_s)])
+        expires_s = self._next_change_s(context)
+        return known_reading(
+            self.reading.name, content, evidence_s, min(start_s, evidence_s), now_s, expires_s, DERIVED
+        )
 
-    def _unknown_reading(self, reason: Reason, detail: str, scope: _InputScope) -> Reading[Value]:
+    def _unknown_reading(self, reason: Reason, detail: str, context: ContextAt) -> Reading[Value]:
         return Reading(
             name=self.reading.name,
             reason=reason,
             detail=detail,
-            evidence_s=scope.now_s,
-            start_s=scope.now_s,
-            identified_s=scope.now_s,
-            expires_s=self._next_change_s(scope),
+            evidence_s=context.instant_s,
+            start_s=context.instant_s,
+            identified_s=context.instant_s,
+            expires_s=self._next_change_s(context),
             source=DERIVED,
         )
 
-    def _next_change_s(self, scope: _InputScope) -> float:
+    def _next_change_s(self, context: ContextAt) -> float:
         """Return when the reading can next change although no input has new evidence; infinite if never."""
-        expiries_s = [scope.reading_of(name).expires_s for name in self.inputs]
-        wait_s = self.term.flips_s(scope)
-        return min([*expiries_s, math.inf if wait_s is None else scope.now_s + wait_s])
+        expiries_s = [context.reading(name).expires_s for name in self.inputs]
+        wait_s = self.term.flips_s(context)
+        return min([*expiries_s, math.inf if wait_s is None else context.instant_s + wait_s])
 
 
-def readings_at(
-    cells: Mapping[str, Cell], instant_s: float, substitute_reading: Reading[Value] | None = None
-) -> ReadingOf:
-    """Return a function that returns the readings of variables at an instant, and derives each variable only once.
+class ContextAt:
+    """The context as it was at an instant, according to what is known today. Each variable is derived only once.
 
-    If `substitute_reading` is given, it is the reading of its variable.
+    Attributes:
+        cells: the cells of all variables.
     """
 
-    @cache
-    def read(name: str) -> Reading[Value]:
-        cell = cells[name]
-        if substitute_reading is not None and substitute_reading.name == name:
-            return substitute_reading
-        if isinstance(cell, DerivedCell) and cell.override_at(instant_s) is None:
-            return cell.derive_from(read, instant_s)
-        return cell.at(instant_s)
+    __slots__ = ("_readings", "cells", "instant_s")
 
-    return read
+    def __init__(
+        self, cells: Mapping[str, Cell], instant_s: float, substitute_reading: Reading[Value] | None = None
+    ) -> None:
+        """Read the context at an instant.
+
+        Args:
+            cells: the cells of all variables.
+            instant_s: the instant.
+            substitute_reading: one of several readings that a variable received at the instant, to be used instead of
+                the last one; None to use the last readings.
+        """
+        self.cells = cells
+        self.instant_s = instant_s
+        self._readings = {} if substitute_reading is None else {substitute_reading.name: substitute_reading}
+
+    def value(self, name: str) -> Value | None:
+        """Return the value of a variable at the instant, or None if it was unknown."""
+        return self.reading(name).content
+
+    def age_s(self, name: str) -> float | None:
+        """Return the age of a variable's evidence at the instant, or None if the variable was unknown."""
+        reading = self.reading(name)
+        return reading.age_s(self.instant_s) if reading.known else None
+
+    def reading(self, name: str) -> Reading[Value]:
+        """Return the reading of a variable at the instant.
+
+        Inputs are read before the variables that are derived from them, so a long chain needs no deep recursion.
+        """
+        readings = self._readings
+        pending_names = [] if name in readings else [name]
+        while pending_names:
+            cell = self.cells[pending_names[-1]]
+            if not isinstance(cell, DerivedCell) or self._is_stored(cell):
+                readings[pending_names.pop()] = self._read(cell)
+            elif missing_names := [other for other in cell.inputs if other not in readings]:
+                pending_names.extend(missing_names)
+            else:
+                readings[pending_names.pop()] = self._derive(cell)
+        return readings[name]
+
+    def _is_stored(self, cell: DerivedCell) -> bool:
+        return cell.override_at(self.instant_s) is not None
+
+    def _read(self, cell: Cell) -> Reading[Value]:
+        return cell.at(self.instant_s)
+
+    def _derive(self, cell: DerivedCell) -> Reading[Value]:
+        return cell.derive_in(self)
 
 
-def _readings_now(cells: Mapping[str, Cell], now_s: float) -> ReadingOf:
-    """Return a function that returns the present readings of variables, and derives each variable only once."""
+class _PresentContext(ContextAt):
+    """The context as it is now, also for variables whose inputs have just expired."""
 
-    @cache
-    def read(name: str) -> Reading[Value]:
-        cell = cells[name]
-        if isinstance(cell, DerivedCell) and now_s >= cell.reading.expires_s:
-            return cell.derive(now_s, read)
-        return cell.now(now_s)
+    __slots__ = ()
 
-    return read
+    def _is_stored(self, cell: DerivedCell) -> bool:
+        return self.instant_s < cell.reading.expires_s
+
+    def _read(self, cell: Cell) -> Reading[Value]:
+        return cell.now(self.instant_s)
+
+    def _derive(self, cell: DerivedCell) -> Reading[Value]:
+        return cell.derive_now(self)
 
 
 def derived_cells_among(names: Iterable[str], cells: Mapping[str, Cell]) -> list[DerivedCell]:
@@ -241,42 +268,41 @@ def unknown_inputs(term: Term, scope: Scope) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for part in parts for name in unknown_inputs(part, scope)))
 
 
-def _deciding_s(term: Term, scope: _InputScope, time_of: TimeOf) -> float:
-    """Return the oldest instant among the inputs that decide the value of a term; infinite if no input decides it.
+def _deciding_evidence(term: Term, context: ContextAt) -> Evidence:
+    """Return the oldest evidence among the inputs that decide the value of a term; infinite if no input decides it.
 
     If each of several operands alone decides the value, the operand with the newest evidence decides it.
     """
+    parts = term.parts()
     match term:
         case Conjunction(terms=terms) | Disjunction(terms=terms):
             decisive = isinstance(term, Disjunction)
-            decisive_terms = [operand for operand in terms if operand.evaluate(scope) is decisive]
+            decisive_terms = [operand for operand in terms if operand.evaluate(context) is decisive]
             if decisive_terms:
-                return max(_deciding_s(operand, scope, time_of) for operand in decisive_terms)
+                return max(_deciding_evidence(operand, context) for operand in decisive_terms)
         case Choice(then=then, condition=condition, otherwise=otherwise):
-            truth = condition.evaluate(scope)
-            if truth is not None:
-                return min(_deciding_s(part, scope, time_of) for part in (condition, then if truth else otherwise))
-            return min(_deciding_s(part, scope, time_of) for part in (then, otherwise))
-        case Fallback(term=value) if value.evaluate(scope) is not None:
-            return _deciding_s(value, scope, time_of)
-    if term.parts():
-        return min(_deciding_s(part, scope, time_of) for part in term.parts())
-    return min((time_of(scope.reading_of(name)) for name in term.variables()), default=math.inf)
+            truth = condition.evaluate(context)
+            parts = (then, otherwise) if truth is None else (condition, then if truth else otherwise)
+        case Fallback(term=value) if value.evaluate(context) is not None:
+            parts = (value,)
+    if parts:
+        return _oldest(_deciding_evidence(part, context) for part in parts)
+    return _oldest(_evidence(context.reading(name)) for name in term.variables())
 
 
-def _evidence_s(reading: Reading[Any]) -> float:
-    """Return the instant of the evidence; for an unknown input, the instant since which it is unknown."""
-    return reading.evidence_s if reading.known else _unknown_since_s(reading)
+def _oldest(evidence: Iterable[Evidence]) -> Evidence:
+    ends_s, starts_s = zip(*evidence, _NO_EVIDENCE, strict=True)
+    return min(ends_s), min(starts_s)
 
 
-def _start_s(reading: Reading[Any]) -> float:
-    """Return when the taking of the evidence began; minus infinity if the operator made the input unknown."""
-    if reading.reason is Reason.OVERRIDDEN:
-        return BEFORE_ALL_S  # an override is no evidence
-    return reading.start_s if reading.known else _unknown_since_s(reading)
+def _evidence(reading: Reading[Any]) -> Evidence:
+    """Return the evidence of an input; for an unknown input, the instant since which it is unknown.
 
-
-def _unknown_since_s(reading: Reading[Any]) -> float:
-    """Return since when an input is unknown; infinite if it was unknown from the beginning of the run."""
+    This instant is infinite if the input was unknown from the beginning of the run. The evidence of an override by the
+    operator began before all instants, because an override is no evidence.
+    """
+    if reading.known:
+        return reading.evidence_s, reading.start_s
     since_s = reading.evidence_s if reading.source == DERIVED else reading.identified_s
-    return since_s if since_s > BEFORE_ALL_S else math.inf
+    since_s = since_s if since_s > BEFORE_ALL_S else math.inf
+    return since_s, BEFORE_ALL_S if reading.reason is Reason.OVERRIDDEN else since_s

@@ -8,7 +8,7 @@ from itertools import chain
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, suggest
-from codra_dsl.language.model import Replacement, Site
+from codra_dsl.language.model import Site
 from codra_dsl.tooling.diff.changes import Category, Change, Latency, Review, sort_changes
 from codra_dsl.tooling.diff.observers import compare_layout
 from codra_dsl.tooling.diff.table import FIELD_COMPARERS, KIND_BY_SECTION
@@ -66,14 +66,19 @@ def _place_at_site(change: Change, place: Place | None, site: Site | None) -> Pl
     """
     if site is None or place is None or place.span.file == site.file:
         return place
-    values = (value.place for value in site.replacements if value.element.span == place.use or _concerns(change, value))
-    return next(values, place)
+    arguments = site.replacements_of.get(place.use, ())
+    kind, _, name = change.element.partition("/")[2].rpartition("/")
+    values = (
+        value
+        for value in site.replacements_of.get(name, ())
+        if kind == KIND_BY_SECTION.get(value.section) and _is_inside(change.key, value.key)
+    )
+    return next((value.place for value in (*arguments, *values)), place)
 
 
-def _concerns(change: Change, value: Replacement) -> bool:
-    _, _, kind_and_name = change.element.partition("/")
-    is_inside = f"{value.key}.".startswith(f"{change.key}.") or f"{change.key}.".startswith(f"{value.key}.")
-    return kind_and_name == f"{KIND_BY_SECTION.get(value.section)}/{value.name}" and is_inside
+def _is_inside(key: str, other_key: str) -> bool:
+    """Return whether one of two keys is the other key or a part of its value."""
+    return f"{key}.".startswith(f"{other_key}.") or f"{other_key}.".startswith(f"{key}.")
 
 
 def _latencies(pair: Pair) -> Iterator[Latency]:

@@ -117,6 +117,14 @@ def test_a_change_that_the_graph_refuses_fails_with_its_place() -> None:
     assert text.startswith("tests/case.timeline.yaml:3:32: the graph does not allow this: AbsentError: ")
 
 
+@pytest.mark.parametrize("source", ["other context-variables", "the knowledge graph"])
+def test_what_follows_from_other_context_or_from_the_graph_has_no_agent(source: str) -> None:
+    (finding,) = findings(f"{STORE}stories: {{case: {{1 s: {{agents: {{{source}: {{full_on_fork: true}}}}}}}}}}\n")
+
+    assert finding.message == f"spec 'store' has no agent '{source}'"
+    assert "other context-variables" not in finding.help
+
+
 def test_a_repetition_that_the_graph_refuses_fails_with_the_place_of_what_is_repeated() -> None:
     run = run_of_only_story(
         f"{STORE}agents: {{person_detection: {{every: 1 s}}}}\nstories:\n  case:\n"

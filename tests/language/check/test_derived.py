@@ -55,7 +55,7 @@ def test_a_variable_does_not_wait_for_an_input_without_which_it_can_be_known(exp
     assert [finding.rule.code for finding in check_text(text)[1] if finding.rule.name == "cycle"] == []
 
 
-@pytest.mark.parametrize("expression", ["tray", "not tray", "tray == told", "tray or tray"])
+@pytest.mark.parametrize("expression", ["tray", "not tray", "tray == told", "tray or tray", "false if tray else true"])
 def test_a_variable_waits_for_an_input_without_which_it_is_unknown(expression: str) -> None:
     messages = [finding.message for finding in check_text(spec_text(expression, "not ready"))[1]]
     assert "context-variables wait for each other: ready -> tray -> ready" in messages

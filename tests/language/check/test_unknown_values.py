@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from itertools import pairwise
+from types import FrameType
+
 import pytest
 
-from tests.language.check.specs import finding_texts, findings
+from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
+from codra_dsl.language.check.loops.unknown_values import unknown_adapted_values
+from codra_dsl.language.check.phases import budget_of
+from codra_dsl.language.check.solver.budget import shared_budget
+from codra_dsl.language.load import load_text
+from tests.language.check.specs import HERE, finding_texts, findings
 
 SPEC = """\
 codra: 1
@@ -211,3 +220,44 @@ def test_otherwise_has_the_type_and_the_range_of_the_variable(
 ) -> None:
     ((rule, marked, *_),) = finding_texts(SHORT.format(validity=", valid_for: 1 s", value=VALUE, otherwise=otherwise))
     assert (rule, marked) == expected[:2]
+
+
+def test_a_long_chain_of_derived_variables_is_judged_to_its_end() -> None:
+    value = "0.3 m/s if step_999 < 1.5 m else 1.2 m/s"
+    text = SHORT.format(validity=", valid_for: 1 s", value=value, otherwise="").replace(", otherwise: }", "}")
+    names = ["gap", *(f"step_{number}" for number in range(1000))]
+    steps = [f"  {name}: {{type: float, unit: m, derived: {need}}}\n" for need, name in pairwise(names)]
+    (finding,) = findings(text.replace("agents:", f"{''.join(steps)}agents:"))
+    assert finding.related[0].message.endswith("it is derived from 'gap': its evidence is valid for 1 s")
+
+
+def test_the_work_for_the_parameters_of_one_loop_grows_with_their_number() -> None:
+    call_count = 0
+
+    def count(_: FrameType, event: str, __: object) -> None:
+        nonlocal call_count
+        call_count += event in ("call", "c_call")
+
+    def work(number_of_parameters: int) -> int:
+        nonlocal call_count
+        numbers = range(number_of_parameters)
+        variables = "".join(f"  speed_{number}: {{type: float, source: adaptation}}\n" for number in numbers)
+        adaptations = "".join(f"  set_{number}: {{set: speed_{number}, value: gap}}\n" for number in numbers)
+        loop = f"loops: {{driving: {{adapt: [{', '.join(f'set_{number}' for number in numbers)}]}}}}\n"
+        gap = "  gap: {type: float, source: lasers, valid_for: 1 s}\n"
+        text = "codra: 1\nname: aisle\nagents: {lasers: {}}\n"
+        text += f"context:\n{gap}{variables}adaptation:\n{adaptations}{loop}"
+        spec, _ = load_text(text, "spec.yaml", HERE)
+        assert spec is not None
+        spec_index = SpecIndex(spec)
+        call_count, before = 0, sys.getprofile()
+        sys.setprofile(count)
+        try:
+            with shared_budget(budget_of(spec_index)):
+                assert len(list(unknown_adapted_values(spec_index, FaultyElements()))) == number_of_parameters
+        finally:
+            sys.setprofile(before)
+        return call_count
+
+    work(1)
+    assert work(200) < 5 * work(50)

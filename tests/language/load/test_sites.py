@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import copy
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -16,6 +18,8 @@ from codra_dsl.compiler import Planned, lint_paths, plan_paths
 from codra_dsl.generation.emit.records import model_digest
 from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load import load_spec
+from codra_dsl.language.load.site.both_files import name_both_files
+from codra_dsl.language.load.yaml.rules import RULES
 from codra_dsl.language.model import Spec
 from tests.language.load.texts import marked
 
@@ -322,6 +326,51 @@ def test_a_finding_about_the_spec_that_only_the_site_causes_names_the_value_of_t
     for finding in findings:
         assert finding.place.span.file == "specs/door.yaml"
         assert related(finding)[-1] == ("only with this value of the site", SITE, 4)
+
+
+def test_the_second_declaration_of_a_name_is_read_without_the_site(tmp_path: Path) -> None:
+    again = "context:\n  light: {type: float, source: main_execution}\n"
+    spec = SPEC.replace("context:\n", again, 1)
+    root = project(tmp_path, site_of("context: {light: {valid_for: 3 apples}}\n"), spec)
+    (root / "specs/parts/light.yaml").write_text(PART.replace("1 min", "2 apples"), "utf-8")
+    findings = plan_paths([root / "specs"], root, sites=[root / SITE]).diagnostics
+
+    wrong_values = [finding.message[-10:] for finding in findings if finding.rule.name == "duration"]
+    assert sorted(wrong_values) == ["'2 apples'", "'3 apples'"]
+
+
+@pytest.mark.parametrize("valid_for", ["5", "1 ms"])
+def test_the_work_for_naming_both_files_grows_with_the_number_of_values(valid_for: str, tmp_path: Path) -> None:
+    """A value that cannot be read has a finding in the site; a validity that is too short has one in the spec."""
+    call_count = 0
+
+    def count(_: FrameType, event: str, __: object) -> None:
+        nonlocal call_count
+        call_count += event in ("call", "c_call")
+
+    def work(number_of_values: int) -> int:
+        nonlocal call_count
+        numbers = range(number_of_values)
+        variables = "".join(f"  door_{number}: {{type: bool, source: main_execution}}\n" for number in numbers)
+        values = "".join(f"  door_{number}: {{valid_for: {valid_for}}}\n" for number in numbers)
+        root = project(tmp_path, site_of(f"context:\n{values}"), f"codra: 1\nname: door\ncontext:\n{variables}")
+        spec, findings = load_spec(root / "specs/door.yaml", root, site=root / SITE)
+        assert spec is not None
+        assert spec.site is not None
+        diagnostics = findings or [
+            Diagnostic(rule=RULES["duration"], message=f"'{variable.name}' is wrong", place=variable.place)
+            for variable in spec.context
+        ]
+        call_count, before = 0, sys.getprofile()
+        sys.setprofile(count)
+        try:
+            named = list(name_both_files(diagnostics, (), spec.site))
+        finally:
+            sys.setprofile(before)
+        assert [len(finding.related) for finding in named] == [1] * number_of_values
+        return call_count
+
+    assert work(200) < 5 * work(50)
 
 
 def test_an_argument_that_makes_a_template_wrong_is_named_with_the_text_of_the_template(tmp_path: Path) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 from collections.abc import Callable, Iterator, Mapping
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -16,7 +18,7 @@ from codra_dsl.logic import Term
 from codra_dsl.runtime import ContextModel, Kind, NotASourceError, SimClock
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.conditions import age, choose, first_known, known, maximum, value
-from codra_dsl.runtime.values.conditions_held import ContextAt
+from codra_dsl.runtime.values.derived import ContextAt
 from codra_dsl.runtime.values.model import ExpectationModel, SkillModel, boolean, real
 from tests.runtime.forests import (
     Look,
@@ -429,6 +431,61 @@ def test_variables_that_read_each_other_often_are_derived_once_each() -> None:
         cells = codra._store.cells
         assert ContextAt(cells, 2.0).value("step_59") is True
         assert cells["step_59"].now(6.0).reason is Reason.STALE
+
+
+@pytest.mark.parametrize("number_of_steps", [2, 600])
+def test_a_chain_of_derived_variables_of_any_length_has_a_past_and_expires(number_of_steps: int) -> None:
+    steps = [variable(f"step_{number}", derived=~value(f"step_{number - 1}")) for number in range(1, number_of_steps)]
+    model = forest([given("told", valid_for_s=5.0), variable("step_0", derived=value("told")), *steps])
+    clock, last = SimClock(), f"step_{number_of_steps - 1}"
+    with started(model, World(), clock) as codra:
+        codra.set("told", True)
+        cells = codra._store.cells
+        assert (ContextAt(cells, 2.0).value(last), cells[last].now(6.0).reason) == (False, Reason.STALE)
+
+
+def test_a_change_is_as_much_work_however_many_variables_are_derived_from_others() -> None:
+    line_count = 0
+
+    def count(_: FrameType, event: str, __: object) -> Any:
+        nonlocal line_count
+        line_count += event == "line"
+        return count
+
+    def work(number_of_rooms: int) -> int:
+        nonlocal line_count
+        rooms = range(number_of_rooms)
+        variables = [given(f"door_{room}") for room in rooms]
+        variables += [variable(f"ready_{room}", derived=~value(f"door_{room}")) for room in rooms]
+        with started(forest(variables), World()) as codra:
+            codra.set("door_1", True)
+            line_count, before = 0, sys.gettrace()
+            sys.settrace(count)
+            try:
+                codra.set("door_1", False)
+            finally:
+                sys.settrace(before)
+        return line_count
+
+    assert work(200) < work(20) + 20
+
+
+def test_evidence_that_alone_decides_a_value_keeps_the_instant_at_which_its_taking_began() -> None:
+    def photo(start_s: float, stamp_s: float) -> Callable[[Any], object]:
+        def find(job: Any) -> object:
+            job.sleep(stamp_s)
+            job.evidence(start_s, stamp_s)
+            return {"seen": True}
+
+        return find
+
+    world, clock = World(finds={"look_at_door": photo(1.0, 5.0), "look_at_window": photo(3.0, 4.0)}), SimClock()
+    rooms = [variable("door"), variable("window"), variable("either", derived=value("door") | value("window"))]
+    looks = [observer(name, seen(f"look_at_{name}", name), period_s=60.0) for name in ("door", "window")]
+    with started(forest(rooms, *looks), world, clock) as codra:
+        codra.declare("either")
+        clock.sleep(6.0)
+        assert (codra.get("either").start_s, codra.get("either").evidence_s) == (1.0, 5.0)
 
 
 def test_readings_that_belong_together_change_a_derived_variable_once() -> None:

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Term, Value, age, known, value
 from codra_dsl.runtime.values.cell import Cell, Reading, Reason
-from codra_dsl.runtime.values.conditions_held import ContextAt, ObservabilityMonitor, first_loss_s, has_held
+from codra_dsl.runtime.values.conditions_held import ObservabilityMonitor, first_loss_s, has_held
+from codra_dsl.runtime.values.derived import ContextAt
 
 History = list[tuple[float, Value | None]]
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 from codra_dsl.language import graph
-from codra_dsl.language.check.graph.derivations import can_be_known
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.contradictions import (
@@ -23,9 +22,9 @@ from codra_dsl.language.check.solver.contradictions import (
     related_places,
     state_condition,
 )
-from codra_dsl.language.check.solver.satisfiable import can_hold, known_call
+from codra_dsl.language.check.solver.satisfiable import can_be_known, can_hold, known_call
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.expression import And, Fallback, Name, Node, Not, Or, names_in, spelt_out, walk
+from codra_dsl.language.expression import And, Fallback, Name, Node, Not, Or, names_in, variables_in, walk
 from codra_dsl.language.model import Algorithm, Condition, Kind, Variable
 
 MAX_COMBINED_NAMES = 8
@@ -134,13 +133,11 @@ def _definitions(spec_index: SpecIndex, condition: Node) -> Iterator[Node]:
     with a fallback are left out.
     """
     inputs = spec_index.derived_inputs
-    for name in graph.closure(inputs, (name.name for name in names_in(condition))):
+    for name in graph.closure(inputs, variables_in(condition)):
         type_ = spec_index.context_types.get(name)
-        derived = spec_index.variables[name].derived if name in inputs else None
-        judgement = None if derived is None else spec_index.judgement(derived)
-        if judgement is None or judgement.problems or type_ is None or type_.kind is not Kind.BOOL:
+        tree = spec_index.sound_tree(spec_index.variables[name].derived) if name in inputs else None
+        if tree is None or type_ is None or type_.kind is not Kind.BOOL:
             continue
-        tree = spelt_out(judgement.typed.node)
         if not any(isinstance(part, Fallback) for part in walk(tree)):
             variable = Name(start=0, end=0, name=name)
             is_true, is_false = (variable, tree), (_negated(variable), _negated(tree))
@@ -154,9 +151,9 @@ def _negated(condition: Node) -> Node:
 
 def _sound_conditions(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[Condition, Node]]:
     for condition in algorithm.observable_when:
-        judgement = spec_index.judgement(condition)
-        if judgement is not None and not judgement.problems:
-            yield condition, spelt_out(judgement.typed.node)
+        tree = spec_index.sound_tree(condition)
+        if tree is not None:
+            yield condition, tree
 
 
 _Producer = Algorithm | Variable
@@ -245,9 +242,8 @@ class _Search:
         """Return the variables that block a producer: if some of these were knowable, the producer could run."""
         unknown_names = self._unknown_names(producer)
         if isinstance(producer, Variable):
-            inputs = self._spec_index.derived_inputs
-            derived_names = [name for name in inputs[producer.name] if name in unknown_names and name in inputs]
-            return tuple(derived_names or (name for name in inputs[producer.name] if name in unknown_names))
+            names = tuple(name for name in _needs(self._spec_index, producer) if name in unknown_names)
+            return tuple(name for name in names if name in self._spec_index.derived_inputs) or names
         requirements = tuple(_requirements(self._spec_index, producer))
         unmet_requirements = [
             requirement for requirement in requirements if not _hold(self._spec_index, (requirement,), unknown_names)
@@ -277,15 +273,17 @@ class _Search:
             if any(not truth and truths[known_names | {name}] for known_names, truth in truths.items())
         ]
 
-    def _can_run(self, algorithm: _Producer) -> bool:
-        unknown_names = self._unknown_names(algorithm)
-        if isinstance(algorithm, Variable):
+    def _can_run(self, producer: _Producer) -> bool:
+        unknown_names = self._unknown_names(producer)
+        if isinstance(producer, Variable):
             # derived variables are computed in order, so each of them waits for all derived variables that it reads
             is_in_order = unknown_names.isdisjoint(self._spec_index.derived_inputs)
-            return is_in_order and algorithm.derived is not None and can_be_known(algorithm.derived.tree, unknown_names)
-        if not unknown_names and all(type(condition.tree) is Name for condition in algorithm.observable_when):
+            tree = self._spec_index.sound_tree(producer.derived) if unknown_names else None
+            types = self._spec_index.context_types
+            return is_in_order and (tree is None or can_be_known(tree, unknown_names, types))
+        if not unknown_names and all(type(condition.tree) is Name for condition in producer.observable_when):
             return True  # the common case: all needed variables are knowable
-        return _hold(self._spec_index, tuple(_requirements(self._spec_index, algorithm)), unknown_names)
+        return _hold(self._spec_index, tuple(_requirements(self._spec_index, producer)), unknown_names)
 
     def _unknown_names(self, producer: _Producer) -> frozenset[str]:
         needs, variables = _needs(self._spec_index, producer), self._spec_index.variables

@@ -31,17 +31,17 @@ class Mention:
 
 def references(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of a context-variable outside conditions."""
-    return (mention_of(*reference) for reference in _references(spec_index))
+    return (mention_of(*reference) for reference in variable_references(spec_index))
 
 
 def undeclared_references(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of an undeclared context-variable outside conditions; almost all references are declared."""
-    for reference in _references(spec_index):
+    for reference in variable_references(spec_index):
         if not spec_index.declares("context", reference[0].name):
             yield mention_of(*reference)
 
 
-def _references(spec_index: SpecIndex) -> Iterator[tuple[Reference, str, str, str]]:
+def variable_references(spec_index: SpecIndex) -> Iterator[tuple[Reference, str, str, str]]:
     """Yield every reference to a context-variable outside conditions, with the arguments of `mention_of`."""
     for algorithm in spec_index.spec.perception:
         for reference in algorithm.given:

@@ -27,7 +27,7 @@ from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.index.parsed_rules import ParsedRules
 from codra_dsl.language.check.index.words import NOUNS, texts_of
 from codra_dsl.language.diagnostics import suggest
-from codra_dsl.language.expression import Name, Text, names_in, variables_in, walk
+from codra_dsl.language.expression import Name, Node, Text, names_in, spelt_out, variables_in, walk
 from codra_dsl.language.load.schema.misspelt_names import Vocabulary
 from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import (
@@ -439,6 +439,11 @@ class SpecIndex:
     def judgement(self, condition: Condition) -> Judgement | None:
         """Return the judgement of a condition, or None if the condition could not be parsed."""
         return self.judgements.get(id(condition))
+
+    def sound_tree(self, condition: Condition | None) -> Node | None:
+        """Return the tree of a condition, with its names spelt out; None if there is none or it has a problem."""
+        judgement = None if condition is None else self.judgement(condition)
+        return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
     def wanted_type(self, site: Site) -> Type | None:
         """Return the type of the context-variable that a condition identifies, sets or monitors."""

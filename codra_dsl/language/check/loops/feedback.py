@@ -14,12 +14,11 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.solver.satisfiable import can_hold, implies
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.expression import Compare, Comparison, Name, Node, Or, Text, Truth, names_in, spelt_out
+from codra_dsl.language.expression import Compare, Comparison, Name, Node, Or, Text, Truth, names_in
 from codra_dsl.language.fuzzy.model import propositions
 from codra_dsl.language.model import (
     ADAPTER,
     Adaptation,
-    Condition,
     Course,
     Parameter,
     filtered_weight_name,
@@ -94,7 +93,7 @@ def _unstable_course_findings(spec_index: SpecIndex, faults: FaultyElements) -> 
         course = adaptation.does
         if isinstance(course, Course) and course.always and faults.is_sound("adaptation", adaptation.name):
             # a rule whose condition must hold for some time may change the action, as a dwell may
-            trees = [None if rule.for_s else _sound_tree(spec_index, rule.condition) for rule in course.always]
+            trees = [None if rule.for_s else spec_index.sound_tree(rule.condition) for rule in course.always]
             if not any(
                 _can_be_stable(spec_index, adaptation.name, course, trees, reference.name)
                 for reference in course.choose
@@ -126,14 +125,9 @@ def adapted_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator
     """Yield each sound adaptation that sets a variable, with the variable's name and the expression for the value."""
     for adaptation in spec_index.spec.adaptation:
         if isinstance(adaptation.does, Parameter) and faults.is_sound("adaptation", adaptation.name):
-            name, tree = adaptation.does.variable.name, _sound_tree(spec_index, adaptation.does.value)
+            name, tree = adaptation.does.variable.name, spec_index.sound_tree(adaptation.does.value)
             if name in spec_index.variables and faults.is_sound("context", name) and tree is not None:
                 yield adaptation, name, tree
-
-
-def _sound_tree(spec_index: SpecIndex, condition: Condition) -> Node | None:
-    judgement = spec_index.judgement(condition)
-    return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 
 def _name_node(name: str) -> Name:

@@ -7,7 +7,8 @@ keeps 100 readings, span 49.5 s; a rate over 2 min is never known. Periods that 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
@@ -20,44 +21,48 @@ MIN_SPAN_SHARE = 0.5
 _ROUNDING = 1e-9
 
 
+class _Writing(NamedTuple):
+    """What writes a variable periodically, and where this is stated."""
+
+    period_s: float
+    text: str
+    place: Place
+
+
 def uncovered_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The readings that are kept for a rate or a share can span half of `over`."""
     for variable in spec_index.spec.context:
         base = None if variable.rate is None else spec_index.variables.get(variable.rate.of.name)
         if variable.rate is None or base is None or not _is_checkable(spec_index, faults, variable, base):
             continue
-        periods = _stated_periods(spec_index, base)
-        if not periods:
+        writings = _periodic_writings(spec_index, base)
+        if not writings:
             continue
-        period_s, writer_text, place = min(periods, key=lambda period: period[0])
-        over_s = variable.rate.over_s
+        writing = min(writings, key=lambda one: one.period_s)
+        period_s, over_s, is_share = writing.period_s, variable.rate.over_s, variable.rate.is_share
         # A share counts the time until the next reading as well.
-        span_s = (base.history - (0 if variable.rate.is_share else 1)) * period_s
-        noun = "share" if variable.rate.is_share else "rate"
-        problem = ""
+        span_s = (base.history - (0 if is_share else 1)) * period_s
+        is_every_writer_periodic = len(writings) == len(base.sources or (OBSERVER,))
         if span_s < MIN_SPAN_SHARE * over_s - _ROUNDING:
             problem = f"'{base.name}' keeps {base.history} readings, which span {span_s:g} s"
             help = f"write 'history: {math.ceil(over_s / period_s) + 1}' in '{base.name}', or a shorter 'over'"
-        elif not variable.rate.is_share and period_s > over_s + _ROUNDING and _are_all_stated(periods, base):
+        elif not is_share and period_s > over_s + _ROUNDING and is_every_writer_periodic:
             problem = f"there is at most one reading in {over_s:g} s"
             help = f"write an 'over' of at least {2 * period_s:g} s"
-        if problem:
-            yield finding(
-                "uncovered-rate",
-                f"context-variable '{variable.name}' is never known: a {noun} over {over_s:g} s needs readings "
-                f"that span {MIN_SPAN_SHARE * over_s:g} s, but {problem}",
-                variable.places.get("over", variable.place),
-                path=f"context.{variable.name}.over",
-                help=help,
-                related=(
-                    Related(f"'{base.name}' keeps its readings", base.places.get("history", base.place)),
-                    Related(f"{writer_text} every {period_s:g} s", place),
-                ),
-            )
-
-
-def _are_all_stated(periods: Sequence[object], base: Variable) -> bool:
-    return len(periods) == len(base.sources or (OBSERVER,))
+        else:
+            continue
+        yield finding(
+            "uncovered-rate",
+            f"context-variable '{variable.name}' is never known: a {'share' if is_share else 'rate'} over {over_s:g} s "
+            f"needs readings that span {MIN_SPAN_SHARE * over_s:g} s, but {problem}",
+            variable.places.get("over", variable.place),
+            path=f"context.{variable.name}.over",
+            help=help,
+            related=(
+                Related(f"'{base.name}' keeps its readings", base.places.get("history", base.place)),
+                Related(f"{writing.text} every {period_s:g} s", writing.place),
+            ),
+        )
 
 
 def _is_checkable(spec_index: SpecIndex, faults: FaultyElements, variable: Variable, base: Variable) -> bool:
@@ -70,32 +75,23 @@ def _is_checkable(spec_index: SpecIndex, faults: FaultyElements, variable: Varia
     )
 
 
-def _stated_periods(spec_index: SpecIndex, variable: Variable) -> list[tuple[float, str, Place]]:
-    """Return the period of each writer of a variable that has one, with what the writer does, and the place.
-
-    An observer of a variable with `refresh: on_event` has none.
-    """
+def _periodic_writings(spec_index: SpecIndex, variable: Variable) -> list[_Writing]:
+    """Return what writes a variable periodically. An observer of a variable with `refresh: on_event` does not."""
     source_names = {source.name for source in variable.sources}
-    periods = [
-        (agent.period_s, f"agent '{agent.name}' writes it", agent.conduct.places.get("period", agent.place))
+    writings = [
+        _Writing(agent.period_s, f"agent '{agent.name}' writes it", agent.conduct.places.get("period", agent.place))
         for agent in spec_index.spec.agents
         if agent.name in source_names and agent.period_s is not None
     ]
-    producers = spec_index.producers.get(variable.name, ())
-    if producers and variable.refresh is Refresh.PERIODIC:
-        setting = spec_index.claims[variable.name][0] if variable.name in spec_index.claims else None
-        observer_period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
-        algorithm = min(
-            (spec_index.algorithms[name] for name in producers), key=lambda candidate: candidate.min_interval_s
+    algorithms = [spec_index.algorithms[name] for name in spec_index.producers.get(variable.name, ())]
+    if algorithms and variable.refresh is Refresh.PERIODIC:
+        period_s = (
+            spec_index.claims[variable.name][0].period_s if variable.name in spec_index.claims else DEFAULT_PERIOD_S
         )
-        periods.append(
-            (
-                max(observer_period_s, algorithm.min_interval_s),
-                f"algorithm '{algorithm.name}' identifies it at most",
-                algorithm.place,
-            )
-        )
-    return periods
+        algorithm = min(algorithms, key=lambda candidate: candidate.min_interval_s)
+        text = f"algorithm '{algorithm.name}' identifies it at most"
+        writings.append(_Writing(max(period_s, algorithm.min_interval_s), text, algorithm.place))
+    return writings
 
 
 RATE_CHECKS = (uncovered_rates,)

@@ -6,8 +6,9 @@ last value would stay, such as a high speed after the lidar has failed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
+from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
@@ -15,8 +16,19 @@ from codra_dsl.language.check.loops.firing import silent_combinations
 from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Arithmetic, Compare, Comparison, Count, Node, Number, names_in, reads_of, walk
-from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, filtered_weight_name, weight_name
+from codra_dsl.language.expression import (
+    Arithmetic,
+    Compare,
+    Comparison,
+    Count,
+    Node,
+    Number,
+    names_in,
+    reads_of,
+    variables_in,
+    walk,
+)
+from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, filtered_weight_name, weight_name
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
 _ZERO = Number(start=0, end=0, value=0.0, unit=None)
@@ -24,21 +36,22 @@ _ZERO = Number(start=0, end=0, value=0.0, unit=None)
 
 def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """A parameter whose value can become unknown states `otherwise`."""
+    reasons = _Reasons(spec_index, faults)
+    steady_names = _steady_names(spec_index)
     for adaptation, name, tree in adapted_variables(spec_index, faults):
         does = adaptation.does
         if not isinstance(does, Parameter) or does.otherwise is not None:
             continue
         if not spec_index.is_readable("adaptation", adaptation.name, "otherwise"):
             continue
-        reasons_of_derived: dict[str, str] = {}
-        reasons = {
-            read_name: reason
-            for read_name in dict.fromkeys(read_name.name for read_name in names_in(tree))
-            if read_name not in _set_by_same_loop(spec_index, adaptation.name)
-            and (reason := _reason_for_unknown(spec_index, faults, read_name, reasons_of_derived))
-        }
+        steady_name_sets = steady_names.get(adaptation.name, ())
+        doubtful_names = [
+            read_name
+            for read_name in variables_in(tree)
+            if not any(read_name in names for names in steady_name_sets) and reasons.of(read_name)
+        ]
         division = _division_by_zero(spec_index, tree)
-        culprits = () if division else _decisive_names(spec_index, tree, tuple(reasons))
+        culprits = () if division else _decisive_names(spec_index, tree, doubtful_names)
         if division is None and not culprits:
             continue
         state_text = (
@@ -51,28 +64,31 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
             path=f"adaptation.{adaptation.name}.value",
             help="add 'otherwise: VALUE' with a value that is right while nothing is known",
             related=tuple(
-                Related(f"'{culprit}' can become unknown: {reasons[culprit]}", spec_index.variables[culprit].place)
+                Related(f"'{culprit}' can become unknown: {reasons.of(culprit)}", spec_index.variables[culprit].place)
                 for culprit in culprits
                 if culprit in spec_index.variables
             ),
         )
 
 
-def _set_by_same_loop(spec_index: SpecIndex, adaptation: str) -> frozenset[str]:
-    """Return the variables that only the loop of an adaptation sets; they stay valid while the loop runs."""
-    loops = (loop for loop in spec_index.spec.loops if adaptation in {reference.name for reference in loop.adapt})
-    names = {reference.name for loop in loops for reference in loop.adapt}
-    targets = (
-        other.does.variable.name
-        for other in spec_index.spec.adaptation
-        if other.name in names and isinstance(other.does, Parameter)
-    )
-    return frozenset(
-        target
-        for target in targets
-        if target in spec_index.variables
-        and [source.name for source in spec_index.variables[target].sources] == [ADAPTER]
-    )
+def _steady_names(spec_index: SpecIndex) -> Mapping[str, Sequence[frozenset[str]]]:
+    """Return, for each adaptation, the variables that only its loops set; they stay valid while these loops run."""
+    targets = {
+        adaptation.name: adaptation.does.variable.name
+        for adaptation in spec_index.spec.adaptation
+        if isinstance(adaptation.does, Parameter) and _is_only_adapted(spec_index, adaptation.does.variable.name)
+    }
+    steady_names: dict[str, list[frozenset[str]]] = {}
+    for loop in spec_index.spec.loops:
+        names = frozenset(targets[reference.name] for reference in loop.adapt if reference.name in targets)
+        for reference in loop.adapt:
+            steady_names.setdefault(reference.name, []).append(names)
+    return steady_names
+
+
+def _is_only_adapted(spec_index: SpecIndex, name: str) -> bool:
+    variable = spec_index.variables.get(name)
+    return variable is not None and [source.name for source in variable.sources] == [ADAPTER]
 
 
 def _decisive_names(spec_index: SpecIndex, tree: Node, names: Sequence[str]) -> tuple[str, ...]:
@@ -113,62 +129,69 @@ def _state_text(spec_index: SpecIndex, tree: Node, culprits: Sequence[str]) -> s
     return f"{' or '.join(names)} is unknown" if is_each_decisive else f"{' and '.join(names)} are unknown"
 
 
-def _reason_for_unknown(
-    spec_index: SpecIndex, faults: FaultyElements, name: str, reasons_of_derived: dict[str, str]
-) -> str:
-    """Return why a variable can become unknown after it was known; empty if it cannot, or if this is not certain.
+class _Reasons:
+    """The reasons why variables can become unknown after they were known. Each variable is judged once."""
 
-    Metrics, weights and courses are computed even while inputs are unknown. A stated `valid_for: forever` means that
-    the value may be kept. `reasons_of_derived` has the reasons of derived variables that follow from their inputs; the
-    reason of a variable that is judged at present is empty.
-    """
-    function, first, second = reads_of(name)
-    if function:
-        return "a pose can become stale" if _can_pose_become_stale(spec_index, first, second) else ""
-    variable = spec_index.variables.get(name)
-    if variable is None or not faults.is_sound("context", name):
-        return ""
-    if variable.derived is not None:
-        if name not in reasons_of_derived:
-            reasons_of_derived[name] = ""
-            reasons_of_derived[name] = _reason_of_inputs(spec_index, faults, variable, reasons_of_derived)
-        return reasons_of_derived[name]
-    if variable.is_derived:
-        return "in some cases no rule fires" if _can_be_silent(spec_index, faults, name) else ""
-    if variable.rate is not None:
-        return f"a {'share' if variable.rate.is_share else 'rate'} is known only while readings span half of 'over'"
-    if not spec_index.is_readable("context", name, *_VARIABLE_KEYS):
-        return ""
-    if variable.valid_for_s < FOREVER_S:
-        return f"its evidence is valid for {variable.valid_for_s:g} s"
-    skill = next((skill for skill in spec_index.spec.skills if name in {change.name for change in skill.changes}), None)
-    if skill is not None:
-        return f"skill '{skill.name}' changes it"
-    return "its algorithm can fail" if name in spec_index.producers else ""
+    def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
+        self._spec_index = spec_index
+        self._faults = faults
+        self._reasons: dict[str, str] = {}
 
+    def of(self, name: str) -> str:
+        """Return why a variable can become unknown; empty if it cannot, or if this is not certain.
 
-def _reason_of_inputs(
-    spec_index: SpecIndex, faults: FaultyElements, variable: Variable, reasons_of_derived: dict[str, str]
-) -> str:
-    """Return which input makes a derived variable unknown, and why; empty if none does."""
-    tree = variable.derived.tree if variable.derived is not None else None
-    reasons: dict[str, str] = {}
-    for name in () if tree is None else names_in(tree):
-        compared_pose = name.pose_comparison
-        is_count = isinstance(compared_pose, Count)  # it is always known
-        for input_name in () if is_count else names_in(compared_pose or name):
-            reason = _reason_for_unknown(spec_index, faults, input_name.name, reasons_of_derived)
-            if reason:
+        Metrics, weights and courses are computed even while inputs are unknown. A stated `valid_for: forever` means
+        that the value may be kept. Variables that are derived from each other have no reason.
+        """
+        if name not in self._reasons:
+            needed_names = graph.needs_first(self._spec_index.derived_inputs, name)
+            new_names = [needed_name for needed_name in needed_names if needed_name not in self._reasons]
+            self._reasons |= dict.fromkeys(new_names, "")
+            for new_name in new_names:
+                self._reasons[new_name] = self._judge(new_name)
+        return self._reasons[name]
+
+    def _judge(self, name: str) -> str:
+        spec_index = self._spec_index
+        function, first, second = reads_of(name)
+        if function:
+            return "a pose can become stale" if _can_pose_become_stale(spec_index, first, second) else ""
+        variable = spec_index.variables.get(name)
+        if variable is None or not self._faults.is_sound("context", name):
+            return ""
+        if variable.derived is not None:
+            return "" if variable.derived.tree is None else self._reason_of_inputs(variable.derived.tree)
+        if variable.is_derived:
+            return "in some cases no rule fires" if _can_be_silent(spec_index, self._faults, name) else ""
+        if variable.rate is not None:
+            return f"a {'share' if variable.rate.is_share else 'rate'} is known only while readings span half of 'over'"
+        if not spec_index.is_readable("context", name, *_VARIABLE_KEYS):
+            return ""
+        if variable.valid_for_s < FOREVER_S:
+            return f"its evidence is valid for {variable.valid_for_s:g} s"
+        skills = spec_index.spec.skills
+        skill = next((skill for skill in skills if any(change.name == name for change in skill.changes)), None)
+        if skill is not None:
+            return f"skill '{skill.name}' changes it"
+        return "its algorithm can fail" if name in spec_index.producers else ""
+
+    def _reason_of_inputs(self, tree: Node) -> str:
+        """Return which input makes a derived variable unknown, and why; empty if none does."""
+        if _division_by_zero(self._spec_index, tree):
+            return "it divides by a number that can be 0"
+        reasons: dict[str, str] = {}
+        for name in names_in(tree):
+            source = name.pose_comparison or name
+            input_names = () if isinstance(source, Count) else variables_in(source)  # a count is always known
+            for reason in filter(None, map(self.of, input_names)):
                 reasons.setdefault(name.name, reason)
-    if tree is not None and _division_by_zero(spec_index, tree):
-        return "it divides by a number that can be 0"
-    culprits = () if tree is None else _decisive_names(spec_index, tree, tuple(reasons))
-    return f"it is derived from '{culprits[0]}': {reasons[culprits[0]]}" if culprits else ""
+        culprits = _decisive_names(self._spec_index, tree, tuple(reasons))
+        return f"it is derived from '{culprits[0]}': {reasons[culprits[0]]}" if culprits else ""
 
 
 def _can_pose_become_stale(spec_index: SpecIndex, first: str, second: str) -> bool:
-    graph = spec_index.declared_graph
-    motions = (graph.edges[name].motion for name in graph.pose_edges_between(first, second))
+    declared_graph = spec_index.declared_graph
+    motions = (declared_graph.edges[name].motion for name in declared_graph.pose_edges_between(first, second))
     moving = [motion for motion in motions if motion is not None and not motion.is_static]
     return any(motion.valid_for_s is not None and motion.valid_for_s < FOREVER_S for motion in moving)
 

@@ -57,6 +57,11 @@ def can_hold(conditions: Sequence[Node], unknown_names: Iterable[str], types: Ty
     return may_have_case(conditions, None, values, types)
 
 
+def can_be_known(value: Node, unknown_names: Iterable[str], types: Types) -> bool:
+    """Return whether a value can be known while some names are certainly unknown. If undecided, return True."""
+    return can_hold([_knownness(value)], unknown_names, types)
+
+
 def is_always_known(value: Node, unknown_names: Iterable[str], types: Types) -> bool:
     """Return whether a value is known in every case.
 

@@ -96,7 +96,7 @@ class Elements:
             is_new = self._is_new(subject)
             damaged = wrong_keys.get(key.written, frozenset())
             element_node = node
-            if self._overlay is not None and key.written not in wrong_keys:
+            if self._overlay is not None and is_new and key.written not in wrong_keys:
                 subject, node = self._overlay.apply(subject, _as_element(section, key, node))  # noqa: PLW2901
             if node is not element_node or not (all_have_shape or key.written in wrong_keys):
                 damaged = self._report_shape_mistakes(subject, node)

@@ -1,4 +1,4 @@
-"""Read how a site makes the handles of resources."""
+"""Read how a site or a timeline makes the handles of resources."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def take_handles(site_file: SiteFile, findings: Findings) -> Iterator[Handle]:
         damaged: frozenset[str] = frozenset()
         if not has_shape("handle_maker", maker.data):
             damaged = explain("handle_maker", maker, subject, findings)
-        handle = _read_handle(Reader(subject, maker, findings, damaged))
+        handle = read_handle(Reader(subject, maker, findings, damaged), subject.name, "write package.module:name")
         if handle is not None:
             yield handle
 
@@ -53,10 +53,19 @@ def report_handles_of_slots(handles: Iterable[Handle], resources: Mapping[str, R
             findings.add("misplaced-key", message, handle.place, help=help_text, path=path, related=related)
 
 
-def _read_handle(reader: Reader) -> Handle | None:
+def read_handle(reader: Reader, resource: str, call_help: str, *steps: str) -> Handle | None:
+    """Return the handle of a resource that `call` and `with` describe; None if it cannot be read.
+
+    Args:
+        reader: the reader of the mapping.
+        resource: the name of the resource.
+        call_help: the help about a call that is not the name of a class or function.
+        steps: the path from the reader's element to the mapping.
+    """
     call = reader.scalar("call")
     arguments = tuple(
-        (key.text, read_literal(reader, value, "with", key.text)) for key, value in entries(reader.node.value("with"))
+        (key.text, read_literal(reader, value, *steps, "with", key.text))
+        for key, value in entries(reader.node.value("with"))
     )
     if call is None:
         return None
@@ -64,7 +73,7 @@ def _read_handle(reader: Reader) -> Handle | None:
     words = (*module.split("."), *function.split("."))
     if not all(word.isidentifier() and not keyword.iskeyword(word) for word in words):
         message = f"{shown(call.text)} is not the name of a class or function"
-        reader.fail("call", message, call, "write package.module:name", "call")
+        reader.fail("call", message, call, call_help, *steps, "call")
     if reader.damaged:
         return None
-    return Handle(resource=reader.subject.name, call=call.text, arguments=arguments, place=reader.origin.of(call))
+    return Handle(resource=resource, call=call.text, arguments=arguments, place=reader.origin.of(call))

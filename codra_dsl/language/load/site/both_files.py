@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.model import Replacement, Site
+from codra_dsl.language.model import Site
 
 MAX_NAMED = 3
 """The maximum number of values of a site that a finding about the spec names."""
+
+
+_QUOTED_NAME = re.compile(r"'(\w+)(?=')")
 
 
 def name_both_files(
@@ -53,15 +57,14 @@ def _values_of_site(diagnostic: Diagnostic, site: Site) -> Iterator[Related]:
     These are the values of elements that the finding concerns or names, then the arguments of the use that made the
     element. If there are none, all values are possible.
     """
-    values = [value for value in site.replacements if _concerns(diagnostic, value)]
-    arguments = [
-        value for value in site.replacements if value.section == "use" and value.element.span == diagnostic.place.use
+    path, named = diagnostic.path.split("."), {*_QUOTED_NAME.findall(f"{diagnostic.message} {diagnostic.help}")}
+    elements = {*pairwise(path)}
+    values = [
+        value
+        for name in named.union(path)
+        for value in site.replacements_of.get(name, ())
+        if name in named or (value.section, name) in elements
     ]
-    for value in (values or arguments or site.replacements)[:MAX_NAMED]:
-        yield Related("only with this value of the site", value.place)
-
-
-def _concerns(diagnostic: Diagnostic, value: Replacement) -> bool:
-    """Return whether a finding is about the element of a value, or names it."""
-    is_at_element = f".{diagnostic.path}.".find(f".{value.section}.{value.name}.") >= 0
-    return is_at_element or shown(value.name) in f"{diagnostic.message} {diagnostic.help}"
+    arguments = [value for value in site.replacements_of.get(diagnostic.place.use, ()) if value.section == "use"]
+    causes = sorted(values, key=lambda value: value.place) or arguments or site.replacements
+    return (Related("only with this value of the site", value.place) for value in causes[:MAX_NAMED])

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
+from typing import TypeVar
 
 from codra_dsl.language.diagnostics import Place, Span, lazy_place
-from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
+from codra_dsl.language.load.yaml.nodes import MappingNode, SequenceNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.source import Source
+
+NodeT = TypeVar("NodeT", bound=YamlNode)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +42,11 @@ class JoinedSource(Source):
 class JoinedOrigin(Origin):
     """The origin of an element with values in two files. A use of a template concerns only the spec's file."""
 
-    site_start: int = 0
+    source: JoinedSource
 
     def place(self, start: int, end: int) -> Place:
         """Return the place of a range of the joined text."""
-        return lazy_place(self.source, start, end, self.use if start < self.site_start else None)
+        return lazy_place(self.source, start, end, self.use if start < self.source.site_start else None)
 
     def of(self, node: YamlNode) -> Place:
         """Return the place of a node."""
@@ -58,29 +62,19 @@ def join(spec: Source, site: Source) -> JoinedSource:
 
 def joined_origin(origin: Origin, source: JoinedSource) -> JoinedOrigin:
     """Return the origin of an element of the spec, for values in both files."""
-    return JoinedOrigin(source, origin.use, origin.template, origin.module, source.site_start)
+    return JoinedOrigin(source, origin.use, origin.template, origin.module)
 
 
-def shifted(node: YamlNode, offset: int) -> YamlNode:
+def shifted(node: NodeT, offset: int) -> NodeT:
     """Return a copy of a node and of all nodes in it, with positions increased by an offset."""
-    if isinstance(node, ScalarNode):
-        return shifted_scalar(node, offset)
-    copy: SequenceNode | MappingNode
+    node = copy(node)
+    node.start += offset
+    node.end += offset
     if isinstance(node, SequenceNode):
-        copy = SequenceNode(node.start + offset, node.end + offset, flow=node.flow)
-        copy.items = [shifted(item, offset) for item in node.items]
-        copy.data = [item.data for item in copy.items]
-    else:
-        copy = MappingNode(node.start + offset, node.end + offset, flow=node.flow)
-        copy.unread = node.unread
-        for key, value in node.entries.values():
-            copy.put(shifted_scalar(key, offset), shifted(value, offset))
-    copy.reported = node.reported
-    return copy
-
-
-def shifted_scalar(node: ScalarNode, offset: int) -> ScalarNode:
-    """Return a copy of a scalar, with positions increased by an offset."""
-    copy = ScalarNode(node.text, node.data, node.start + offset, node.end + offset, node.style)
-    copy.reported = node.reported
-    return copy
+        node.items = [shifted(item, offset) for item in node.items]
+    elif isinstance(node, MappingNode):
+        pairs = [(shifted(key, offset), shifted(value, offset)) for key, value in node.entries.values()]
+        node.entries, node.data = {}, {}
+        for key, value in pairs:
+            node.put(key, value)
+    return node

@@ -10,7 +10,7 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import SECTIONS, section_of
 from codra_dsl.language.load.schema.schema import keys_of
 from codra_dsl.language.load.schema_file import schema
-from codra_dsl.language.load.site.joined_source import JoinedSource, join, joined_origin, shifted, shifted_scalar
+from codra_dsl.language.load.site.joined_source import JoinedSource, join, joined_origin, shifted
 from codra_dsl.language.load.site.site_file import SiteFile
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
@@ -18,6 +18,9 @@ from codra_dsl.language.load.yaml.origin import NOUNS, Subject
 from codra_dsl.language.load.yaml.reader import KEYS_OF_MAPPINGS, entries
 from codra_dsl.language.load.yaml.source import Source
 from codra_dsl.language.model import Replacement
+
+Entry = tuple[ScalarNode, YamlNode]
+"""The name of an element or a key of an element, and its value."""
 
 Element = tuple[Subject, YamlNode]
 """The name of an element or a use with its origin, and the value of this name."""
@@ -55,45 +58,41 @@ class Overlay:
         if entry is None:
             return subject, node
         if address not in self._applied:
-            self._applied[address] = self._overlaid(subject, node, *entry)
+            self._applied[address] = self._overlaid(subject, node, entry)
         return self._applied[address]
 
-    def _overlaid(self, subject: Subject, node: YamlNode, key: ScalarNode, value: YamlNode) -> Element:
+    def _overlaid(self, subject: Subject, node: YamlNode, site_entry: Entry) -> Element:
         source = self._joined_source(subject.origin.source)
         joined_subject = replace(subject, origin=joined_origin(subject.origin, source))
-        site_key, site_value = shifted_scalar(key, source.site_start), shifted(value, source.site_start)
+        site_key, site_value = shifted(site_entry[0], source.site_start), shifted(site_entry[1], source.site_start)
         if subject.section == "use" and isinstance(site_value, MappingNode):
             self._refuse_template(joined_subject, site_value)
-        merged = self._merged(joined_subject, node, site_value, ())
-        if merged is site_value:
-            self._record(joined_subject, (site_key, site_value), subject.origin.of(subject.key), ())
-        return joined_subject, merged
+        return joined_subject, self._merged(joined_subject, (subject.key, node), (site_key, site_value), ())[1]
 
     def _joined_source(self, spec_source: Source) -> JoinedSource:
         if spec_source.file not in self._sources:
             self._sources[spec_source.file] = join(spec_source, self.site.source)
         return self._sources[spec_source.file]
 
-    def _merged(self, subject: Subject, node: YamlNode, value: YamlNode, steps: tuple[str, ...]) -> YamlNode:
-        """Return a value of the spec with the values of the site; `steps` leads from the element to the value."""
+    def _merged(self, subject: Subject, entry: Entry, site_entry: Entry, steps: tuple[str, ...]) -> Entry:
+        """Return an entry of the spec with the values of the site; `steps` leads from the element to the entry."""
+        (key, node), (_, value) = entry, site_entry
         if not (isinstance(node, MappingNode) and isinstance(value, MappingNode)):
-            return value
+            self._record(subject, site_entry, subject.origin.of_value(*entry) if steps else subject.place, steps)
+            return site_entry
         merged = MappingNode(node.start, node.end, flow=node.flow)
         merged.reported, merged.unread = node.reported or value.reported, node.unread or value.unread
-        for name, (key, inner) in node.entries.items():
-            site_entry = value.entries.get(name)
-            if site_entry is None:
-                merged.put(key, inner)
-            elif isinstance(inner, MappingNode) and isinstance(site_entry[1], MappingNode):
-                merged.put(key, self._merged(subject, inner, site_entry[1], (*steps, name)))
+        for name, inner_entry in node.entries.items():
+            site_inner_entry = value.entries.get(name)
+            if site_inner_entry is None:
+                merged.put(*inner_entry)
             else:
-                merged.put(*site_entry)
-                self._record(subject, site_entry, subject.origin.of_value(key, inner), (*steps, name))
-        for name, (key, inner) in value.entries.items():
-            if name not in node.entries and self._may_add(subject, key, node, steps):
-                merged.put(key, inner)
-                self._record(subject, (key, inner), None, (*steps, name))
-        return merged
+                merged.put(*self._merged(subject, inner_entry, site_inner_entry, (*steps, name)))
+        for name, new_entry in value.entries.items():
+            if name not in node.entries and self._may_add(subject, new_entry[0], node, steps):
+                merged.put(*new_entry)
+                self._record(subject, new_entry, None, (*steps, name))
+        return key, merged
 
     def _may_add(self, subject: Subject, key: ScalarNode, node: MappingNode, steps: tuple[str, ...]) -> bool:
         """Return whether a site may state a value that the spec does not state; if not, report it.
@@ -103,27 +102,19 @@ class Overlay:
         """
         if subject.section == "use":
             return True
-        key_of_element = (*steps, key.text)[0]
-        if subject.section == "nodes" or len(steps) > 1 or key_of_element not in KEYS_OF_MAPPINGS:
-            return bool(steps) or self._is_known_key(subject, key)
-        message = f"{_expanded_text(subject)} has no {shown(key.text)}{f' under {shown(steps[0])}' if steps else ''}"
-        related = Related("declared here", subject.origin.of(subject.key))
-        self._refuse(message, key, subject, node.entries, related)
-        return False
-
-    def _is_known_key(self, subject: Subject, key: ScalarNode) -> bool:
-        """Return whether elements of a section can have a key; if not, report it."""
+        element_text = f"{NOUNS[subject.section]} {shown(subject.name)}"  # a name in a template as a site writes it
+        related = Related("declared here", subject.place)
+        if subject.section != "nodes" and len(steps) <= 1 and (*steps, key.text)[0] in KEYS_OF_MAPPINGS:
+            message = f"{element_text} has no {shown(key.text)}{f' under {shown(steps[0])}' if steps else ''}"
+            self._refuse(message, subject, key, related, list(node.entries))
+            return False
         definition = schema()["$defs"][subject.section]["additionalProperties"]["$ref"].rpartition("/")[2]
         known_keys = keys_of(definition)
-        if key.text in known_keys:
+        if steps or key.text in known_keys:
             return True
-        suggestion = self._findings.nearest(key.text, known_keys)
-        help_text = f"did you mean '{suggestion}'?" if suggestion else f"allowed: {', '.join(sorted(known_keys))}"
-        message, place = f"unknown key {shown(key.written)} in {_expanded_text(subject)}", subject.origin.of(key)
-        related = Related("declared here", subject.origin.of(subject.key))
-        fix = replacement_fix(place, key.written, suggestion, safe=False) if suggestion else None
-        path = subject.part(key.text)
-        self._findings.add("unknown-key", message, place, help=help_text, path=path, related=[related], fix=fix)
+        message = f"unknown key {shown(key.written)} in {element_text}"
+        help_text = f"allowed: {', '.join(sorted(known_keys))}"
+        self._report("unknown-key", message, subject, key, related, help=help_text, names=known_keys, step=key.text)
         return False
 
     def _refuse_template(self, subject: Subject, arguments: MappingNode) -> None:
@@ -131,39 +122,47 @@ class Overlay:
         entry = arguments.entries.get("template")
         if entry is not None:
             arguments.take("template")
-            related = Related("the template of the spec", subject.origin.of(subject.key))
-            message, place = f"a site cannot choose the template of {subject}", subject.origin.of(entry[0])
-            help_text, path = "remove 'template': a site changes only arguments", subject.part("template")
-            self._findings.add("misplaced-key", message, place, help=help_text, path=path, related=[related])
+            message = f"a site cannot choose the template of {subject}"
+            related = Related("the template of the spec", subject.place)
+            help_text = "remove 'template': a site changes only arguments"
+            self._report("misplaced-key", message, subject, entry[0], related, help=help_text, step="template")
 
-    def _record(
-        self, subject: Subject, entry: tuple[ScalarNode, YamlNode], replaced: Place | None, steps: tuple[str, ...]
-    ) -> None:
+    def _record(self, subject: Subject, entry: Entry, replaced: Place | None, steps: tuple[str, ...]) -> None:
         key, value = entry
-        origin = subject.origin
         replacement = Replacement(
             section=subject.section,
             name=subject.name,
             key=".".join(steps),
-            place=origin.of_value(key, value),
-            extent=origin.place(key.start, value.end),
+            place=subject.origin.of_value(key, value),
+            extent=subject.origin.place(key.start, value.end),
             replaced=replaced,
-            element=origin.of(subject.key),
+            element=subject.place,
         )
         self.replacements.append(replacement)
 
-    def _refuse(self, message: str, key: ScalarNode, subject: Subject, names: Iterable[str], related: Related) -> None:
-        candidates = list(names)
-        suggestion = self._findings.nearest(key.text, candidates)
-        place = subject.origin.of(key)
+    def _refuse(self, message: str, subject: Subject, key: ScalarNode, related: Related, names: list[str]) -> None:
+        reason = f", which has {list_names(names)}" if names else ": declare it in the spec"
+        help_text = f"a site adds nothing to the spec{reason}"
+        self._report("not-in-spec", message, subject, key, related, help=help_text, names=names)
+
+    def _report(
+        self,
+        rule: str,
+        message: str,
+        subject: Subject,
+        key: ScalarNode,
+        related: Related,
+        *,
+        help: str,
+        names: Iterable[str] = (),
+        step: str = "",
+    ) -> None:
+        """Report a key of the site. If one of the names is similar to the key, suggest it instead of `help`."""
+        suggestion = self._findings.nearest(key.text, names)
+        place, path = subject.origin.of(key), subject.part(*filter(None, [step]))
         fix = replacement_fix(place, key.written, suggestion, safe=False) if suggestion else None
-        if suggestion:
-            help_text = f"did you mean '{suggestion}'?"
-        elif candidates:
-            help_text = f"a site adds nothing to the spec, which has {list_names(candidates)}"
-        else:
-            help_text = "a site adds nothing to the spec: declare it in the spec"
-        self._findings.add("not-in-spec", message, place, help=help_text, path=subject.path, related=[related], fix=fix)
+        help_text = f"did you mean '{suggestion}'?" if suggestion else help
+        self._findings.add(rule, message, place, help=help_text, path=path, related=[related], fix=fix)
 
     def report_unknown_names(
         self, spec: Subject, names: Mapping[str, Iterable[str]], damaged_names: Mapping[str, frozenset[str]]
@@ -180,10 +179,5 @@ class Overlay:
             if not is_known and not key.reported:
                 subject = Subject(section, key, self.site.origin)
                 message = f"{spec} has no {NOUNS[section]} {shown(name)}"
-                related = Related("the spec", spec.origin.of(spec.key))
-                self._refuse(message, key, subject, names[section], related)
-
-
-def _expanded_text(subject: Subject) -> str:
-    """Return noun and name of an element as a site names it, with the parameters of its template substituted."""
-    return f"{NOUNS[subject.section]} {shown(subject.name)}"
+                related = Related("the spec", spec.place)
+                self._refuse(message, subject, key, related, list(names[section]))

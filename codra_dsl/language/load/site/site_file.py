@@ -1,17 +1,21 @@
-"""Read the file of a site: the name of the spec that it changes, and its values by section and name."""
+"""The files of sites: each has the name of the spec that it changes, and values by section and name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
+from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import read_root
 from codra_dsl.language.load.schema.keys_and_values import explain_outline
-from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
+from codra_dsl.language.load.yaml.rules import RULES
 from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, file_place, read
+from codra_dsl.language.project import relative_path
 
 SITE_KEY = "overlays"
 """The key that makes a file a site."""
@@ -60,3 +64,71 @@ def read_site_file(
         help_text = f"write '{SITE_KEY}: NAME' with the name of the spec that the site changes"
         findings.add("not-a-site", f"the file has no key '{SITE_KEY}'", file_place(file), help=help_text)
     return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RequestedSite:
+    """A site whose file can be read.
+
+    Attributes:
+        place: the place of the spec's name under `overlays`.
+    """
+
+    path: Path
+    place: Place
+
+
+RequestedSites = Mapping[str, Sequence[RequestedSite]]
+"""Sites by the name of the spec that they change."""
+
+
+def find_sites(
+    paths: Iterable[Path], root: Path, texts: Mapping[str, bytes], *, one_for_each_spec: bool
+) -> tuple[RequestedSites, tuple[Diagnostic, ...]]:
+    """Return the sites in some files, and the findings about files that cannot be read as sites.
+
+    `texts` has contents that are not read from disk. If `one_for_each_spec` is true, a second site for the same spec is
+    reported and left out.
+    """
+    findings = Findings()
+    sites: dict[str, list[RequestedSite]] = {}
+    for path in paths:
+        file_findings = Findings()
+        site_file = read_site_file(path, relative_path(path, root), root, file_findings, texts)
+        if site_file is None:
+            findings.extend(file_findings)
+            continue  # other findings about the file are reported when it is read together with its spec
+        name, place = site_file.spec_name.text, site_file.origin.of(site_file.spec_name)
+        sites_of_spec = sites.setdefault(name, [])
+        if one_for_each_spec and sites_of_spec:
+            message = f"spec {shown(name)} has two sites"
+            related = [Related("the other site", sites_of_spec[0].place)]
+            help_text = "compile the spec for one site at a time"
+            findings.add("two-sites", message, place, help=help_text, path="overlays", related=related)
+        else:
+            sites_of_spec.append(RequestedSite(path=path, place=place))
+    return sites, findings.all()
+
+
+def sites_without_spec(sites: RequestedSites, spec_names: Iterable[str | None]) -> Iterator[Diagnostic]:
+    """Yield a finding for each site whose spec is not among those with the given names.
+
+    If one of the names is None, a spec has no readable name; then nothing is reported.
+    """
+    known_names = set(spec_names)
+    names = sorted(name for name in known_names if name is not None)
+    for name in () if None in known_names else sites:
+        if name in known_names:
+            continue
+        suggestion = suggest(name, names)
+        help_text = f"did you mean '{suggestion}'?" if suggestion else _paths_help(names)
+        for site in sites[name]:
+            message = f"there is no spec {shown(name)} at or below the given paths"
+            yield Diagnostic(
+                rule=RULES["site-without-spec"], message=message, place=site.place, path="overlays", help=help_text
+            )
+
+
+def _paths_help(names: Sequence[str]) -> str:
+    help_text = "give the path of the spec as well"
+    return f"{help_text}; the specs there are {list_names(names)}" if names else help_text

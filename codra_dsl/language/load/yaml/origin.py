@@ -98,6 +98,11 @@ class Subject:
         return self.key.text
 
     @property
+    def place(self) -> Place:
+        """Return the place of the element's name."""
+        return self.origin.of(self.key)
+
+    @property
     def path(self) -> str:
         """Return the element's path in the spec: sections and names joined by dots."""
         if self.section in ("spec", "part", "site"):
