@@ -23,6 +23,7 @@ class AgentWriters:
         Raises:
             AgentTakenError: if one of the handles is already taken.
         """
+        self._codra = codra
         self._agents: dict[str, Agent[Any, Any]] = {}
         self._stamps_s: dict[str, float] = {}
         self._unknown_since_s: dict[str, float] = {}
@@ -47,8 +48,10 @@ class AgentWriters:
         evidence_s = since_s if evidence_s == BEFORE_ALL_S else evidence_s
         stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(name, -math.inf)))
         self._stamps_s[name] = stamp_s
-        value = math.nan if variable_write.value is None else variable_write.value  # NaN means unknown
-        self._agents[agent].set(name, value, evidence_s=stamp_s)
+        if variable_write.value is None:
+            self._codra.commands.write(name, None, agent, stamp_s)
+        else:
+            self._agents[agent].set(name, variable_write.value, evidence_s=stamp_s)
 
     def close(self) -> None:
         """Close the handles."""

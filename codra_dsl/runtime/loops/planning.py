@@ -22,8 +22,9 @@ from codra_dsl.runtime.loops.declarations import (
     RateModel,
 )
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
-from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate, share
-from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope
+from codra_dsl.runtime.loops.rates import observe_rate
+from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
 MAX_KEPT_DECISIONS = 100
@@ -267,8 +268,7 @@ class Planning:
     def _observe_rate(
         self, model: RateModel, context: Context, present_observation: Observation, now_s: float
     ) -> Observation:
-        observe = share if model.is_share else rate
-        observed_rate = observe(model, context.history(model.of), present_observation, now_s)
+        observed_rate = observe_rate(model, context.history(model.of), present_observation, now_s)
         range_limits = self._types[model.variable].range
         if range_limits is None or not isinstance(observed_rate.value, float):
             return observed_rate
@@ -279,6 +279,8 @@ class Planning:
     def _values_to_write(self, assessment: Assessment) -> Iterator[VariableWrite]:
         for name in self._rates:
             observation = assessment.scene[name]
+            if observation.because == Reason.STALE:  # its last value has become stale by itself
+                continue
             yield VariableWrite(variable=name, value=observation.value, evidence_s=observation.evidence_s)
         for output in self._outputs(assessment):
             yield VariableWrite(variable=output.variable, value=output.value, evidence_s=output.evidence_s)
@@ -372,12 +374,13 @@ class Planning:
         return _target(model, {**assessment.scene, **former_observations}, now_s).value == state.value
 
     def _next_flip_s(self, scene: Scene, now_s: float) -> float:
-        """Return the next instant at which the result of a comparison with an age changes; infinite if never."""
+        """Return the next instant at which a comparison with an age or a rate changes by itself; infinite if never."""
         scope = SceneScope(scene, now_s)
         terms = [rule.condition for course in self.courses.values() for rule in course.always]
         terms += [parameter.value for parameter in self._parameters]
         waits_s = (term.flips_s(scope) for term in terms)
-        return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+        flips_s = (now_s + wait_s for wait_s in waits_s if wait_s is not None)
+        return min([*flips_s, *(scene[name].until_s for name in self._rates)], default=math.inf)
 
 
 def _target(model: ParameterModel, scene: Scene, now_s: float) -> _Target:

@@ -5,7 +5,7 @@ Inputs of rules have ranges, rates are computed from numbers, and adaptations se
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from codra_dsl.language.check.index.parsed_rules import defuzzifier_of, output_terms, range_of
 from codra_dsl.language.check.index.rules import finding
@@ -14,7 +14,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.fuzzy.model import Term
 from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge, Shape
 from codra_dsl.language.load.elements.loops import snake_case
-from codra_dsl.language.model import ADAPTER, ANALYST, Course, Kind, Parameter, Variable
+from codra_dsl.language.model import ADAPTER, ANALYST, Course, Kind, Parameter, RateKind, Variable
 from codra_dsl.language.units import ONE, UNITS, Unit, convert, parse_unit
 
 _NUMERIC_KINDS = (Kind.INT, Kind.FLOAT)
@@ -80,7 +80,7 @@ def unfit_outputs(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
 
 
 def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """A rate is computed from a number that loops do not compute, and that keeps enough readings; a share from a bool.
+    """A rate is computed from a number that agents write and that keeps enough readings; other kinds from a bool.
 
     The unit of the rate is the unit of this number per time. A share is a number from 0 to 1.
     """
@@ -88,14 +88,13 @@ def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagn
         if variable.rate is None or not faults.is_sound("context", variable.name):
             continue
         base_variable = spec_index.variables.get(variable.rate.of.name)
-        keys = ("type", "unit", "range", variable.rate.key)
+        keys = ("type", "unit", "range", variable.rate.kind.value)
         if base_variable is None or not all(
             spec_index.is_readable("context", declared_variable.name, *keys)
             for declared_variable in (variable, base_variable)
         ):
             continue
-        find_problems = _share_problems if variable.rate.is_share else _rate_problems
-        for message, help, key in find_problems(variable, base_variable):
+        for message, help, key in _PROBLEM_FINDERS[variable.rate.kind](variable, base_variable):
             place = variable.places.get(key, variable.place)
             yield finding("unfit-rate", message, place, path=f"context.{variable.name}.{key}", help=help)
 
@@ -148,15 +147,32 @@ def _share_problems(variable: Variable, base_variable: Variable) -> Iterator[tup
         yield f"{subject} is a share of time, from 0 to 1, but has another range", "write 'range: [0, 1]'", "range"
 
 
+def _held_problems(variable: Variable, base_variable: Variable) -> Iterator[tuple[str, str, str]]:
+    subject = f"context-variable '{variable.name}'"
+    if [source.name for source in variable.sources] != [ANALYST]:
+        yield f"{subject} states whether a bool was held, which loops compute", "remove 'source'", "source"
+    if base_variable.type.kind is not Kind.BOOL:
+        message = f"{subject} states for how long '{base_variable.name}' is true, which is not a bool"
+        yield message, "write the name of a bool", "held"
+    if variable.type.kind is not Kind.BOOL:
+        yield f"{subject} states whether a bool was held, but is not a bool", "write 'type: bool'", "type"
+
+
+_PROBLEM_FINDERS: Mapping[RateKind, Callable[[Variable, Variable], Iterator[tuple[str, str, str]]]] = {
+    RateKind.RATE: _rate_problems,
+    RateKind.SHARE: _share_problems,
+    RateKind.HELD: _held_problems,
+}
+
 _MIN_READINGS = 2
 
 
 def rate_factor(variable: Variable, base_variable: Variable) -> float | None:
     """Return the factor to convert a change of 1 per second to the unit of the rate; None if the units do not fit.
 
-    The factor of a share is 1.
+    The factor of a share and of a held bool is 1.
     """
-    if variable.rate is not None and variable.rate.is_share:
+    if variable.rate is not None and variable.rate.kind is not RateKind.RATE:
         return 1.0
     base_unit, rate_unit = _unit(base_variable), _unit(variable)
     if base_unit is None or rate_unit is None:

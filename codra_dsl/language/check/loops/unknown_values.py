@@ -16,9 +16,23 @@ from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Arithmetic, Compare, Comparison, Count, Node, Number, names_in, reads_of, walk
-from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, filtered_weight_name, weight_name
+from codra_dsl.language.model import (
+    ADAPTER,
+    FOREVER_S,
+    Course,
+    Parameter,
+    RateKind,
+    Variable,
+    filtered_weight_name,
+    weight_name,
+)
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
+_RATE_REASONS = {
+    RateKind.RATE: "a rate is known only while readings span half of 'over'",
+    RateKind.SHARE: "a share is known only while readings span half of 'over'",
+    RateKind.HELD: "it is known only after its bool was known for the time under 'for'",
+}
 _ZERO = Number(start=0, end=0, value=0.0, unit=None)
 
 
@@ -136,7 +150,7 @@ def _reason_for_unknown(
     if variable.is_derived:
         return "in some cases no rule fires" if _can_be_silent(spec_index, faults, name) else ""
     if variable.rate is not None:
-        return f"a {'share' if variable.rate.is_share else 'rate'} is known only while readings span half of 'over'"
+        return _RATE_REASONS[variable.rate.kind]
     if not spec_index.is_readable("context", name, *_VARIABLE_KEYS):
         return ""
     if variable.valid_for_s < FOREVER_S:
