@@ -5,7 +5,7 @@ Inputs of rules have ranges, rates are computed from numbers, and adaptations se
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from codra_dsl.language.check.index.parsed_rules import defuzzifier_of, output_terms, range_of
 from codra_dsl.language.check.index.rules import finding
@@ -222,9 +222,13 @@ def unfit_parameters(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
 
 def senseless_times(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The times and the lead of a course are useful, and its rules and `otherwise` name only actions under `choose`."""
+    own_holds_s = {action.name: action.hold_s for action in spec_index.spec.actions if action.hold_s is not None}
     for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
-        for key, message, help in _time_problems(does, adaptation.dwell_s) if isinstance(does, Course) else ():
+        if not isinstance(does, Course):
+            continue
+        holds_s = [own_holds_s.get(action.name, does.hold_s) for action in does.choose] or [does.hold_s]
+        for key, message, help in (*_course_problems(does), *_useless_times(does, adaptation.dwell_s, holds_s)):
             is_readable = spec_index.is_readable("adaptation", adaptation.name, key, "choose")
             if is_readable and faults.is_sound("adaptation", adaptation.name):
                 place = adaptation.places.get(key, adaptation.place)
@@ -232,13 +236,11 @@ def senseless_times(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
                 yield finding("senseless-filter", message, place, path=path, help=help)
 
 
-def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, str]]:
+def _course_problems(course: Course) -> Iterator[tuple[str, str, str]]:
     if not 0.0 <= course.lead < 1.0:
         message = f"a lead of {course.lead:g} is never reached: weights go from 0 to 1"
         message = message if course.lead >= 1.0 else f"a lead of {course.lead:g} is negative"
         yield "lead", message, "write a number from 0 to below 1"
-    if course.hold_s > dwell_s > 0.0:
-        yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
     action_names = [reference.name for reference in course.choose]
     if course.otherwise.name and course.otherwise.name not in action_names:
         message = f"'{course.otherwise.name}' is not one of the actions under 'choose'"
@@ -246,6 +248,23 @@ def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, s
     for rule in course.always:
         if rule.action.name not in action_names:
             yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"
+
+
+def _useless_times(course: Course, dwell_s: float, holds_s: Sequence[float]) -> Iterator[tuple[str, str, str]]:
+    """Yield the times of a course that change no choice, because the hold of each action, or the dwell, is longer.
+
+    A lead begins at a switch of the course at the earliest. `holds_s` has the holds of the actions.
+    """
+    min_hold_s = min(holds_s)
+    if min_hold_s > dwell_s > 0.0 and course.hold_s in holds_s:
+        yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
+    elif min_hold_s > dwell_s > 0.0:
+        message = "the 'hold' of each action is longer than 'dwell', which makes 'dwell' useless"
+        yield "dwell", message, "make 'dwell' longer, or remove it"
+    if 0.0 < course.cooldown_s <= max(dwell_s, min_hold_s):
+        longer_text = "'dwell'" if course.cooldown_s <= dwell_s else "'hold'"
+        message = f"'cooldown' is not longer than {longer_text}, which makes 'cooldown' useless"
+        yield "cooldown", message, f"make 'cooldown' longer than {longer_text}, or remove it"
 
 
 LOOP_TYPE_CHECKS = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
