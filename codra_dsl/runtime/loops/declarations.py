@@ -77,6 +77,16 @@ class RateModel:
     kind: RateKind = RateKind.RATE
     valid_for_s: float = FOREVER_S
 
+    def __str__(self) -> str:
+        """Return what is computed, for explanations."""
+        match self.kind:
+            case RateKind.SHARE:
+                return f"the share of time at which {self.of} was true, over {self.over_s:g} s"
+            case RateKind.HELD:
+                return f"whether {self.of} has been true for {self.over_s:g} s without interruption"
+            case RateKind.RATE:
+                return f"the rate of change of {self.of} over {self.over_s:g} s"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputModel:

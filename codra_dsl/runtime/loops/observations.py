@@ -24,6 +24,8 @@ class Observation:
         is_overridden: whether the value is an override, or is derived from one.
         until_s: for a rate, when it changes between known and unknown, or a held bool its value, if the other variable
             gets no further reading; infinite if never.
+        since_s: for an unknown rate, since when the readings that count are without a gap; for a bool that is not held
+            long enough, since when it is true; otherwise minus infinity.
     """
 
     variable: str
@@ -32,6 +34,7 @@ class Observation:
     because: str = ""
     is_overridden: bool = False
     until_s: float = math.inf
+    since_s: float = BEFORE_ALL_S
 
     @classmethod
     def of(cls, reading: Reading[Value]) -> Observation:

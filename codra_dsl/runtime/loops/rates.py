@@ -64,9 +64,10 @@ def rate(model: RateModel, history: History, now_s: float) -> Observation:
     span_s, min_span_s = points[-1][0] - points[0][0] if points else 0.0, MIN_SPAN_SHARE * model.over_s
     is_derived = history[-1].source == DERIVED
     if span_s < min_span_s or span_s <= 0.0:
-        known_from_s = points[0][0] + min_span_s + JUST_AFTER_S if points and is_derived else math.inf
-        because = f"{model.of} is known for {span_s:g} s only"
-        return Observation(variable=model.variable, because=because, until_s=known_from_s)
+        since_s = points[0][0] if points else now_s
+        known_from_s = since_s + min_span_s + JUST_AFTER_S if is_derived else math.inf
+        because = f"{model.of} is known for {span_s:g} s, but must be for {min_span_s:g} s"
+        return Observation(variable=model.variable, because=because, until_s=known_from_s, since_s=since_s)
     slope = _slope(points) * model.factor
     if not math.isfinite(slope):
         return Observation(variable=model.variable, because=f"{model.of} is not finite")
@@ -133,9 +134,10 @@ def share(model: RateModel, history: History, now_s: float) -> Observation:
         if phase.content is not None and phase.is_evidence
     ]
     known_s = math.fsum(duration_s for _, duration_s in durations_s)
-    missing_s = MIN_SPAN_SHARE * model.over_s - known_s
+    min_span_s = MIN_SPAN_SHARE * model.over_s
+    missing_s = min_span_s - known_s
     if missing_s > _ROUNDING_S:
-        because = f"{model.of} is known for {known_s:g} s only"
+        because = f"{model.of} is known for {known_s:g} s, but must be for {min_span_s:g} s"
         return Observation(variable=model.variable, because=because, until_s=now_s + missing_s + JUST_AFTER_S)
     true_s = math.fsum(duration_s for content, duration_s in durations_s if content is True)
     return Observation(variable=model.variable, value=min(true_s / known_s, 1.0))
@@ -165,8 +167,8 @@ def held(model: RateModel, history: History, now_s: float) -> Observation:
     unknown_from_s = false_until_s + model.over_s
     if unknown_from_s > now_s:
         return Observation(variable=model.variable, value=False, until_s=min(unknown_from_s, true_from_s))
-    because = f"{model.of} is known to be true for {now_s - since_s:g} s only"
-    return Observation(variable=model.variable, because=because, until_s=true_from_s)
+    because = f"{model.of} is known to be true for {now_s - since_s:g} s, but must be for {model.over_s:g} s"
+    return Observation(variable=model.variable, because=because, until_s=true_from_s, since_s=since_s)
 
 
 _FUNCTIONS: Mapping[RateKind, Callable[[RateModel, History, float], Observation]] = {

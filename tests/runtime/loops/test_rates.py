@@ -40,7 +40,7 @@ def test_the_rate_of_a_straight_line_is_its_slope(slope: float, instants_s: list
 def test_a_rate_is_unknown_until_half_of_its_window_is_known(span_s: float, is_known: bool) -> None:
     observed_rate = observe_rate(DRAIN, history((100.0 - span_s, 50.0), (100.0, 49.0)), KNOWN, 100.0)
     assert (observed_rate.value is not None) is is_known
-    assert is_known or observed_rate.because == "level is known for 9.9 s only"
+    assert is_known or observed_rate.because == "level is known for 9.9 s, but must be for 10 s"
 
 
 def test_readings_before_a_gap_do_not_count() -> None:
@@ -114,7 +114,7 @@ def test_a_share_is_unknown_while_its_variable_is_and_tells_how_long_it_was_know
     unknown = Observation(variable="bumped", because="stale")
     assert observe_rate(BUMPY, bool_history((90.0, True, 99.0)), unknown, 100.0).because == "bumped is unknown"
     observed = observe_rate(BUMPY, bool_history((95.0, True, 200.0)), TRUE, 100.0)
-    assert (observed.value, observed.because) == (None, "bumped is known for 5 s only")
+    assert (observed.value, observed.because) == (None, "bumped is known for 5 s, but must be for 10 s")
 
 
 def derived_history(
@@ -264,7 +264,7 @@ def test_the_time_of_a_held_bool_begins_anew_with_an_override() -> None:
 
 def test_a_held_bool_states_for_how_long_its_bool_is_known_to_be_true() -> None:
     observed = observe_rate(LONG, bool_history((97.0, True, 200.0)), TRUE, 100.0)
-    assert (observed.because, observed.until_s) == ("bumped is known to be true for 3 s only", 102.0)
+    assert (observed.because, observed.until_s) == ("bumped is known to be true for 3 s, but must be for 5 s", 102.0)
 
 
 @pytest.mark.parametrize("model", [DRAIN, BUMPY, LONG])

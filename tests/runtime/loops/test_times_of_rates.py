@@ -147,3 +147,39 @@ def test_a_hard_rule_decides_when_an_override_alone_has_lasted_for_its_time() ->
     shop.clock.sleep(4.5)
     docked_s = [event.instant_s for event in shop.events("chosen") if event.details["action"] == "dock"]
     assert docked_s == [pytest.approx(PHASE_S + 4.0)]
+
+
+def test_why_tells_what_a_rate_lacks_and_how_its_input_is() -> None:
+    shop = shop_with(ROUGH)
+    shop.clock.sleep(0.25)
+    shop.write(bumped=True)
+    shop.clock.sleep(4.0)
+    assert str(shop.codra.why("rough")).splitlines()[-4:] == [
+        "  it is the share of time at which bumped was true, over 20 s",
+        "  unknown since 0.55 s: bumped is known for 0 s, but must be for 10 s",
+        "  known from 10.55 s on, if bumped stays as it is",
+        "  bumped is true, from evidence taken at 0.55 s",
+    ]
+    shop.clock.sleep(8.0)
+    assert str(shop.codra.why("rough")).splitlines()[-2:] == [
+        "  known since 10.55 s",
+        "  bumped is true, from evidence taken at 0.55 s",
+    ]
+    shop.codra.override("bumped", None, for_s=60.0, reason="the bumper is being cleaned")
+    shop.clock.sleep(1.0)
+    assert str(shop.codra.why("rough")).splitlines()[-2:] == [
+        "  unknown since 12.55 s: bumped is unknown",
+        "  bumped has been unknown since 12.55 s (overridden: the bumper is being cleaned)",
+    ]
+
+
+@pytest.mark.parametrize(("rate", "message"), [(LONG, "must be for 5 s"), (DRAIN, "must be for 10 s")])
+def test_why_tells_since_when_the_readings_of_a_rate_count(rate: RateModel, message: str) -> None:
+    shop = shop_with(rate)
+    for _ in range(8):
+        shop.write(bumped=True, battery=80.0)
+        shop.clock.sleep(0.5)
+    lines = str(shop.codra.why(rate.variable)).splitlines()
+    (unknown_line,) = (line for line in lines if line.startswith("  unknown since 0.3 s: "))
+    assert unknown_line.endswith(f"{message}, counted since 0.3 s")
+    assert len([event for event in shop.events("computed") if event.details["variable"] == rate.variable]) <= 2
