@@ -20,6 +20,9 @@ from codra_dsl.runtime.values.declarations import DERIVED
 MIN_SPAN_SHARE = 0.5
 """The smallest share of the window of a rate or share that the readings must span."""
 
+RENEWAL_S = 1e-3
+"""How long before a rate becomes stale it is computed again, because its input may have newer evidence by then."""
+
 _ROUNDING_S = 1e-9
 
 History = Sequence[Reading[Value]]
@@ -49,7 +52,9 @@ def observe_rate(model: RateModel, history: History, present_observation: Observ
     expires_s = evidence_s + model.valid_for_s
     if now_s >= expires_s:
         return Observation(variable=model.variable, because=Reason.STALE)
-    return replace(observed, evidence_s=evidence_s, until_s=min(observed.until_s, expires_s))
+    renewal_s = expires_s - RENEWAL_S
+    until_s = min(observed.until_s, renewal_s if now_s < renewal_s else expires_s)
+    return replace(observed, evidence_s=evidence_s, until_s=until_s)
 
 
 # Rates

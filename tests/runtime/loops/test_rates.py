@@ -12,7 +12,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime import Reading, Reason
 from codra_dsl.runtime.loops.declarations import RateKind, RateModel
 from codra_dsl.runtime.loops.observations import Observation
-from codra_dsl.runtime.loops.rates import observe_rate
+from codra_dsl.runtime.loops.rates import RENEWAL_S, observe_rate
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Override
 from codra_dsl.runtime.values.declarations import DERIVED, OPERATOR
 
@@ -273,6 +273,7 @@ def test_evidence_beyond_the_validity_of_a_rate_does_not_count(model: RateModel)
     bools = bool_history((40.0, True, 200.0), (60.0, True, 200.0))
     levels = history(*((float(at_s), 50.0) for at_s in range(40, 61)))
     readings = levels if model.kind is RateKind.RATE else bools
-    assert observe_rate(model, readings, KNOWN, 64.9).until_s == 65.0
+    assert observe_rate(model, readings, KNOWN, 64.9).until_s == 65.0 - RENEWAL_S
+    assert observe_rate(model, readings, KNOWN, 65.0 - RENEWAL_S).until_s == 65.0
     stale = observe_rate(model, readings, KNOWN, 65.0)
     assert (stale.value, stale.because) == (None, "stale")

@@ -124,6 +124,17 @@ def test_a_share_without_valid_evidence_is_stale_for_its_loop_and_for_its_reader
     assert (rough.value, rough.because) == (None, "stale")
 
 
+@pytest.mark.parametrize("valid_for_s", [0.5, 1.0])
+def test_a_share_with_new_evidence_is_not_stale_even_if_it_is_valid_for_a_short_time(
+    valid_for_s: float,
+) -> None:
+    shop = shop_with(ROUGH, valid_for_s=valid_for_s)
+    for _ in range(40):
+        shop.write(bumped=True)
+        shop.clock.sleep(0.4)
+    assert changes(shop, "rough") == [(10.3, 1.0)]
+
+
 def test_an_override_begins_the_time_of_a_hard_rule_anew_and_so_does_its_end() -> None:
     """The value stays the same, so the loop notices the override and its end at its next analyses, at 3.3 and 6.3 s."""
     rule = HardRuleModel(condition=value("bumped"), action="dock", text="bumped", for_s=4.0)

@@ -99,6 +99,10 @@ def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagn
             yield finding("unfit-rate", message, place, path=f"context.{variable.name}.{key}", help=help)
 
 
+_COMPUTED_TEXT = "which loops compute"
+_COMPUTED_HELP = "write the name of a variable that agents write"
+
+
 def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tuple[str, str, str]]:
     subject = f"context-variable '{variable.name}'"
     if [source.name for source in variable.sources] != [ANALYST]:
@@ -111,11 +115,7 @@ def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tupl
         )
         return
     if base_variable.rate is not None or base_variable.is_derived:
-        yield (
-            f"{subject} is the rate of '{base_variable.name}', which loops compute",
-            "write the name of a variable that agents write",
-            "rate_of",
-        )
+        yield f"{subject} is the rate of '{base_variable.name}', {_COMPUTED_TEXT}", _COMPUTED_HELP, "rate_of"
     if variable.type.kind is not Kind.FLOAT:
         yield f"{subject} is a rate, but not a float", "write 'type: float'", "type"
     elif rate_factor(variable, base_variable) is None:
@@ -140,6 +140,8 @@ def _share_problems(variable: Variable, base_variable: Variable) -> Iterator[tup
     if base_variable.type.kind is not Kind.BOOL:
         message = f"{subject} is the share of time of '{base_variable.name}', which is not a bool"
         yield message, "write the name of a bool", "share_of"
+    elif base_variable.rate is not None:
+        yield f"{subject} is the share of time of '{base_variable.name}', {_COMPUTED_TEXT}", _COMPUTED_HELP, "share_of"
     range_ends = variable.type.range
     if variable.type.kind is not Kind.FLOAT or variable.type.unit is not None:
         yield f"{subject} is a share of time, but not a float without a unit", "write 'type: float'", "type"
@@ -154,6 +156,8 @@ def _held_problems(variable: Variable, base_variable: Variable) -> Iterator[tupl
     if base_variable.type.kind is not Kind.BOOL:
         message = f"{subject} states for how long '{base_variable.name}' is true, which is not a bool"
         yield message, "write the name of a bool", "held"
+    elif base_variable.rate is not None:
+        yield f"{subject} states for how long '{base_variable.name}' is true, {_COMPUTED_TEXT}", _COMPUTED_HELP, "held"
     if variable.type.kind is not Kind.BOOL:
         yield f"{subject} states whether a bool was held, but is not a bool", "write 'type: bool'", "type"
 
