@@ -15,15 +15,13 @@ from enum import StrEnum
 from functools import lru_cache
 
 from codra_dsl.runtime.journal.fields import (
-    BOUND_FIELDS,
-    METRIC_AND_WEIGHT_FIELDS,
     JsonSchema,
+    cause_fields,
     decision_schema,
     event_schema,
     field_schema,
     infinite_fields,
     list_schema,
-    object_list_schema,
     preview_schema,
     reason_schema,
     result_fields,
@@ -401,50 +399,8 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         dwell_until_s=field_schema(
             "number", "The instant until which the previous course is kept, except for a hard rule or a worse metric."
         ),
-        **_cause_fields(),
+        **cause_fields(),
     )
-
-
-def _cause_fields() -> dict[str, JsonSchema]:
-    """Return the schemas of the causes of a decision, a metric or a weight."""
-    return {
-        "readings": object_list_schema(
-            "The readings that were used.",
-            variable=field_schema("string", "The variable."),
-            value=field_schema("string", "Its value, as JSON; left out when unknown."),
-            evidence_s=field_schema("number", "When its evidence was taken."),
-            because=field_schema("string", "Why it is unknown."),
-        ),
-        "degrees": object_list_schema(
-            "The degree of membership of each input in each of its terms.",
-            variable=field_schema("string", "The input."),
-            term=field_schema("string", "The term of the input."),
-            **BOUND_FIELDS,
-        ),
-        "rules": object_list_schema(
-            "The strength of each rule; for an analysis, only rules that act.",
-            text=field_schema("string", "The rule."),
-            concludes=list_schema("string", "The outputs that the rule concludes about."),
-            place=field_schema("string", "The place of the rule in the spec."),
-            **BOUND_FIELDS,
-        ),
-        "metrics": object_list_schema("The metrics.", **METRIC_AND_WEIGHT_FIELDS),
-        "weights": object_list_schema(
-            "The weights of the actions, and the state of the filter.",
-            **METRIC_AND_WEIGHT_FIELDS,
-            smoothed=field_schema("number", "The smoothed weight, which is used for the decision."),
-            leads_since_s=field_schema("number", "Since when the action leads the course that was left."),
-            cooldown_until_s=field_schema("number", "The instant before which the action cannot be chosen again."),
-        ),
-        "kept_by": object_list_schema(
-            "The smallest single change of each kind that would have kept the course.",
-            kind=field_schema("string", "The kind of the change: of an input, or of a weight."),
-            name=field_schema("string", "The variable, or the action."),
-            value=field_schema("string", "The actual value, as JSON; left out when unknown."),
-            other=field_schema("string", "The value that would have kept the course, as JSON."),
-            share=field_schema("number", "The size of the change, as a share of the range."),
-        ),
-    }
 
 
 _ADAPTATION_EVENT_MEANINGS: Mapping[str, str] = {
