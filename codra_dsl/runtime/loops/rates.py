@@ -152,8 +152,8 @@ def held(model: RateModel, history: History, now_s: float) -> Observation:
     """Return whether a bool has been true, without interruption, for `over_s`.
 
     The result is true if the bool was known to be true at each instant of this time, and false if it was false at one
-    of them. Otherwise it is unknown. An override of the bool counts as true while it lasts, but a time without
-    interruption begins anew with it.
+    of them. Otherwise it is unknown. An override that is true counts while it lasts, but the time without interruption
+    begins anew with it.
     """
     phases = list(_phases(history, now_s))
     if phases[0].content is False:
