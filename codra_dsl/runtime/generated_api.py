@@ -137,6 +137,7 @@ if TYPE_CHECKING:
         MapeModel,
         OutputModel,
         ParameterModel,
+        RateKind,
         RateModel,
         Repeat,
         StageModel,
@@ -213,6 +214,7 @@ __all__ = [
     "Pose",
     "Precondition",
     "PreviewCondition",
+    "RateKind",
     "RateModel",
     "Reading",
     "Repeat",
@@ -317,7 +319,7 @@ _FUZZY_MODULE_NAMES = frozenset(
 _LAZY_IMPORTS = {
     "codra_dsl.runtime.loops.declarations": (
         *("CourseModel", "HardRuleModel", "InputModel", "LoopModel", "MapeModel", "OutputModel", "ParameterModel"),
-        *("RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"),
+        *("RateKind", "RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"),
     ),
     "codra_dsl.runtime.loops.fuzzy.bounds": ("BoundedInference", "Bounds", "End"),
     "codra_dsl.runtime.loops.fuzzy.outputs": ("Inference",),

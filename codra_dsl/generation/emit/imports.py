@@ -41,7 +41,7 @@ _NAMES_BY_MODULE: Mapping[str, Iterable[str]] = {
         *["absent", "anything", "backward", "by", "path", "ranked", "some"],
         *POSE_FUNCTIONS,
         *["CourseModel", "HardRuleModel", "InputModel", "LoopModel", "Mape", "MapeModel", "OutputModel"],
-        *["ParameterModel", "RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"],
+        *["ParameterModel", "RateKind", "RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"],
         *["Bounds", "End", "Leaves", "terms"],
     ],
 }

@@ -35,7 +35,7 @@ from codra_dsl.language.fuzzy import compile_engine
 from codra_dsl.language.fuzzy.dialects import NUMBERS
 from codra_dsl.language.fuzzy.model import Term, propositions
 from codra_dsl.language.fuzzy.shapes import membership
-from codra_dsl.language.model import Course, HardRule, Kind, Parameter, Repeat, Worse, filtered_weight_name
+from codra_dsl.language.model import Course, HardRule, Kind, Parameter, RateKind, Repeat, Worse, filtered_weight_name
 
 MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     "CourseModel": {
@@ -62,7 +62,7 @@ MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     },
     "OutputModel": {"worse": "End.LOW"},
     "ParameterModel": {"otherwise": "None", "dwell_s": "0.0"},
-    "RateModel": {"factor": "1.0", "is_share": "False"},
+    "RateModel": {"factor": "1.0", "kind": "RateKind.RATE", "valid_for_s": "math.inf"},
     "StageModel": {},
     "StageRuleModel": {},
     "TreeModel": {
@@ -209,13 +209,15 @@ class _Writer:
 
     def rate(self, rate: CheckedRate) -> Expression:
         """Return the declaration of a rate."""
+        self._imports.use(*(["RateKind"] if rate.kind is not RateKind.RATE else []))
         fields = self.fields(
             "RateModel",
             variable=literal(rate.variable.name),
             of=literal(rate.of),
             over_s=literal(rate.over_s),
             factor=literal(rate.factor),
-            is_share=literal(rate.is_share),
+            kind=f"RateKind.{rate.kind.name}",
+            valid_for_s=literal(rate.variable.valid_for_s),
         )
         return call("RateModel", **fields)
 

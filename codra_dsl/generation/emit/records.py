@@ -27,6 +27,7 @@ from codra_dsl.language.model import (
     Output,
     Parameter,
     Rate,
+    RateKind,
     Site,
     Skill,
     Spec,
@@ -50,7 +51,7 @@ _SEPARATELY_DIGESTED_FIELDS = frozenset(
         (HardRule, "for_s"),
         (Output, "hold_s"),
         (Parameter, "otherwise"),
-        (Rate, "is_share"),
+        (Rate, "kind"),
         (Skill, "preview_names"),
         (Skill, "preview_conditions"),
         *((Variable, name) for name in ("terms", "rate", "is_derived", "pose_condition", "derived", "resolution_m")),
@@ -265,7 +266,8 @@ def _optional_values(spec: Spec) -> Iterator[tuple[object, ...]]:
         if isinstance(does, Course):
             yield from () if does.node is None else ((adaptation.name, "of", does.node.name),)
             yield from ((adaptation.name, number, rule.for_s) for number, rule in enumerate(does.always) if rule.for_s)
-    yield from ((variable.name, "share") for variable in spec.context if variable.rate and variable.rate.is_share)
+    kinds = ((variable.name, variable.rate.kind) for variable in spec.context if variable.rate is not None)
+    yield from ((name, kind.name.lower()) for name, kind in kinds if kind is not RateKind.RATE)
     yield from ((action.name, "hold", action.hold_s) for action in spec.actions if action.hold_s is not None)
     if any(skill.preview_conditions for skill in spec.skills):
         yield from ((skill.name, skill.preview_names, skill.preview_conditions) for skill in spec.skills)

@@ -200,26 +200,39 @@ class FuzzyTerm:
         return self.term.name
 
 
+class RateKind(StrEnum):
+    """What loops compute from the history of a variable: the key of a spec that names this variable."""
+
+    RATE = "rate_of"
+    """The rate of change of a number."""
+
+    SHARE = "share_of"
+    """The share of time at which a bool is true."""
+
+    HELD = "held"
+    """Whether a bool has been true for some time, without interruption."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rate:
-    """The declaration that a variable is the rate of change of another variable, or the share of time that it is true.
+    """The declaration that loops compute a variable from the history of another variable.
 
     Attributes:
         of: the other variable.
-        over_s: the time over which the rate or the share is computed.
+        over_s: the time over which the rate or the share is computed, or for which the bool must have been true.
         is_falling: whether a decreasing value has a positive rate.
-        is_share: whether the variable is a share of time.
+        kind: what is computed.
     """
 
     of: Reference
     over_s: float
     is_falling: bool = False
-    is_share: bool = False
+    kind: RateKind = RateKind.RATE
 
     @property
-    def key(self) -> str:
-        """Return the key of a spec that names the other variable."""
-        return "share_of" if self.is_share else "rate_of"
+    def duration_key(self) -> str:
+        """Return the key of a spec that states the time."""
+        return "for" if self.kind is RateKind.HELD else "over"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,7 +264,7 @@ class Variable:
         history: the number of readings that are kept.
         node: the node of the knowledge graph of which the variable is an attribute (the key `of`).
         terms: words for its values, for fuzzy rules.
-        rate: set if the variable is the rate of change of another variable.
+        rate: set if loops compute the variable from the history of another variable.
         is_derived: whether another element implies the variable: its value is then a metric, a weight, a course or the
             result of a comparison with poses.
         pose_condition: what the knowledge graph determines, if that is the value of the variable: the result of a

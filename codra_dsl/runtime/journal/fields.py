@@ -15,15 +15,15 @@ JsonSchema = dict[str, Any]
 
 _JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
 
-BOUND_FIELDS: Mapping[str, JsonSchema] = {
+_BOUND_FIELDS: Mapping[str, JsonSchema] = {
     "low": {"type": "number", "description": "The lowest possible value; left out when unknown."},
     "high": {"type": "number", "description": "The highest possible value."},
 }
 """The fields of a range of values."""
 
-METRIC_AND_WEIGHT_FIELDS: Mapping[str, JsonSchema] = {
+_METRIC_AND_WEIGHT_FIELDS: Mapping[str, JsonSchema] = {
     "name": {"type": "string", "description": "The metric or action."},
-    **BOUND_FIELDS,
+    **_BOUND_FIELDS,
     "value": {"type": "number", "description": "The resulting value; left out when unknown."},
     "evidence_s": {"type": "number", "description": "When the evidence of the oldest input was taken."},
     "variable": {"type": "string", "description": "For an analysis, the variable that holds the value."},
@@ -36,7 +36,7 @@ METRIC_AND_WEIGHT_FIELDS: Mapping[str, JsonSchema] = {
 """The fields of a metric or of the weight of an action."""
 
 
-def object_list_schema(description: str, **properties: JsonSchema) -> JsonSchema:
+def _object_list_schema(description: str, **properties: JsonSchema) -> JsonSchema:
     """Return the schema of a list of objects with some properties."""
     item_schema = {"type": "object", "properties": properties, "additionalProperties": False}
     return {"type": "array", "items": item_schema, "description": description}
@@ -110,6 +110,48 @@ def result_fields(returns: Mapping[str, tuple[str, str | None]]) -> dict[str, Js
 def unit_sentence(unit: str | None) -> str:
     """Return the sentence about the unit of a number."""
     return f"In {unit}." if unit else "Declared under `returns` in the spec."
+
+
+def cause_fields() -> dict[str, JsonSchema]:
+    """Return the schemas of the causes of a decision, a metric or a weight."""
+    return {
+        "readings": _object_list_schema(
+            "The readings that were used.",
+            variable=field_schema("string", "The variable."),
+            value=field_schema("string", "Its value, as JSON; left out when unknown."),
+            evidence_s=field_schema("number", "When its evidence was taken."),
+            because=field_schema("string", "Why it is unknown."),
+        ),
+        "degrees": _object_list_schema(
+            "The degree of membership of each input in each of its terms.",
+            variable=field_schema("string", "The input."),
+            term=field_schema("string", "The term of the input."),
+            **_BOUND_FIELDS,
+        ),
+        "rules": _object_list_schema(
+            "The strength of each rule; for an analysis, only rules that act.",
+            text=field_schema("string", "The rule."),
+            concludes=list_schema("string", "The outputs that the rule concludes about."),
+            place=field_schema("string", "The place of the rule in the spec."),
+            **_BOUND_FIELDS,
+        ),
+        "metrics": _object_list_schema("The metrics.", **_METRIC_AND_WEIGHT_FIELDS),
+        "weights": _object_list_schema(
+            "The weights of the actions, and the state of the filter.",
+            **_METRIC_AND_WEIGHT_FIELDS,
+            smoothed=field_schema("number", "The smoothed weight, which is used for the decision."),
+            leads_since_s=field_schema("number", "Since when the action leads the course that was left."),
+            cooldown_until_s=field_schema("number", "The instant before which the action cannot be chosen again."),
+        ),
+        "kept_by": _object_list_schema(
+            "The smallest single change of each kind that would have kept the course.",
+            kind=field_schema("string", "The kind of the change: of an input, or of a weight."),
+            name=field_schema("string", "The variable, or the action."),
+            value=field_schema("string", "The actual value, as JSON; left out when unknown."),
+            other=field_schema("string", "The value that would have kept the course, as JSON."),
+            share=field_schema("number", "The size of the change, as a share of the range."),
+        ),
+    }
 
 
 def decision_schema(name: str, summary: SpecSummary) -> tuple[str, JsonSchema]:

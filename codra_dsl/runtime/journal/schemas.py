@@ -15,15 +15,13 @@ from enum import StrEnum
 from functools import lru_cache
 
 from codra_dsl.runtime.journal.fields import (
-    BOUND_FIELDS,
-    METRIC_AND_WEIGHT_FIELDS,
     JsonSchema,
+    cause_fields,
     decision_schema,
     event_schema,
     field_schema,
     infinite_fields,
     list_schema,
-    object_list_schema,
     preview_schema,
     reason_schema,
     result_fields,
@@ -372,7 +370,10 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         adapts=list_schema("string", "The courses and parameters of the loop that runs."),
         course=field_schema("string", "For a branch, the course that it belongs to."),
         agent=field_schema("string", "The responsible agent."),
-        variable=field_schema("string", "The variable of the course or parameter, or the input; left out if none."),
+        variable=field_schema(
+            "string", "The variable of the course, parameter or rate, or the input; left out if none."
+        ),
+        input=field_schema("string", "The variable from which the rate is computed."),
         action=field_schema(
             "string", "The action that is now the course; for a branch, the action that it belongs to."
         ),
@@ -381,7 +382,7 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
             "string",
             "The reason: first, leads, worse, hard_rule, nothing_known, planner; for a parameter, changed, unknown.",
         ),
-        rule=field_schema("string", "The hard rule that decided, or the parameter's target, as written in the spec."),
+        rule=field_schema("string", "The hard rule that decided, or the parameter's target; for a rate, what it is."),
         place=field_schema("string", "The place of the hard rule, the course, or the target in the spec."),
         value=field_schema("string", "The value of the parameter, as JSON."),
         **infinite_fields("value"),
@@ -389,47 +390,16 @@ def _adaptation_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSche
         result=field_schema("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
         took_s=field_schema("number", "How long ending the branch has taken."),
         tasks=list_schema("string", "The unfinished tasks."),
-        message=field_schema("string", "The error, or why the input is unknown."),
-        since_s=field_schema("number", "Since when the previous action was the course, or the value was set."),
+        message=field_schema("string", "The error, or why the input or the rate is unknown."),
+        since_s=field_schema(
+            "number",
+            "Since when the previous action was the course, the value was set, or the readings of the rate count.",
+        ),
+        known_from_s=field_schema("number", "When the rate becomes known, if its input stays as it is."),
         dwell_until_s=field_schema(
             "number", "The instant until which the previous course is kept, except for a hard rule or a worse metric."
         ),
-        readings=object_list_schema(
-            "The readings that were used.",
-            variable=field_schema("string", "The variable."),
-            value=field_schema("string", "Its value, as JSON; left out when unknown."),
-            evidence_s=field_schema("number", "When its evidence was taken."),
-            because=field_schema("string", "Why it is unknown."),
-        ),
-        degrees=object_list_schema(
-            "The degree of membership of each input in each of its terms.",
-            variable=field_schema("string", "The input."),
-            term=field_schema("string", "The term of the input."),
-            **BOUND_FIELDS,
-        ),
-        rules=object_list_schema(
-            "The strength of each rule; for an analysis, only rules that act.",
-            text=field_schema("string", "The rule."),
-            concludes=list_schema("string", "The outputs that the rule concludes about."),
-            place=field_schema("string", "The place of the rule in the spec."),
-            **BOUND_FIELDS,
-        ),
-        metrics=object_list_schema("The metrics.", **METRIC_AND_WEIGHT_FIELDS),
-        weights=object_list_schema(
-            "The weights of the actions, and the state of the filter.",
-            **METRIC_AND_WEIGHT_FIELDS,
-            smoothed=field_schema("number", "The smoothed weight, which is used for the decision."),
-            leads_since_s=field_schema("number", "Since when the action leads the course that was left."),
-            cooldown_until_s=field_schema("number", "The instant before which the action cannot be chosen again."),
-        ),
-        kept_by=object_list_schema(
-            "The smallest single change of each kind that would have kept the course.",
-            kind=field_schema("string", "The kind of the change: of an input, or of a weight."),
-            name=field_schema("string", "The variable, or the action."),
-            value=field_schema("string", "The actual value, as JSON; left out when unknown."),
-            other=field_schema("string", "The value that would have kept the course, as JSON."),
-            share=field_schema("number", "The size of the change, as a share of the range."),
-        ),
+        **cause_fields(),
     )
 
 
@@ -437,6 +407,7 @@ _ADAPTATION_EVENT_MEANINGS: Mapping[str, str] = {
     "started": "the loop runs",
     "stopped": "the loop no longer runs",
     "analysed": "some metrics or weights have changed",
+    "computed": "a rate, share or held bool has become known, or is unknown for another reason",
     "chosen": "the course is another action",
     "explained": "changes that would have kept the previous course",
     "ended": "the branch of the previous course has ended",

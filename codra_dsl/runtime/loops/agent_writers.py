@@ -7,6 +7,7 @@ from typing import Any
 
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.errors import AgentTakenError
 from codra_dsl.runtime.loops.declarations import MapeModel
 from codra_dsl.runtime.loops.planning import VariableWrite
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S
@@ -23,14 +24,25 @@ class AgentWriters:
         Raises:
             AgentTakenError: if one of the handles is already taken.
         """
+        self._codra = codra
         self._agents: dict[str, Agent[Any, Any]] = {}
         self._stamps_s: dict[str, float] = {}
         self._unknown_since_s: dict[str, float] = {}
         stages = [stage for stage in (model.metrics, model.actions) if stage is not None]
         if model.rates or any(stage.outputs for stage in stages):
-            self._agents[model.analyst] = codra.agent(model.analyst)
+            self._open(model.analyst)
         if model.parameters or any(course.variable for course in model.courses):
-            self._agents[model.adapter] = codra.agent(model.adapter)
+            self._open(model.adapter)
+
+    def _open(self, agent: str) -> None:
+        try:
+            self._agents[agent] = self._codra.agent(agent)
+        except AgentTakenError:
+            self.close()
+            raise AgentTakenError(
+                f"the loops cannot write as agent {agent!r}: it has an open handle, as when other loops exist for this "
+                "context manager; close it, and in a story let either 'loops' of the story or the program run the loops"
+            ) from None
 
     def write(self, agent: str, variable_write: VariableWrite, now_s: float) -> None:
         """Write a variable. A variable that stays unknown keeps the instant since which it is unknown.
@@ -47,8 +59,10 @@ class AgentWriters:
         evidence_s = since_s if evidence_s == BEFORE_ALL_S else evidence_s
         stamp_s = min(now_s, max(evidence_s, self._stamps_s.get(name, -math.inf)))
         self._stamps_s[name] = stamp_s
-        value = math.nan if variable_write.value is None else variable_write.value  # NaN means unknown
-        self._agents[agent].set(name, value, evidence_s=stamp_s)
+        if variable_write.value is None:
+            self._codra.commands.write(name, None, agent, stamp_s)
+        else:
+            self._agents[agent].set(name, variable_write.value, evidence_s=stamp_s)
 
     def close(self) -> None:
         """Close the handles."""

@@ -18,22 +18,36 @@ Metrics = Mapping[str, float | None]
 """The value of each metric, by variable; None if it is unknown."""
 
 
+@dataclass(frozen=True, slots=True)
+class RuleHold:
+    """The time in which the condition of a hard rule has held without interruption.
+
+    Attributes:
+        since_s: the beginning of this time.
+        overridden: the overridden variables that the condition reads. When they change, the time begins anew, because
+            an override is not evidence.
+    """
+
+    since_s: float
+    overridden: frozenset[str]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CourseState:
     """The state of a course between two analyses.
 
     Attributes:
         metrics: the values of the metrics when the course was chosen.
-        rules_hold_since_s: for the index of each hard rule that holds, the instant since which it has held.
+        rule_holds: for the index of each hard rule that holds, since when it has held.
     """
 
     state: FilterState = field(default_factory=FilterState)
     metrics: Metrics = field(default_factory=dict)
-    rules_hold_since_s: Mapping[int, float] = field(default_factory=dict)
+    rule_holds: Mapping[int, RuleHold] = field(default_factory=dict)
 
     def after_pause(self) -> CourseState:
         """Return the state after a time without analyses: whether rules held and actions led is not known."""
-        return replace(self, state=self.state.after_pause(), rules_hold_since_s={})
+        return replace(self, state=self.state.after_pause(), rule_holds={})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,8 +127,8 @@ def choose(
     Returns:
         The new state; the decision, or None if the course does not change; the instant at which to choose again.
     """
-    hold_since_s = _rules_hold_since_s(course, course_state, assessment, now_s)
-    ready_s = {index: since_s + course.always[index].for_s - _ROUNDING_S for index, since_s in hold_since_s.items()}
+    holds = _rule_holds(course, course_state, assessment, now_s)
+    ready_s = {index: hold.since_s + course.always[index].for_s - _ROUNDING_S for index, hold in holds.items()}
     pending_rules = frozenset(index for index in ready_s if ready_s[index] > now_s)
     rule = next((course.always[index] for index in ready_s if index not in pending_rules), None)
     weights = assessment.weights()
@@ -127,7 +141,7 @@ def choose(
         forced_action="" if rule is None else rule.action,
     )
     due_s = min([filter_step.due_s, *(ready_s[index] + _ROUNDING_S for index in pending_rules)])
-    state = replace(course_state, state=filter_step.state, rules_hold_since_s=hold_since_s)
+    state = replace(course_state, state=filter_step.state, rule_holds=holds)
     if filter_step.because is None:
         return state, None, due_s
     decision = Decision(
@@ -144,14 +158,20 @@ def choose(
     return replace(state, metrics=metrics_of(model, assessment)), decision, due_s
 
 
-def _rules_hold_since_s(
+def _rule_holds(
     course: CourseModel, course_state: CourseState, assessment: Assessment, now_s: float
-) -> Mapping[int, float]:
+) -> Mapping[int, RuleHold]:
     """Return, for the index of each hard rule that certainly holds now, since when it has held, in their order."""
     scope = SceneScope(assessment.scene, now_s)
-    before_s = course_state.rules_hold_since_s
-    held_rules = (index for index, rule in enumerate(course.always) if rule.condition.holds(scope))
-    return {index: before_s.get(index, now_s) for index in held_rules}
+    holds: dict[int, RuleHold] = {}
+    for index, rule in enumerate(course.always):
+        if rule.condition.holds(scope):
+            names = rule.condition.variables()
+            overridden = frozenset(name for name in names if assessment.scene[name].is_overridden)
+            before = course_state.rule_holds.get(index)
+            is_new = before is None or before.overridden != overridden
+            holds[index] = RuleHold(now_s, overridden) if before is None or is_new else before
+    return holds
 
 
 def _is_worse(output: OutputModel, value_now: float | None, value_then: float | None) -> bool:

@@ -18,6 +18,7 @@ from codra_dsl.logic import Term
 from codra_dsl.runtime.behavior_trees import Node
 from codra_dsl.runtime.loops.fuzzy.bounds import BoundedInference, Bounds, End
 from codra_dsl.runtime.loops.fuzzy.outputs import Inference
+from codra_dsl.runtime.values.cell import FOREVER_S
 
 Membership = Callable[[float], float]
 """Returns the degree of membership of a number in a term."""
@@ -29,6 +30,19 @@ InferBounds = Callable[..., BoundedInference]
 """The function `infer_bounds` of a compiled engine; it takes the bounds of each input."""
 
 
+class RateKind(StrEnum):
+    """What a loop computes from the history of a variable."""
+
+    RATE = "rate"
+    """The rate of change of a number."""
+
+    SHARE = "share"
+    """The share of time in which a bool is true."""
+
+    HELD = "held"
+    """Whether a bool has been true for some time, without interruption."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateModel:
     """A rate of change, which is a variable of its own.
@@ -38,24 +52,40 @@ class RateModel:
     half of `over_s`, and while `of` is unknown. If the slope lies outside the range of `variable`, the value is the
     nearest end of this range.
 
-    With `is_share`, the value is instead the share of time in which the bool `of` was true, among the times of the
+    For `RateKind.SHARE`, the value is instead the share of time in which the bool `of` was true, among the times of the
     window at which it was known. It is unknown while these times are shorter than half of `over_s`, and while `of` is
     unknown.
 
+    For `RateKind.HELD`, the value is a bool: true if `of` was known to be true during all of the window, false if `of`
+    was false at an instant of the window, and otherwise unknown. It is unknown while `of` is unknown.
+
     Attributes:
         variable: the rate; a context-variable whose source is the analyst.
-        of: the variable whose readings are used; its `history` must cover at least half of the window.
+        of: the variable whose readings are used; its `history` must cover at least half of the window, or all of it for
+            a held bool.
         over_s: the length of the window.
         factor: converts from units of `of` per second to the unit of the rate: 60 for units per minute, -60 if
             the rate is positive while `of` falls.
-        is_share: whether the value is a share of time.
+        kind: what is computed.
+        valid_for_s: how long the newest evidence of `of` counts.
     """
 
     variable: str
     of: str
     over_s: float
     factor: float = 1.0
-    is_share: bool = False
+    kind: RateKind = RateKind.RATE
+    valid_for_s: float = FOREVER_S
+
+    def __str__(self) -> str:
+        """Return what is computed, for explanations."""
+        match self.kind:
+            case RateKind.SHARE:
+                return f"the share of time at which {self.of} was true, over {self.over_s:g} s"
+            case RateKind.HELD:
+                return f"whether {self.of} has been true for {self.over_s:g} s without interruption"
+            case RateKind.RATE:
+                return f"the rate of change of {self.of} over {self.over_s:g} s"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from codra_dsl.runtime.journal.encoding import json_text
 from codra_dsl.runtime.loops.analysis import Assessment, Degree, OutputResult, RuleActivation, Stage
 from codra_dsl.runtime.loops.counterfactual import Counterfactual
 from codra_dsl.runtime.loops.courses import Decision
-from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, StageModel
+from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, RateModel, StageModel
 from codra_dsl.runtime.loops.observations import Observation
 
 Details = dict[str, Any]
@@ -56,6 +56,18 @@ def evidence_of(assessment: Assessment, extra_variables: Iterable[str] = ()) -> 
         "rules": [_rule_details(rule) for stage in stages for rule in stage.rules],
         "metrics": [_output_details(metric) for metric in assessment.metrics.outputs],
     }
+
+
+def rate_details(rate: RateModel, observation: Observation) -> Details:
+    """Return what a rate is, and what it lacks while it is unknown."""
+    return _without_none(
+        variable=rate.variable,
+        rule=str(rate),
+        input=rate.of,
+        message=observation.because or None,
+        since_s=_finite_or_none(observation.since_s) if observation.value is None else None,
+        known_from_s=_finite_or_none(observation.until_s) if observation.value is None else None,
+    )
 
 
 def analysis_of(model: MapeModel, assessment: Assessment, variables: Collection[str]) -> Details:

@@ -36,6 +36,7 @@ from codra_dsl.runtime.loops.event_details import (
     chain_of,
     counterfactual_details,
     evidence_of,
+    rate_details,
     without_none_values,
 )
 from codra_dsl.runtime.loops.execution import Execution
@@ -350,6 +351,9 @@ class Loop:
         self._analysis_due_s = min(now_s + self._loop.period_s, plan.due_s)
         for variable_write in plan.values_to_write:
             self._attempt(partial(self._writers.write, self._model.analyst, variable_write, now_s))
+        for observation in plan.rate_changes:
+            rate = next(rate for rate in self._model.rates if rate.variable == observation.variable)
+            self._attempt(partial(self._record_event, self._loop.name, "computed", rate_details(rate, observation)))
         if plan.changed:
             details = analysis_of(self.planning.model, plan.assessment, plan.changed)
             self._attempt(partial(self._record_event, self._loop.name, "analysed", details))

@@ -1,20 +1,16 @@
-"""Inputs of the analysis: readings of context at one instant, and rates of change over their histories."""
+"""Inputs of the analysis: the readings of context at one instant, as the numbers that engines read."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.loops.declarations import InputModel, RateModel
+from codra_dsl.runtime.loops.declarations import InputModel
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
 from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
-
-MIN_SPAN_SHARE = 0.5
-"""The smallest share of a rate's window that the readings must span."""
-
-_ROUNDING_S = 1e-9
+from codra_dsl.runtime.values.declarations import DERIVED, OPERATOR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,19 +21,37 @@ class Observation:
         value: the value; None if it is unknown.
         evidence_s: when the evidence was taken; minus infinity if the value is unknown.
         because: why the value is unknown; empty if the value is known.
+        is_overridden: whether the value is an override, or is derived from one.
+        until_s: for a rate, when it must be computed again if the other variable gets no other value: it then becomes
+            known, unknown or stale, or a held bool changes its value; infinite if never.
+        since_s: for an unknown rate, since when the readings that count are without a gap; for a bool that is not held
+            long enough, since when it is true; otherwise minus infinity.
     """
 
     variable: str
     value: Value | None = None
     evidence_s: float = BEFORE_ALL_S
     because: str = ""
+    is_overridden: bool = False
+    until_s: float = math.inf
+    since_s: float = BEFORE_ALL_S
 
     @classmethod
     def of(cls, reading: Reading[Value]) -> Observation:
         """Return the observation of a reading."""
         if reading.known:
-            return cls(variable=reading.name, value=reading.content, evidence_s=reading.evidence_s)
+            return cls(
+                variable=reading.name,
+                value=reading.content,
+                evidence_s=reading.evidence_s,
+                is_overridden=not is_evidence(reading),
+            )
         return cls(variable=reading.name, because=str(reading.reason))
+
+
+def is_evidence(reading: Reading[Value]) -> bool:
+    """Return whether a reading rests on evidence: it is no override, and is not derived from one."""
+    return reading.source != OPERATOR and not (reading.source == DERIVED and reading.start_s == BEFORE_ALL_S)
 
 
 Scene = Mapping[str, Observation]
@@ -87,68 +101,3 @@ def possible_values(model: InputModel, number: float) -> tuple[Bounds, ...]:
     if number == number:
         return (point(number) if math.isfinite(number) else Bounds(number, number),)
     return tuple(point(float(index)) for index in range(len(model.members))) or (model.range,)
-
-
-def share(
-    model: RateModel, history: Sequence[Reading[Value]], present_observation: Observation, now_s: float
-) -> Observation:
-    """Return the share of time in which a bool was true, among the times of the window at which it was known.
-
-    A reading holds until the next reading, or until it is no longer valid; a derived variable gets a reading whenever
-    its value changes. The arguments are those of `rate`.
-    """
-    if present_observation.value is None:
-        return Observation(variable=model.variable, because=f"{model.of} is unknown")
-    ends_s = [*(reading.holds_from_s for reading in history[1:]), now_s]
-    start_s = now_s - model.over_s
-    durations_s = [
-        (reading.content, max(0.0, min(end_s, reading.expires_s) - max(start_s, reading.holds_from_s)))
-        for reading, end_s in zip(history, ends_s, strict=False)
-        if reading.content is not None
-    ]
-    known_s = math.fsum(duration_s for _, duration_s in durations_s)
-    if known_s < MIN_SPAN_SHARE * model.over_s - _ROUNDING_S:
-        return Observation(variable=model.variable, because=f"{model.of} is known for {known_s:g} s only")
-    true_s = math.fsum(duration_s for content, duration_s in durations_s if content is True)
-    value = min(true_s / known_s, 1.0)
-    return Observation(variable=model.variable, value=value, evidence_s=present_observation.evidence_s)
-
-
-def rate(
-    model: RateModel, history: Sequence[Reading[Value]], present_observation: Observation, now_s: float
-) -> Observation:
-    """Return the rate of change of a variable: the slope of the line that best fits the known readings of the window.
-
-    Args:
-        model: the model of the rate.
-        history: the readings of the variable, ordered by the instants from which on they hold.
-        present_observation: the present observation of the variable.
-        now_s: the end of the window.
-    """
-    if present_observation.value is None:
-        return Observation(variable=model.variable, because=f"{model.of} is unknown")
-    points = _points(history, now_s - model.over_s)
-    span_s = points[-1][0] - points[0][0] if points else 0.0
-    if span_s < MIN_SPAN_SHARE * model.over_s or span_s <= 0.0:
-        return Observation(variable=model.variable, because=f"{model.of} is known for {span_s:g} s only")
-    slope = _slope(points) * model.factor
-    if not math.isfinite(slope):
-        return Observation(variable=model.variable, because=f"{model.of} is not finite")
-    return Observation(variable=model.variable, value=slope + 0.0, evidence_s=history[-1].evidence_s)
-
-
-def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
-    """Return the instants and values of the readings in the window, but only since the variable was last unknown."""
-    points: list[tuple[float, float]] = []
-    for reading in reversed(history):
-        if reading.holds_from_s < since_s or not isinstance(reading.content, (int, float)):
-            break
-        points.append((reading.holds_from_s, float(reading.content)))
-    return points[::-1]
-
-
-def _slope(points: Sequence[tuple[float, float]]) -> float:
-    middle_s = math.fsum(instant_s for instant_s, _ in points) / len(points)
-    mean = math.fsum(value for _, value in points) / len(points)
-    spread = math.fsum((instant_s - middle_s) ** 2 for instant_s, _ in points)
-    return math.fsum((instant_s - middle_s) * (value - mean) for instant_s, value in points) / spread

@@ -22,8 +22,9 @@ from codra_dsl.runtime.loops.declarations import (
     RateModel,
 )
 from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
-from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate, share
-from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope
+from codra_dsl.runtime.loops.rates import observe_rate
+from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
 MAX_KEPT_DECISIONS = 100
@@ -99,6 +100,8 @@ class Plan:
         refusals: values that cannot be set; a refused value is reported again only after another value was computed.
         unconfirmed: the variables of the parameters for which the analysis has no value: it is unknown and there is no
             `otherwise`, or it is refused. Their evidence is not renewed.
+        rate_changes: the observations of the rates that have become known or unknown, or are unknown for another reason
+            than before. A `computed` event records each of them, so `why` can tell what a rate lacks.
     """
 
     assessment: Assessment
@@ -109,6 +112,7 @@ class Plan:
     due_s: float
     refusals: tuple[Refusal, ...] = ()
     unconfirmed: frozenset[str] = frozenset()
+    rate_changes: tuple[Observation, ...] = ()
 
 
 class Planner(Protocol):
@@ -192,6 +196,7 @@ class Planning:
         self._course_states = {name: CourseState() for name in self.courses}
         self._parameter_states = {parameter.name: _ParameterState() for parameter in self._parameters}
         self._bounds: dict[str, Bounds] = {}
+        self._rate_states: dict[str, tuple[object, ...]] = {}
         self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=MAX_KEPT_DECISIONS) for name in self.courses}
         self._read_variables = tuple(sorted(self._find_read_variables()))
 
@@ -232,6 +237,7 @@ class Planning:
             assessment=assessment,
             values_to_write=tuple(self._values_to_write(assessment)),
             changed=frozenset(self._changed_variables(assessment)),
+            rate_changes=tuple(self._rate_changes(assessment.scene)),
             decisions=decisions,
             settings=settings,
             due_s=min(decisions_due_s, settings_due_s, self._next_flip_s(assessment.scene, now_s)),
@@ -267,8 +273,7 @@ class Planning:
     def _observe_rate(
         self, model: RateModel, context: Context, present_observation: Observation, now_s: float
     ) -> Observation:
-        observe = share if model.is_share else rate
-        observed_rate = observe(model, context.history(model.of), present_observation, now_s)
+        observed_rate = observe_rate(model, context.history(model.of), present_observation, now_s)
         range_limits = self._types[model.variable].range
         if range_limits is None or not isinstance(observed_rate.value, float):
             return observed_rate
@@ -279,6 +284,8 @@ class Planning:
     def _values_to_write(self, assessment: Assessment) -> Iterator[VariableWrite]:
         for name in self._rates:
             observation = assessment.scene[name]
+            if observation.because == Reason.STALE:  # its last value has become stale by itself
+                continue
             yield VariableWrite(variable=name, value=observation.value, evidence_s=observation.evidence_s)
         for output in self._outputs(assessment):
             yield VariableWrite(variable=output.variable, value=output.value, evidence_s=output.evidence_s)
@@ -300,6 +307,14 @@ class Planning:
             if not _are_same_bounds(self._bounds.get(output.variable), output.bounds):
                 self._bounds[output.variable] = output.bounds
                 yield output.variable
+
+    def _rate_changes(self, scene: Scene) -> Iterator[Observation]:
+        for name in self._rates:
+            observation = scene[name]
+            state = _rate_state(observation)
+            if self._rate_states.get(name) != state:
+                self._rate_states[name] = state
+                yield observation
 
     # Decisions
 
@@ -372,12 +387,13 @@ class Planning:
         return _target(model, {**assessment.scene, **former_observations}, now_s).value == state.value
 
     def _next_flip_s(self, scene: Scene, now_s: float) -> float:
-        """Return the next instant at which the result of a comparison with an age changes; infinite if never."""
+        """Return the next instant at which a comparison with an age or a rate changes by itself; infinite if never."""
         scope = SceneScope(scene, now_s)
         terms = [rule.condition for course in self.courses.values() for rule in course.always]
         terms += [parameter.value for parameter in self._parameters]
         waits_s = (term.flips_s(scope) for term in terms)
-        return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+        flips_s = (now_s + wait_s for wait_s in waits_s if wait_s is not None)
+        return min([*flips_s, *(scene[name].until_s for name in self._rates)], default=math.inf)
 
 
 def _target(model: ParameterModel, scene: Scene, now_s: float) -> _Target:
@@ -387,6 +403,16 @@ def _target(model: ParameterModel, scene: Scene, now_s: float) -> _Target:
     if value is not None or model.otherwise is None:
         return _Target(value)
     return _Target(model.otherwise.evaluate(scope), is_otherwise=True)
+
+
+def _rate_state(observation: Observation) -> tuple[object, ...]:
+    """Return what `why` needs to know about an unknown rate, without durations that grow; () if the rate is known."""
+    if observation.value is not None:
+        return ()
+    instants_s = (observation.since_s, observation.until_s)
+    if any(map(math.isfinite, instants_s)):
+        return tuple(f"{instant_s:.3f}" for instant_s in instants_s)
+    return (observation.because,)
 
 
 def _are_same_bounds(before: Bounds | None, now: Bounds) -> bool:

@@ -68,6 +68,8 @@ def adaptation_lines(latest_events: LatestEventsView, reading_of: ReadingOf, var
     events = latest_events.adaptation_events.get(f"context/{variable}", {})
     yield from _chain_lines(events)
     yield from _unknown_input_lines(events, reading_of)
+    if "computed" in events:
+        yield from _rate_lines(events["computed"], reading_of)
     if "analysed" in events:
         yield from _analysis_lines(latest_events, variable)
     weight = variable.removeprefix(_FILTERED)
@@ -156,20 +158,39 @@ def _setting_lines(event: Event) -> Iterator[str]:
     yield from _metric_and_reading_lines(details)
 
 
+def _rate_lines(event: Event, reading_of: ReadingOf) -> Iterator[str]:
+    """Yield what a rate, share or held bool is, what it lacks if it is unknown, and the state of its input."""
+    details = event.details
+    yield f"it is {details['rule']}"
+    if "message" in details:
+        since_text = f", counted since {_instant_text(details, 'since_s')}" if "since_s" in details else ""
+        yield f"unknown since {instant_text(event.instant_s)}: {details['message']}{since_text}"
+        if "known_from_s" in details:
+            yield f"known from {_instant_text(details, 'known_from_s')} on, if {details['input']} stays as it is"
+    else:
+        yield f"known since {instant_text(event.instant_s)}"
+    yield _input_text(reading_of(details["input"]))
+
+
+def _input_text(reading: Reading[Any]) -> str:
+    """Return the state of an input at the instant of the explanation."""
+    if reading.known:
+        evidence_text = f"from evidence taken at {instant_text(reading.evidence_s)}"
+        return f"{reading.name} is {value_text(reading.content)}, {evidence_text}"
+    since_s = reading.identified_s if reading.reason is Reason.STALE else reading.evidence_s
+    is_never_known = reading.reason is Reason.NEVER_OBSERVED
+    since_text = "has never been known" if is_never_known else f"has been unknown since {instant_text(since_s)}"
+    return f"{reading.name} {since_text} ({reading.reason}{f': {reading.detail}' if reading.detail else ''})"
+
+
 def _unknown_input_lines(events: Mapping[str, Event], reading_of: ReadingOf) -> Iterator[str]:
     """Yield the inputs of a parameter that are unknown now, even if they were known when the parameter was set."""
     if "set" not in events:
         return
     for input_details in events["set"].details["readings"]:
         reading = reading_of(input_details["variable"])
-        if reading.known:
-            continue
-        since_s = reading.identified_s if reading.reason is Reason.STALE else reading.evidence_s
-        since_text = f"has been unknown since {instant_text(since_s)}"
-        if reading.reason is Reason.NEVER_OBSERVED:
-            since_text = "has never been known"
-        detail_text = f": {reading.detail}" if reading.detail else ""
-        yield f"{reading.name} {since_text} ({reading.reason}{detail_text})"
+        if not reading.known:
+            yield _input_text(reading)
 
 
 def _weight_lines(details: Details) -> Iterator[str]:

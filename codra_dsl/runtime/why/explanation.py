@@ -353,8 +353,9 @@ class _Explanation:
         These are the change that the observer of the variable needs, and the changes that one of its algorithms needs:
         the algorithm that needs the fewest changes.
         """
-        if self._summary.find_derivation(name) is not None:
-            for need in self._unknown_plain_inputs(name, context):
+        rate_event = context.latest_events.adaptation_events.get(f"context/{name}", {}).get("computed")
+        if self._summary.find_derivation(name) is not None or rate_event is not None:
+            for need in self._unknown_plain_inputs(rate_event.details["input"] if rate_event else name, context):
                 algorithms = self._summary.find_algorithms(need)
                 yield from self._missing(
                     need, context, tuple(self._way(algorithm, context, (name,)) for algorithm in algorithms)

@@ -48,17 +48,18 @@ def compare_inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]
 
 
 def compare_rate(scope: Scope, _: str, old: Rate | None, new: Rate | None) -> Iterator[Change]:
-    """Yield the change of a rate or a share, under the key with which the spec declares it."""
+    """Yield the change of a rate, a share or a held bool, under the key with which the spec declares it."""
     if old != new:
         declared = new or old
         assert declared is not None
-        yield from equality_comparer(show=_rate_text)(scope, declared.key, old, new)
+        yield from equality_comparer(show=_rate_text)(scope, declared.kind.value, old, new)
 
 
 def _rate_text(rate: Rate | None) -> str:
     if rate is None:
         return ""
-    return f"{rate.of.name} over {duration_text(rate.over_s)}{', counts falling' if rate.is_falling else ''}"
+    direction_text = ", counts falling" if rate.is_falling else ""
+    return f"{rate.of.name} {rate.duration_key} {duration_text(rate.over_s)}{direction_text}"
 
 
 def show_nothing(_: object) -> str:

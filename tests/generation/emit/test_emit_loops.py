@@ -349,3 +349,40 @@ def test_an_adaptation_is_explained_without_knowledge_and_a_misspelt_name_is_cor
         assert "fan is 300 at 1 s" in str(codra.why("fan"))
         with pytest.raises(UnknownNameError, match=r"the spec has no variable 'haet': did you mean 'heat'\?"):
             codra.why("haet")
+
+
+GATE = """\
+codra: 1
+name: gate
+context:
+  gap: {type: float, unit: m, range: [0, 10], source: guard, valid_for: forever}
+  blocked: {type: bool, derived: gap < 1 m}
+  blocked_long: {type: bool, held: blocked, for: 5 s, valid_for: 1 min}
+  horn: {type: bool, source: adaptation}
+agents: {guard: {}}
+adaptation:
+  warn: {set: horn, value: blocked_long, otherwise: false}
+loops:
+  watch: {adapt: [warn]}
+"""
+
+
+def test_a_held_bool_of_a_spec_is_true_when_its_time_is_over(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "gate.yaml").write_text(GATE)
+    compiled = compile_paths([tmp_path / "gate.yaml"], tmp_path)
+    assert compiled.planned.diagnostics == ()
+    gate = load_emitted(compiled.files, "gate", tmp_path / "made")
+    clock = SimClock()
+    with gate.start(clock=clock, resources={}) as codra, gate.loops(codra, clock=clock):
+        codra.agent("guard").set("gap", 0.5)
+        clock.sleep(4.9)
+        assert (codra.get("blocked_long").known, codra.get("horn").value) == (False, False)
+        clock.sleep(0.1)
+        assert (codra.get("blocked_long").value, codra.get("horn").value) == (True, True)
+        codra.agent("guard").set("gap", 2.0)
+        clock.sleep(0.1)
+        assert (codra.get("blocked_long").value, codra.get("horn").value) == (False, False)
+        codra.agent("guard").set("gap", 0.5)
+        clock.sleep(66.0)
+        assert (str(codra.get("blocked_long").reason), codra.get("horn").value) == ("stale", False)

@@ -10,6 +10,7 @@ from codra_dsl.integrations.testing.timeline import LeafBehaviour
 from codra_dsl.runtime import Event, Kind, SimClock
 from codra_dsl.runtime.behavior_trees import Ports, Result, Scope
 from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge import AgentTakenError
 from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.loops import Mape
 from generated.store.knowledge import KNOWLEDGE
@@ -137,6 +138,17 @@ def test_a_repetition_that_the_graph_refuses_fails_with_the_place_of_what_is_rep
         run.codra.knowledge.write_as("container_detection", [container])
         with pytest.raises(StoryFailed, match=r"^tests/case.timeline.yaml:6:19: the graph does not allow this: "):
             run.until(2.0)
+
+
+def test_a_program_that_opens_the_loops_of_a_story_is_told_that_they_exist() -> None:
+    run = run_of_only_story(f"{STORE}stories: {{case: {{0 s: {{loops: {{mission: runs}}}}, 2 s: {{}}}}}}\n")
+    with run, pytest.raises(AgentTakenError) as error_info:
+        Mape(run.codra, MAPE, clock=run.clock, robot=StatedRobot(run.clock))
+    assert str(error_info.value) == (
+        "the loops cannot write as agent 'analysis': it has an open handle, as when other loops exist for this context "
+        "manager; close it, and in a story let either 'loops' of the story or the program run the loops"
+    )
+    assert error_info.value.__suppress_context__
 
 
 def test_a_loop_that_a_program_already_runs_fails_with_the_place_at_which_the_story_starts_it() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from codra_dsl.language.check.loops.rate_coverage import MIN_SPAN_SHARE
-from codra_dsl.runtime.loops import observations
+from codra_dsl.runtime.loops import rates
 from tests.language.check.specs import finding_texts, findings
 
 SPEC = """\
@@ -102,5 +102,25 @@ def test_a_share_counts_the_time_after_the_newest_reading(over: str, is_covered:
     assert codes(text) == ([] if is_covered else ["CDR7131"])
 
 
+@pytest.mark.parametrize(("duration", "is_covered"), [("40 s", True), ("41 s", False)])
+def test_a_held_bool_needs_readings_that_span_all_of_its_time(duration: str, is_covered: bool) -> None:
+    text = spec(over="1 s", period="period: 20 s", source="power", history=", history: 2")
+    text = text.replace("type: float, unit: percent, range: [0, 100]", "type: bool")
+    text = text.replace(
+        "type: float, unit: percent/min, range: [0, 5], rate_of: battery, over: 1 s",
+        f"type: bool, held: battery, for: {duration}",
+    )
+    text = text.replace("drain > 1 percent/min", "drain")
+    assert codes(text) == ([] if is_covered else ["CDR7131"])
+    if not is_covered:
+        marked, message, help_text = uncovered(text)
+        assert marked == duration
+        assert message == (
+            "context-variable 'drain' is never true: a bool that is held for 41 s needs readings that span 41 s, "
+            "but 'battery' keeps 2 readings, which span 40 s"
+        )
+        assert help_text == "write 'history: 4' in 'battery', or a shorter 'for'"
+
+
 def test_the_check_needs_the_same_span_as_the_runtime() -> None:
-    assert MIN_SPAN_SHARE == observations.MIN_SPAN_SHARE
+    assert MIN_SPAN_SHARE == rates.MIN_SPAN_SHARE

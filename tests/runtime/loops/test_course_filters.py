@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 from hypothesis import given
@@ -98,6 +98,18 @@ def stories(draw: st.DrawFn, *, calm: bool = False) -> list[Moment]:
         forced = "" if calm else draw(st.sampled_from(["", "", "", *ACTIONS]))
         moments.append(Moment(instant_s, weights, urgent, forced))
     return moments
+
+
+@given(settings, stories(), st.fixed_dictionaries({action: st.sampled_from([2.0, 4.0]) for action in ACTIONS}))
+def test_times_that_the_compiler_reports_as_useless_change_no_choice(
+    model: CourseModel, moments: list[Moment], holds_s: dict[str, float]
+) -> None:
+    """The finding is CDR4135: each hold is longer than the dwell, or the cooldown is not longer than holds or dwell."""
+    without = replace(model, holds_s=holds_s, dwell_s=0.0, cooldown_s=0.0)
+    for useless in (replace(without, dwell_s=1.9), replace(without, cooldown_s=2.0)):
+        assert play(useless, moments) == play(without, moments)
+    with_dwell = replace(model, dwell_s=5.0, cooldown_s=0.0)
+    assert play(replace(with_dwell, cooldown_s=5.0), moments) == play(with_dwell, moments)
 
 
 @given(settings, stories())

@@ -52,7 +52,7 @@ def test_every_message_of_a_journal_fits_its_closed_schema(tmp_path: Path) -> No
             validators[schema.id].validate(json.loads(message.data))
             if channel.topic == "/codra/adaptation":
                 seen.add(json.loads(message.data)["what"])
-    assert seen == {"started", "analysed", "chosen", "explained", "ended", "set", "stopped"}
+    assert seen == {"started", "computed", "analysed", "chosen", "explained", "ended", "set", "stopped"}
 
 
 def test_a_replay_makes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:

@@ -465,6 +465,7 @@ def test_all_events_of_a_loop_have_its_kind() -> None:
     record = a_story().codra.record
     assert {event.what for event in record.of(Kind.ADAPTATION)} == {
         "started",
+        "computed",
         "analysed",
         "chosen",
         "explained",

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.runtime import ContextManager, Journal
-from codra_dsl.runtime.loops.declarations import HardRuleModel, RateModel
+from codra_dsl.runtime.loops.declarations import HardRuleModel, RateKind, RateModel
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.values.conditions import value
 from tests.runtime.journal.journals import read
@@ -124,7 +124,7 @@ def test_an_action_with_a_hold_of_its_own_must_lead_for_this_time(holds_s: dict[
 
 def test_a_share_of_time_is_written_by_its_loop_and_read_by_its_rules(tmp_path: Path) -> None:
     """The truck is bumped for 5 of the last 20 s; before it was known for 10 s, the share is unknown."""
-    bumps = RateModel(variable="battery_drain", of="bumped", over_s=20.0, is_share=True)
+    bumps = RateModel(variable="battery_drain", of="bumped", over_s=20.0, kind=RateKind.SHARE)
     loop = replace(MAPE.loops[0], adapt=("course",))
     rule = HardRuleModel(condition=value("battery_drain") >= 0.25, action="dock", text="rough", for_s=0.0)
     course = replace(COURSE, always=(rule,))

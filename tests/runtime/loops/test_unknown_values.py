@@ -255,7 +255,8 @@ def test_a_rate_that_its_history_does_not_cover_is_reported_with_the_time_that_i
         shop.write(battery=80.0)
         shop.clock.sleep(5.0)
     messages = [message for _, message in never_known(shop)]
-    assert messages[-1] == "'battery_drain' was not known during 30 s: battery_level is known for 5 s only"
+    reason = "battery_level is known for 5 s, but must be for 10 s"
+    assert messages[-1] == f"'battery_drain' was not known during 30 s: {reason}"
     assert len([message for message in messages if "battery_drain" in message]) == 1
 
 

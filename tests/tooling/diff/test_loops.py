@@ -50,7 +50,8 @@ EDITS = [
     ("otherwise: wait", "otherwise: pick", ["redefined adaptation/course otherwise"]),
     ("battery < 5 percent", "battery < 6 percent", ["redefined adaptation/course always"]),
     ("share_of: lifted, over: 30 s", "share_of: lifted, over: 40 s", ["redefined context/burden share_of"]),
-    ("for: 5 s, ", "", ["redefined adaptation/course always"]),
+    ("held: lifted, for: 5 s", "held: lifted, for: 6 s", ["redefined context/stuck held"]),
+    ("percent, for: 5 s, ", "percent, ", ["redefined adaptation/course always"]),
     ("hold: 2 s", "hold: 3 s", ["redefined action/wait hold"]),
     (
         "    of: robot\n",
@@ -107,6 +108,7 @@ def test_only_entries_that_differ_are_shown(tmp_path: Path) -> None:
     ("old", "new", "values"),
     [
         ("share_of: lifted, over: 30 s", "share_of: lifted, over: 40 s", "was lifted over 30 s, is lifted over 40 s"),
+        ("held: lifted, for: 5 s", "held: lifted, for: 6 s", "was lifted for 5 s, is lifted for 6 s"),
         ("counts: falling, ", "", "was battery over 120 s, counts falling, is battery over 120 s"),
         ("hold: 2 s", "hold: 3 s", "was 2 s, is 3 s"),
     ],

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from codra_dsl.language.behavior_trees import CheckedForest
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.fuzzy.model import Engine, Term
-from codra_dsl.language.model import Adaptation, Loop, Output, TreeElement, Variable
+from codra_dsl.language.model import Adaptation, Loop, Output, RateKind, TreeElement, Variable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,13 +56,13 @@ class CheckedStage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedRate:
-    """A rate or a share. `factor` converts a change of 1 per second to the unit of the rate."""
+    """A rate, a share or a held bool. `factor` converts a change of 1 per second to the unit of the rate."""
 
     variable: Variable
     of: str
     over_s: float
     factor: float
-    is_share: bool
+    kind: RateKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,7 +50,7 @@ def variable_references(spec_index: SpecIndex) -> Iterator[tuple[Reference, str,
             yield entry.variable, "perception", algorithm.name, "identifies"
     for variable in spec_index.spec.context:
         if variable.rate is not None:
-            yield variable.rate.of, "context", variable.name, variable.rate.key
+            yield variable.rate.of, "context", variable.name, variable.rate.kind.value
     for adaptation in spec_index.spec.adaptation:
         if isinstance(adaptation.does, Parameter):
             yield adaptation.does.variable, "adaptation", adaptation.name, "set"

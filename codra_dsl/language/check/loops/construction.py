@@ -131,9 +131,7 @@ def _rate(spec_index: SpecIndex, variable: Variable) -> CheckedRate:
     factor = rate_factor(variable, base_variable)
     assert factor is not None
     rate = variable.rate
-    return CheckedRate(
-        variable=variable, of=base_variable.name, over_s=rate.over_s, factor=factor, is_share=rate.is_share
-    )
+    return CheckedRate(variable=variable, of=base_variable.name, over_s=rate.over_s, factor=factor, kind=rate.kind)
 
 
 def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:

@@ -5,7 +5,7 @@ Inputs of rules have ranges, rates are computed from numbers, and adaptations se
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from codra_dsl.language.check.index.parsed_rules import defuzzifier_of, output_terms, range_of
 from codra_dsl.language.check.index.rules import finding
@@ -14,7 +14,7 @@ from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.fuzzy.model import Term
 from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge, Shape
 from codra_dsl.language.load.elements.loops import snake_case
-from codra_dsl.language.model import ADAPTER, ANALYST, Course, Kind, Parameter, Variable
+from codra_dsl.language.model import ADAPTER, ANALYST, Course, Kind, Parameter, RateKind, Variable
 from codra_dsl.language.units import ONE, UNITS, Unit, convert, parse_unit
 
 _NUMERIC_KINDS = (Kind.INT, Kind.FLOAT)
@@ -80,7 +80,7 @@ def unfit_outputs(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
 
 
 def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """A rate is computed from a number that loops do not compute, and that keeps enough readings; a share from a bool.
+    """A rate is computed from a number that agents write and that keeps enough readings; other kinds from a bool.
 
     The unit of the rate is the unit of this number per time. A share is a number from 0 to 1.
     """
@@ -88,16 +88,19 @@ def unfit_rates(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagn
         if variable.rate is None or not faults.is_sound("context", variable.name):
             continue
         base_variable = spec_index.variables.get(variable.rate.of.name)
-        keys = ("type", "unit", "range", variable.rate.key)
+        keys = ("type", "unit", "range", variable.rate.kind.value)
         if base_variable is None or not all(
             spec_index.is_readable("context", declared_variable.name, *keys)
             for declared_variable in (variable, base_variable)
         ):
             continue
-        find_problems = _share_problems if variable.rate.is_share else _rate_problems
-        for message, help, key in find_problems(variable, base_variable):
+        for message, help, key in _PROBLEM_FINDERS[variable.rate.kind](variable, base_variable):
             place = variable.places.get(key, variable.place)
             yield finding("unfit-rate", message, place, path=f"context.{variable.name}.{key}", help=help)
+
+
+_COMPUTED_TEXT = "which loops compute"
+_COMPUTED_HELP = "write the name of a variable that agents write"
 
 
 def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tuple[str, str, str]]:
@@ -112,11 +115,7 @@ def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tupl
         )
         return
     if base_variable.rate is not None or base_variable.is_derived:
-        yield (
-            f"{subject} is the rate of '{base_variable.name}', which loops compute",
-            "write the name of a variable that agents write",
-            "rate_of",
-        )
+        yield f"{subject} is the rate of '{base_variable.name}', {_COMPUTED_TEXT}", _COMPUTED_HELP, "rate_of"
     if variable.type.kind is not Kind.FLOAT:
         yield f"{subject} is a rate, but not a float", "write 'type: float'", "type"
     elif rate_factor(variable, base_variable) is None:
@@ -141,6 +140,8 @@ def _share_problems(variable: Variable, base_variable: Variable) -> Iterator[tup
     if base_variable.type.kind is not Kind.BOOL:
         message = f"{subject} is the share of time of '{base_variable.name}', which is not a bool"
         yield message, "write the name of a bool", "share_of"
+    elif base_variable.rate is not None:
+        yield f"{subject} is the share of time of '{base_variable.name}', {_COMPUTED_TEXT}", _COMPUTED_HELP, "share_of"
     range_ends = variable.type.range
     if variable.type.kind is not Kind.FLOAT or variable.type.unit is not None:
         yield f"{subject} is a share of time, but not a float without a unit", "write 'type: float'", "type"
@@ -148,15 +149,34 @@ def _share_problems(variable: Variable, base_variable: Variable) -> Iterator[tup
         yield f"{subject} is a share of time, from 0 to 1, but has another range", "write 'range: [0, 1]'", "range"
 
 
+def _held_problems(variable: Variable, base_variable: Variable) -> Iterator[tuple[str, str, str]]:
+    subject = f"context-variable '{variable.name}'"
+    if [source.name for source in variable.sources] != [ANALYST]:
+        yield f"{subject} states whether a bool was held, which loops compute", "remove 'source'", "source"
+    if base_variable.type.kind is not Kind.BOOL:
+        message = f"{subject} states for how long '{base_variable.name}' is true, which is not a bool"
+        yield message, "write the name of a bool", "held"
+    elif base_variable.rate is not None:
+        yield f"{subject} states for how long '{base_variable.name}' is true, {_COMPUTED_TEXT}", _COMPUTED_HELP, "held"
+    if variable.type.kind is not Kind.BOOL:
+        yield f"{subject} states whether a bool was held, but is not a bool", "write 'type: bool'", "type"
+
+
+_PROBLEM_FINDERS: Mapping[RateKind, Callable[[Variable, Variable], Iterator[tuple[str, str, str]]]] = {
+    RateKind.RATE: _rate_problems,
+    RateKind.SHARE: _share_problems,
+    RateKind.HELD: _held_problems,
+}
+
 _MIN_READINGS = 2
 
 
 def rate_factor(variable: Variable, base_variable: Variable) -> float | None:
     """Return the factor to convert a change of 1 per second to the unit of the rate; None if the units do not fit.
 
-    The factor of a share is 1.
+    The factor of a share and of a held bool is 1.
     """
-    if variable.rate is not None and variable.rate.is_share:
+    if variable.rate is not None and variable.rate.kind is not RateKind.RATE:
         return 1.0
     base_unit, rate_unit = _unit(base_variable), _unit(variable)
     if base_unit is None or rate_unit is None:
@@ -206,9 +226,13 @@ def unfit_parameters(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
 
 def senseless_times(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The times and the lead of a course are useful, and its rules and `otherwise` name only actions under `choose`."""
+    own_holds_s = {action.name: action.hold_s for action in spec_index.spec.actions if action.hold_s is not None}
     for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
-        for key, message, help in _time_problems(does, adaptation.dwell_s) if isinstance(does, Course) else ():
+        if not isinstance(does, Course):
+            continue
+        holds_s = [own_holds_s.get(action.name, does.hold_s) for action in does.choose] or [does.hold_s]
+        for key, message, help in (*_course_problems(does), *_useless_times(does, adaptation.dwell_s, holds_s)):
             is_readable = spec_index.is_readable("adaptation", adaptation.name, key, "choose")
             if is_readable and faults.is_sound("adaptation", adaptation.name):
                 place = adaptation.places.get(key, adaptation.place)
@@ -216,13 +240,11 @@ def senseless_times(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[D
                 yield finding("senseless-filter", message, place, path=path, help=help)
 
 
-def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, str]]:
+def _course_problems(course: Course) -> Iterator[tuple[str, str, str]]:
     if not 0.0 <= course.lead < 1.0:
         message = f"a lead of {course.lead:g} is never reached: weights go from 0 to 1"
         message = message if course.lead >= 1.0 else f"a lead of {course.lead:g} is negative"
         yield "lead", message, "write a number from 0 to below 1"
-    if course.hold_s > dwell_s > 0.0:
-        yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
     action_names = [reference.name for reference in course.choose]
     if course.otherwise.name and course.otherwise.name not in action_names:
         message = f"'{course.otherwise.name}' is not one of the actions under 'choose'"
@@ -230,6 +252,23 @@ def _time_problems(course: Course, dwell_s: float) -> Iterator[tuple[str, str, s
     for rule in course.always:
         if rule.action.name not in action_names:
             yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"
+
+
+def _useless_times(course: Course, dwell_s: float, holds_s: Sequence[float]) -> Iterator[tuple[str, str, str]]:
+    """Yield the times of a course that change no choice, because the hold of each action, or the dwell, is longer.
+
+    A lead begins at a switch of the course at the earliest. `holds_s` has the holds of the actions.
+    """
+    min_hold_s = min(holds_s)
+    if min_hold_s > dwell_s > 0.0 and course.hold_s in holds_s:
+        yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
+    elif min_hold_s > dwell_s > 0.0:
+        message = "the 'hold' of each action is longer than 'dwell', which makes 'dwell' useless"
+        yield "dwell", message, "make 'dwell' longer, or remove it"
+    if 0.0 < course.cooldown_s <= max(dwell_s, min_hold_s):
+        longer_text = "'dwell'" if course.cooldown_s <= dwell_s else "'hold'"
+        message = f"'cooldown' is not longer than {longer_text}, which makes 'cooldown' useless"
+        yield "cooldown", message, f"make 'cooldown' longer than {longer_text}, or remove it"
 
 
 LOOP_TYPE_CHECKS = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)

@@ -28,9 +28,22 @@ from codra_dsl.language.expression import (
     variables_in,
     walk,
 )
-from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, filtered_weight_name, weight_name
+from codra_dsl.language.model import (
+    ADAPTER,
+    FOREVER_S,
+    Course,
+    Parameter,
+    RateKind,
+    filtered_weight_name,
+    weight_name,
+)
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
+_RATE_REASONS = {
+    RateKind.RATE: "a rate is known only while readings span half of 'over'",
+    RateKind.SHARE: "a share is known only while readings span half of 'over'",
+    RateKind.HELD: "it is known only after its bool was known for the time under 'for'",
+}
 _ZERO = Number(start=0, end=0, value=0.0, unit=None)
 
 
@@ -164,7 +177,7 @@ class _Reasons:
         if variable.is_derived:
             return "in some cases no rule fires" if _can_be_silent(spec_index, self._faults, name) else ""
         if variable.rate is not None:
-            return f"a {'share' if variable.rate.is_share else 'rate'} is known only while readings span half of 'over'"
+            return _RATE_REASONS[variable.rate.kind]
         if not spec_index.is_readable("context", name, *_VARIABLE_KEYS):
             return ""
         if variable.valid_for_s < FOREVER_S:

@@ -33,6 +33,7 @@ from codra_dsl.language.model import (
     Parameter,
     Phrase,
     Rate,
+    RateKind,
     Reference,
     Repeat,
     TreeElement,
@@ -56,16 +57,16 @@ SHAPES = {
 
 
 def read_rate(reader: Reader) -> Rate | None:
-    """Return the rate or the share that a context-variable declares, or None."""
-    key = next((key for key in ("rate_of", "share_of") if key in reader.node.entries), None)
-    if key is None:
+    """Return the rate, the share or the held bool that a context-variable declares, or None."""
+    kind = next((kind for kind in RateKind if kind.value in reader.node.entries), None)
+    if kind is None:
         return None
     counts = reader.scalar("counts")
     return Rate(
-        of=_read_reference(reader, key),
-        over_s=reader.duration_s("over", 0.0),
+        of=_read_reference(reader, kind.value),
+        over_s=reader.duration_s("for" if kind is RateKind.HELD else "over", 0.0),
         is_falling=counts is not None and counts.text == "falling",
-        is_share=key == "share_of",
+        kind=kind,
     )
 
 
