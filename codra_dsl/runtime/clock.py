@@ -34,7 +34,6 @@ __all__ = [
     "Outcome",
     "SimClock",
     "Timer",
-    "TimerQueue",
     "WallClock",
     "Work",
 ]
