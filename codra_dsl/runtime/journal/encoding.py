@@ -157,16 +157,17 @@ def event_of(kind: Kind, data: bytes) -> Event:
     instant_s, name, what = fields.pop("instant_s"), fields.pop("name"), fields.pop("what")
     if kind in _KINDS_ON_SHARED_TOPICS and isinstance(fields.get("value"), str):
         fields["value"] = parse_json(fields["value"])
-    if kind is Kind.OVERRIDE or (kind is Kind.INPUT and (kind, what) in _FIELDS_OF_OVERRIDES):
-        _check_override(kind, what, fields)
-    return Event(float(instant_s), kind, str(name), str(what), fields)
+    event = Event(float(instant_s), kind, str(name), str(what), fields)
+    if kind is Kind.OVERRIDE or (kind is Kind.INPUT and (kind, event.what) in _FIELDS_OF_OVERRIDES):
+        _check_override(event)
+    return event
 
 
-def _check_override(kind: Kind, what: object, fields: Mapping[str, Any]) -> None:
+def _check_override(event: Event) -> None:
     """Refuse an event of an override that no run has written, because `why` and replay rely on its fields."""
-    required_fields = _FIELDS_OF_OVERRIDES.get((kind, str(what)))
+    required_fields, fields = _FIELDS_OF_OVERRIDES.get((event.kind, event.what)), event.details
     if required_fields is None:
-        raise MalformedEventError(f"{what!r:.60} is no event of an override")
+        raise MalformedEventError(f"{event.what!r:.60} is no event of an override")
     for key, expected in {**required_fields, "value": "a value", "reason": "a reason"}.items():
         if not _FIELD_CHECKS[expected](fields.get(key)):
             field_text = f"not {fields[key]!r:.60}" if key in fields else "but it is missing"
