@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from codra_dsl.integrations.inspection.sweep_pictures import Axis
     from codra_dsl.integrations.inspection.sweeps import Subject
     from codra_dsl.language.model import Variable
+    from codra_dsl.runtime.loops.sweep import Sweep
     from codra_dsl.runtime.values.conditions import Value
 
 
@@ -110,14 +111,18 @@ def _choose_format(output: Path | None) -> SweepFormat:
 def _render(
     subject: Subject, vary: Sequence[str], value_options: Sequence[str], steps: int, sweep_format: SweepFormat
 ) -> str | bytes:
-    from codra_dsl.integrations.inspection.sweeps import SweepError, held, varied
+    from codra_dsl.integrations.inspection.sweeps import SweepError, check_given, held, needed, varied
 
     try:
         input_values = held(subject, value_options)
+        given_names = [name for name, value in input_values.items() if value is not None]
+        check_given(subject, given_names)
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--with") from error
     try:
         varied_inputs = [varied(subject, vary_option, steps) for vary_option in vary]
+        given_names += [variable.name for variable, _ in varied_inputs]
+        check_given(subject, given_names)
     except SweepError as error:
         raise typer.BadParameter(str(error), param_hint="--vary") from error
     for variable, _ in varied_inputs:
@@ -127,6 +132,7 @@ def _render(
         ):
             message = f"'{variable.name}' is varied: give it only once, and not with --with"
             raise typer.BadParameter(message, param_hint="--vary")
+    input_values = needed(subject, input_values, given_names)
     return (
         _draw(subject, input_values, varied_inputs, steps)
         if sweep_format is SweepFormat.SVG
@@ -141,15 +147,21 @@ def _render_text(
     sweep_format: SweepFormat,
 ) -> str:
     from codra_dsl.integrations.inspection.sweeps import inputs_json, inputs_text, sweep_json
-    from codra_dsl.runtime.loops.sweep import sweep
 
     if not varied_inputs:
         return inputs_json(subject) if sweep_format is SweepFormat.JSON else inputs_text(subject)
-    ((variable, values),) = varied_inputs
-    sweep_result = sweep(
-        subject.model, subject.course, input_values, variable.name, values, unit=variable.type.unit or ""
-    )
+    sweep_result = _sweep(subject, input_values, *varied_inputs[0])
     return sweep_json(sweep_result) if sweep_format is SweepFormat.JSON else f"{sweep_result}\n"
+
+
+def _sweep(
+    subject: Subject, input_values: dict[str, Value | None], variable: Variable, values: Sequence[Value]
+) -> Sweep:
+    from codra_dsl.runtime.loops.sweep import sweep
+
+    unit = variable.type.unit or ""
+    arguments = (subject.model, subject.course, input_values, variable.name, values)
+    return sweep(*arguments, unit=unit, variables=subject.variables)
 
 
 def _draw(
@@ -164,20 +176,16 @@ def _draw(
         say(f"codra: '--format svg' needs {error.name}: {pip_install(DSL, 'viz')}")
         raise typer.Exit(ExitCode.FAILED) from error
     from codra_dsl.integrations.inspection.sweeps import varied
-    from codra_dsl.runtime.loops.sweep import surface, sweep
+    from codra_dsl.runtime.loops.sweep import surface
 
     axes = [_axis(subject, variable, values) for variable, values in varied_inputs]
     if len(varied_inputs) == _MAX_VARIED_INPUTS:
         horizontal_input, vertical_input = ((variable.name, values) for variable, values in varied_inputs)
-        return surfaces_svg(
-            surface(subject.model, subject.course, input_values, horizontal_input, vertical_input), *axes
-        )
+        inputs = (input_values, horizontal_input, vertical_input)
+        rows = surface(subject.model, subject.course, *inputs, variables=subject.variables)
+        return surfaces_svg(rows, *axes)
     if varied_inputs:
-        ((variable, values),) = varied_inputs
-        sweep_result = sweep(
-            subject.model, subject.course, input_values, variable.name, values, unit=variable.type.unit or ""
-        )
-        return sweep_svg(sweep_result, axes[0])
+        return sweep_svg(_sweep(subject, input_values, *varied_inputs[0]), axes[0])
     input_names = [name for name in subject.inputs if (terms := subject.terms(name)) is not None and not terms.members]
     if not input_names:
         say(f"codra: no input of '{subject.name}' has terms of its own: use --vary to draw something")

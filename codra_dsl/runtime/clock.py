@@ -90,6 +90,41 @@ class Timer:
         self.take()()
 
 
+class TimerQueue:
+    """Scheduled events, in the order of their instants and, at the same instant, of their numbers.
+
+    A cancelled event never comes first, and most cancelled events leave the memory long before their instants.
+    """
+
+    __slots__ = ("_entries", "_max_entries")
+
+    def __init__(self) -> None:
+        self._entries: list[tuple[float, int, Timer]] = []
+        self._max_entries = _MIN_EVENTS_TO_CLEAN
+
+    def add(self, timer: Timer, number: int) -> None:
+        """Add an event; each event has another number."""
+        heapq.heappush(self._entries, (timer.instant_s, number, timer))
+        if len(self._entries) > self._max_entries:
+            self._entries = [entry for entry in self._entries if not entry[2].is_cancelled]
+            heapq.heapify(self._entries)
+            self._max_entries = max(_MIN_EVENTS_TO_CLEAN, 2 * len(self._entries))
+
+    def next_s(self) -> float:
+        """Return the instant of the first event; infinity if there is none."""
+        entries = self._entries
+        while entries:
+            instant_s, _, timer = entries[0]
+            if not timer.is_cancelled:
+                return instant_s
+            heapq.heappop(entries)
+        return math.inf
+
+    def pop(self) -> Timer:
+        """Remove the first event, whose instant `next_s` has returned, and return it."""
+        return heapq.heappop(self._entries)[2]
+
+
 class Work(ABC):
     """A piece of work, with its own time."""
 
@@ -191,7 +226,7 @@ class SimClock(Clock):
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now_s = start_s
-        self._events: list[tuple[float, int, Timer]] = []
+        self._events = TimerQueue()
         self._event_count = 0
         self._is_inside_event = False
         self._thread = threading.get_ident()
@@ -205,7 +240,7 @@ class SimClock(Clock):
         self._check_thread()
         timer = Timer(max(instant_s, self._now_s), callback)
         if instant_s < math.inf:
-            heapq.heappush(self._events, (timer.instant_s, self._event_count, timer))
+            self._events.add(timer, self._event_count)
             self._event_count += 1
         return timer
 
@@ -213,8 +248,7 @@ class SimClock(Clock):
         """Schedule an event after all other events of its instant, including events that are scheduled later."""
         self._check_thread()
         self._event_count += 1
-        timer = Timer(max(instant_s, self._now_s), callback)
-        heapq.heappush(self._events, (timer.instant_s, _LAST_EVENTS_OFFSET + self._event_count, timer))
+        self._events.add(Timer(max(instant_s, self._now_s), callback), _LAST_EVENTS_OFFSET + self._event_count)
 
     def sleep(self, duration_s: float) -> None:
         """Let `duration_s` seconds pass, and run all events in this time, including those at its start and end."""
@@ -230,7 +264,8 @@ class SimClock(Clock):
             raise RuntimeError("an event (a perception function, a callback) must not wait on the clock: use job.sleep")
         end_s = self._now_s + _checked_duration(timeout_s)
         while not is_ready():
-            if not self._events or self._events[0][0] > end_s:
+            next_s = self._events.next_s()
+            if next_s > end_s or next_s == math.inf:
                 if end_s == math.inf:
                     raise RuntimeError("this would wait forever: no event is left that could end it")
                 self._now_s = end_s
@@ -253,8 +288,8 @@ class SimClock(Clock):
         return work
 
     def _run_next_event(self) -> None:
-        self._now_s, _, timer = heapq.heappop(self._events)
-        self._is_inside_event = True
+        timer = self._events.pop()
+        self._now_s, self._is_inside_event = timer.instant_s, True
         try:
             timer.fire()
         finally:
@@ -298,8 +333,7 @@ class WallClock(Clock):
         """
         self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
         self._condition = threading.Condition(new_lock())
-        self._events: list[tuple[float, int, Timer]] = []
-        self._max_events = _MIN_EVENTS_TO_CLEAN
+        self._events = TimerQueue()
         self._event_count = 0
         self._waiter_count = 0
         self._is_closed = False
@@ -332,10 +366,8 @@ class WallClock(Clock):
         timer = Timer(instant_s, callback)
         if instant_s < math.inf:
             with self._condition:
-                heapq.heappush(self._events, (instant_s, self._event_count, timer))
+                self._events.add(timer, self._event_count)
                 self._event_count += 1
-                if len(self._events) > self._max_events:
-                    self._remove_cancelled_events()
                 self._condition.notify_all()
         return timer
 
@@ -375,12 +407,6 @@ class WallClock(Clock):
         threading.Thread(target=run_and_deliver, name="codra-work", daemon=True).start()
         return work
 
-    def _remove_cancelled_events(self) -> None:
-        """Remove cancelled events, which would otherwise stay in memory until their instants."""
-        self._events = [event for event in self._events if not event[2].is_cancelled]
-        heapq.heapify(self._events)
-        self._max_events = max(_MIN_EVENTS_TO_CLEAN, 2 * len(self._events))
-
     def _dispatch(self) -> None:
         while (timer := self._next_due_timer()) is not None:
             try:
@@ -395,10 +421,11 @@ class WallClock(Clock):
     def _next_due_timer(self) -> Timer | None:
         with self._condition:
             while not self._is_closed:
-                wait_s = self._events[0][0] - self.now_s() if self._events else None
-                if wait_s is not None and wait_s <= 0:
-                    return heapq.heappop(self._events)[2]
-                self._condition.wait(None if wait_s is None else min(wait_s, _LONGEST_WAIT_S))
+                next_s = self._events.next_s()
+                wait_s = next_s - self.now_s()
+                if wait_s <= 0:
+                    return self._events.pop()
+                self._condition.wait(None if next_s == math.inf else min(wait_s, _LONGEST_WAIT_S))
         return None
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
-from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, Work
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, TimerQueue, Work
 
 
 class LockedClock(Clock):
@@ -34,7 +34,7 @@ class LockedClock(Clock):
         self._is_owned: Callable[[], bool] = lock._is_owned
         self._release: Callable[..., None] = lock.__exit__
         self._is_step = False  # whether the thread that has the lock is in a step
-        self._timers: list[tuple[float, int, Timer]] = []
+        self._timers = TimerQueue()
         self._event_count = 0
         self._step_instant_s = -math.inf
         self._running_work_number: int | None = None
@@ -80,11 +80,13 @@ class LockedClock(Clock):
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
         """Schedule an event that runs while the lock is held; the caller must hold the lock."""
-        timer = Timer(max(instant_s, self.now_s()), callback)
-        if instant_s < math.inf:
-            heapq.heappush(self._timers, (timer.instant_s, self._event_count, timer))
-            self._event_count += 1
-            self._outer_clock.call_at(timer.instant_s, self._run_next_event)
+        due_s = max(instant_s, self.now_s())
+        if instant_s == math.inf:
+            return Timer(due_s, callback)
+        timer = _LockedTimer(due_s, callback, self)
+        self._timers.add(timer, self._event_count)
+        self._event_count += 1
+        timer.outer_timer = self._outer_clock.call_at(due_s, partial(self._run_next_event, due_s))
         return timer
 
     def wait_until(self, is_ready: Callable[[], bool], timeout_s: float) -> bool:
@@ -127,14 +129,16 @@ class LockedClock(Clock):
             else {"step": self.step_count, "work": self._running_work_number}
         )
 
-    def _run_next_event(self) -> None:
-        """Run the first due event.
+    def _run_next_event(self, due_s: float) -> None:
+        """Run the first due event, if there is one: the event of this call may have been cancelled meanwhile.
 
         The event counts as happening at its time, unless this time is over by more than `PUNCTUALITY_TOLERANCE_S`.
         """
         with self._lock:
-            instant_s, _, timer = heapq.heappop(self._timers)
-            now_s = self._outer_clock.now_s()
+            now_s, instant_s = self._outer_clock.now_s(), self._timers.next_s()
+            if instant_s > max(now_s, due_s):
+                return
+            timer = self._timers.pop()
             is_late = now_s > instant_s + PUNCTUALITY_TOLERANCE_S
             self._step_instant_s = max(self._step_instant_s, now_s if is_late else instant_s)
             self._is_step = True
@@ -142,6 +146,29 @@ class LockedClock(Clock):
                 self.on_late_event()
             self.step_count += 1
             timer.fire()
+
+
+class _LockedTimer(Timer):
+    """An event of a `LockedClock`. Whoever cancels it holds the lock.
+
+    A cancelled event is no step. If it is due already, it stays a step, without an effect: a replay, which does not
+    know when a thread got the lock, makes the same steps.
+    """
+
+    __slots__ = ("_clock", "outer_timer")
+
+    def __init__(self, instant_s: float, callback: Callable[[], None], clock: LockedClock) -> None:
+        super().__init__(instant_s, callback)
+        self._clock = clock
+        self.outer_timer: Timer | None = None
+
+    def cancel(self) -> None:
+        if self.instant_s <= self._clock.now_s():
+            self._callback = _no_op
+            return
+        super().cancel()
+        if self.outer_timer is not None:
+            self.outer_timer.cancel()
 
 
 class WithoutStep:

@@ -148,7 +148,7 @@ def _robot_attributes() -> tuple[AttributeModel, ...]:
         _attribute("pose_spread", real(0, 10, unit="m"), "localisation", valid_for_s=5.0),
         _attribute("loaded", boolean(), "fork"),
         _attribute("container_load", member(*LOADS), "picker_page"),
-        _attribute("max_speed", real(0, 1.5, unit="m/s"), "adaptation"),
+        _attribute("max_speed", real(0, 1.5, unit="m/s"), "adaptation", valid_for_s=5.0),
     )
 
 

@@ -500,6 +500,7 @@ KNOWLEDGE = KnowledgeModel(
                     name="max_speed",
                     type=real(0, 1.5, unit="m/s"),
                     sources=by("adaptation"),
+                    valid_for_s=5.0,
                     label="Maximum speed",
                 ),
                 AttributeModel(

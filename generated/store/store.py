@@ -81,7 +81,13 @@ VARIABLES: tuple[VariableModel, ...] = (
         label="Load of the container",
         sources=("picker_page",),
     ),
-    VariableModel(name="max_speed", type=real(0, 1.5, unit="m/s"), label="Maximum speed", sources=("adaptation",)),
+    VariableModel(
+        name="max_speed",
+        type=real(0, 1.5, unit="m/s"),
+        label="Maximum speed",
+        sources=("adaptation",),
+        valid_for_s=5.0,
+    ),
     VariableModel(
         name="goal_way",
         type=member("forward", "backward"),

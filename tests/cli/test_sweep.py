@@ -107,11 +107,11 @@ def of_store(store: Subject, vary: str, steps: int, **known: str) -> Sweep:
         "battery_drain": "0.5",
         "container_load": "empty",
         "people_at_container": "0",
-        "full_on_fork": "false",
     }
     variable, values = varied(store, vary, steps)
     given = held(store, [f"{name}={value}" for name, value in (usual | known).items()])
-    return sweep(store.model, store.course, given, variable.name, values, unit=variable.type.unit or "")
+    arguments = (store.model, store.course, given, variable.name, values)
+    return sweep(*arguments, unit=variable.type.unit or "", variables=store.variables)
 
 
 def assert_explained(sweep_result: Sweep) -> None:
@@ -176,9 +176,9 @@ def test_with_few_values_too_a_hard_rule_explains_only_a_switch_at_its_limit(sto
 
 @pytest.mark.parametrize("order_open", ["false", "true"])
 def test_in_the_store_a_full_container_is_delivered(store: Subject, order_open: str) -> None:
-    result = of_store(store, "full_on_fork", 1, loaded="true", container_load="full", order_open=order_open)
+    result = of_store(store, "loaded", 1, container_load="full", order_open=order_open)
 
-    assert [row.value for row in result.rows] == [False, True]
+    assert [(row.value, row.derived["full_on_fork"]) for row in result.rows] == [(False, False), (True, True)]
     assert result.rows[-1].action == "deliver"
     assert result.trends["safety"] is Trend.CONSTANT
     assert_explained(result)
@@ -245,6 +245,54 @@ def test_a_comparison_with_poses_is_an_input_by_its_own_text(truck: Path) -> Non
     assert f"{near} = true" in printed.splitlines()[0]
 
 
+GUESTS = """\
+  guests: {type: int, range: [0, 9], derived: visitors + 1 if tripped else visitors, terms: {many: ramp 2 4}}
+"""
+
+
+@pytest.fixture
+def guests(truck: Path) -> Path:
+    """The truck whose rules read a derived variable in place of one of its inputs."""
+    truck.write_text(TRUCK.replace("visitors is", "guests is").replace("agents:", f"{GUESTS}agents:"))
+    return truck
+
+
+def test_a_derived_variable_follows_from_the_inputs_that_are_varied_and_given(guests: Path) -> None:
+    assert (
+        swept(
+            guests, "--vary", "visitors=0..4", "--with", "distance=9", "--with", "load=empty", "--with", "tripped=false"
+        )
+        == """\
+with distance = 9, load = empty, tripped = false
+visitors  guests  safety      go    wait  action
+       0       0  0.8143  0.8143  0.1857      go
+       1       1  0.8143  0.8143  0.1857      go
+       2       2  0.8143  0.8143  0.1857      go
+       3       3     0.5  0.1857  0.8143    wait
+       4       4  0.1857  0.1857  0.8143    wait
+go -> wait between 2 and 3:
+  if safety is high and load is empty then weight_of_go is high: 1 -> 3.7e-16  [truck.yaml:17]
+  if distance is close or guests is many then safety is low: 0 -> 0.5  [truck.yaml:13]
+safety is monotone: it never rises
+"""
+    )
+    assert "       1  unknown  0.1836" in swept(guests, "--vary", "visitors=1,2", "--with", "distance=9")
+
+
+def test_a_derived_variable_can_be_given_in_place_of_its_inputs_but_not_together_with_them(guests: Path) -> None:
+    result = json.loads(swept(guests, "--vary", "guests=0,8", "--with", "distance=9", *CALM[2:4], "--format", "json"))
+    assert [(row["value"], row["action"], row["derived"]) for row in result["rows"]] == [(0, "go", {}), (8, "wait", {})]
+    message = "'guests' follows from 'visitors': give a value for only one of them"
+    assert refused(guests, "--vary", "guests", "--with", "visitors=2") == f"--vary: {message}"
+    assert refused(guests, "--vary", "load", "--with", "guests=1", "--with", "visitors=2") == f"--with: {message}"
+    assert "guests    0..9         terms many; follows from tripped, visitors\n" in swept(guests)
+
+
+def test_a_switch_over_whole_numbers_lies_between_two_of_them(truck: Path) -> None:
+    printed = swept(truck, "--vary", "visitors=0,8", "--with", "distance=9", *CALM[2:])
+    assert "go -> wait between 2 and 3:\n" in printed
+
+
 def test_an_input_without_a_value_is_unknown(truck: Path) -> None:
     assert (
         swept(truck, "--vary", "visitors=0,4", "--with", "load=empty", "--with", "tripped=unknown")
@@ -294,6 +342,7 @@ def test_the_inputs_are_listed_as_json_too(truck: Path) -> None:
         "range": [0.0, 10.0],
         "members": [],
         "terms": ["close"],
+        "follows_from": [],
     }
 
 

@@ -13,9 +13,12 @@ from codra_dsl.cli.console import ExitCode, harmless_text, say
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.remote import RemoteContext
+    from codra_dsl.runtime.values.model import ValueType
 
 _TRUTH_VALUES = {"true": True, "false": False}
-_INTEGER = re.compile(r"[+-]?[0-9]{1,18}")
+_PORT = re.compile(r"[0-9]{1,5}")
+_INTEGER = re.compile(r"[+-]?[0-9]{1,100}")
+_NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf)")
 
 
 def override_command(
@@ -51,19 +54,8 @@ def override_command(
 
 
 def _override(codra: RemoteContext, variable: str, value: str | None, for_s: float, reason: str) -> None:
-    """Override a variable; a value that looks like a number or a truth value can also be a text."""
-    from codra_dsl.runtime import NotOfTypeError
-
-    read_value = None if value is None else _read_value(value)
-    try:
-        codra.override(variable, read_value, for_s=for_s, reason=reason)
-    except NotOfTypeError:
-        if isinstance(read_value, str) or value is None:
-            raise
-        try:
-            codra.override(variable, value, for_s=for_s, reason=reason)
-        except NotOfTypeError:
-            codra.override(variable, read_value, for_s=for_s, reason=reason)  # for its message
+    content = None if value is None else _read_value(value, variable, codra.describe(variable))
+    codra.override(variable, content, for_s=for_s, reason=reason)
 
 
 def _request(address: str, send: Callable[[RemoteContext], None]) -> None:
@@ -71,7 +63,7 @@ def _request(address: str, send: Callable[[RemoteContext], None]) -> None:
     from codra_dsl.runtime.remote import RemoteContext, TokenError
 
     try:
-        with RemoteContext(int(address) if address.isdecimal() else address) as codra:
+        with RemoteContext(int(address) if _PORT.fullmatch(address) else address) as codra:
             send(codra)
     except (ConnectionError, TokenError, RuntimeError) as error:
         say(f"codra: {error}")
@@ -92,14 +84,48 @@ def _duration_s(text: str) -> float:
     return duration_s
 
 
-def _read_value(text: str) -> bool | int | float | str:
-    """Return the truth value or number that a text states; otherwise the text. NaN is no number."""
-    if text in _TRUTH_VALUES:
-        return _TRUTH_VALUES[text]
-    try:
-        number = float(text)
-    except ValueError:
+def _read_value(text: str, variable: str, value_type: ValueType) -> bool | int | float | str:
+    """Return the value of a variable that a text states. The manager checks its range and its members.
+
+    Raises:
+        ValueError: if the text is not a truth value or a number, although the variable has one.
+    """
+    if value_type.kind == "bool":
+        if text.casefold() not in _TRUTH_VALUES:
+            raise ValueError(f"'{text}' is no value of '{variable}': write true or false")
+        return _TRUTH_VALUES[text.casefold()]
+    if value_type.kind in ("str", "enum"):
         return text
+    number = _read_number(text, variable, value_type.unit)
+    is_whole = value_type.kind == "int" and isinstance(number, float) and number.is_integer()
+    return int(number) if is_whole else number
+
+
+def _read_number(text: str, variable: str, unit_text: str | None) -> int | float:
+    """Return a number in the unit of a variable."""
+    from codra_dsl.language.units import convert, parse_quantity, parse_unit
+
     if _INTEGER.fullmatch(text):
         return int(text)
-    return text if math.isnan(number) else number
+    if _NUMBER.fullmatch(text):
+        if math.isinf(number := float(text)) and "inf" not in text:
+            raise ValueError(f"{text[:60]} is too large")
+        return number
+    quantity, unit = parse_quantity(text.removeprefix("+")), parse_unit(unit_text or "")
+    if quantity is None:
+        raise ValueError(_not_a_number_text(text, variable, unit_text))
+    if unit is None or quantity.unit.dimension != unit.dimension:
+        unit_help = f"its unit is {unit_text}" if unit_text else f"it has no unit, so write {quantity.value}"
+        raise ValueError(f"'{text}' is no value of '{variable}': {unit_help}")
+    return convert(quantity.value, quantity.unit, unit)
+
+
+def _not_a_number_text(text: str, variable: str, unit_text: str | None) -> str:
+    from codra_dsl.language.units import units_help
+
+    if text.casefold() == "nan":
+        return f"write --unknown in place of '{text}' to make '{variable}' unknown"
+    match = re.fullmatch(rf"({_NUMBER.pattern})\s*(\S.*)", text)
+    if match is not None and unit_text:
+        return f"'{match[2]}' is not a unit: {units_help(match[2])}"
+    return f"'{text}' is no value of '{variable}': write a number{f' in {unit_text}' if unit_text else ''}"

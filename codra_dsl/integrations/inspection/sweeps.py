@@ -25,6 +25,8 @@ from codra_dsl.runtime.loops import CourseModel, InputModel, MapeModel
 from codra_dsl.runtime.loops.places import with_places
 from codra_dsl.runtime.loops.sweep import Sweep
 from codra_dsl.runtime.values.conditions import Value
+from codra_dsl.runtime.values.derived import DerivedCell, with_inputs
+from codra_dsl.runtime.values.model import VariableModel
 
 UNKNOWN = "unknown"
 
@@ -41,13 +43,27 @@ class Subject:
 
     Attributes:
         course: the course whose actions are compared; None if the spec has no course.
-        inputs: all variables that rules and hard rules read, except metrics. Each can be varied or have a fixed value.
+        inputs: all variables that rules and hard rules read, except metrics, and all inputs of the derived variables
+            among them. Each can be varied or have a fixed value.
+        read_names: the inputs that rules and hard rules read.
+        variables: the variables of the compiled spec.
     """
 
     name: str
     model: MapeModel
     course: CourseModel | None
     inputs: Mapping[str, Variable]
+    read_names: frozenset[str]
+    variables: Sequence[VariableModel]
+
+    def inputs_of(self, name: str) -> frozenset[str]:
+        """Return all inputs of a derived variable, also those of derived inputs; none for other variables."""
+        cells = {
+            variable.name: DerivedCell(variable.name, 1, variable.derived, variable.type, {})
+            for variable in self.variables
+            if variable.derived is not None
+        }
+        return with_inputs([name], cells) - {name}
 
     def input(self, name: str) -> Variable:
         """Return an input by its name.
@@ -87,7 +103,17 @@ def subject(plan: BuildPlan, folder: Path, course: str | None = None) -> Subject
     course_model = _course(model, course, spec.name)
     names = dict.fromkeys(_read_variable_names(mape, "" if course_model is None else course_model.name))
     variables = {variable.name: variable for variable in spec.context}
-    return Subject(name=spec.name, model=model, course=course_model, inputs={name: variables[name] for name in names})
+    read = Subject(
+        name=spec.name,
+        model=model,
+        course=course_model,
+        inputs={name: variables[name] for name in names},
+        read_names=frozenset(names),
+        variables=package.MODEL.variables,
+    )
+    further_names = frozenset().union(*map(read.inputs_of, names)) - names.keys()
+    inputs_of_derived = {name: variable for name, variable in variables.items() if name in further_names}
+    return dataclasses.replace(read, inputs={**read.inputs, **inputs_of_derived})
 
 
 def _course(model: MapeModel, requested_course: str | None, spec: str) -> CourseModel | None:
@@ -133,6 +159,25 @@ def held(subject: Subject, assignments: Sequence[str]) -> dict[str, Value | None
         variable = subject.input(name.strip())
         values[variable.name] = None if text.strip() == UNKNOWN else value_of(variable, text.strip())
     return values
+
+
+def needed(subject: Subject, values: Mapping[str, Value | None], given_names: Sequence[str]) -> dict[str, Value | None]:
+    """Return the values without those inputs that only a derived variable reads whose value is given or varied."""
+    derived_names = subject.read_names.difference(given_names)
+    names = subject.read_names.union(given_names, *map(subject.inputs_of, derived_names))
+    return {name: value for name, value in values.items() if name in names}
+
+
+def check_given(subject: Subject, given_names: Sequence[str]) -> None:
+    """Check that no value is given for a derived variable together with a value of one of its inputs.
+
+    Raises:
+        SweepError: if this is so; then the values could contradict each other.
+    """
+    for name in given_names:
+        given_input = next((other for other in given_names if other in subject.inputs_of(name)), None)
+        if given_input is not None:
+            raise SweepError(f"'{name}' follows from '{given_input}': give a value for only one of them")
 
 
 def varied(subject: Subject, assignment: str, steps: int) -> tuple[Variable, tuple[Value, ...]]:
@@ -242,7 +287,12 @@ def inputs_text(subject: Subject) -> str:
     for variable in subject.inputs.values():
         model = subject.terms(variable.name)
         terms = [] if model is None or model.members else list(model.terms)
-        lines.append((variable.name, _possible_values(variable), f"terms {', '.join(terms)}" if terms else ""))
+        inputs = [name for name in subject.inputs if name in subject.inputs_of(variable.name)]
+        notes = [
+            *([f"terms {', '.join(terms)}"] if terms else []),
+            *([f"follows from {', '.join(inputs)}"] if inputs else []),
+        ]
+        lines.append((variable.name, _possible_values(variable), "; ".join(notes)))
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     rows = ("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines)
     return "".join(f"{row}\n" for row in rows)
@@ -261,6 +311,7 @@ def inputs_json(subject: Subject) -> str:
                 "range": None if value_range is None else list(value_range),
                 "members": list(members(variable)),
                 "terms": [] if model is None or model.members else list(model.terms),
+                "follows_from": [name for name in subject.inputs if name in subject.inputs_of(variable.name)],
             }
         )
     return _json({"spec": subject.name, "inputs": inputs})

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from json.encoder import encode_basestring
@@ -17,6 +18,7 @@ from typing import Any
 
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.schemas import TOPICS, Kind
+from codra_dsl.runtime.values.cell import Reason
 
 _encode_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
@@ -25,6 +27,29 @@ _KINDS_ON_SHARED_TOPICS = frozenset(kind for kind, topic in TOPICS.items() if to
 
 _INFINITE = "infinite"
 _SIGNS = (1, -1)
+
+_MAX_NUMBER = sys.float_info.max
+
+_FIELDS_OF_OVERRIDES: Mapping[tuple[Kind, str], Mapping[str, str]] = {
+    (Kind.INPUT, "override"): {"variable": "a text", "for_s": "a number", "detail": "a text", "step": "an integer"},
+    (Kind.INPUT, "clear"): {"variable": "a text", "step": "an integer"},
+    (Kind.OVERRIDE, "begun"): {"until_s": "a number", "detail": "a text"},
+    (Kind.OVERRIDE, "expired"): {"source": "a text"},
+    (Kind.OVERRIDE, "cleared"): {"source": "a text"},
+}
+"""The fields that the events of overrides always have, and what they are."""
+
+_FIELD_CHECKS: Mapping[str, Callable[[Any], bool]] = {
+    "a text": lambda field: isinstance(field, str),
+    "a number": lambda field: type(field) in (int, float) and abs(field) <= _MAX_NUMBER,
+    "an integer": lambda field: type(field) is int,
+    "a value": lambda field: field is None or isinstance(field, (bool, int, float, str)),
+    "a reason": lambda field: field is None or field in tuple(Reason),
+}
+
+
+class MalformedEventError(ValueError):
+    """A message of a journal encodes an event that no run has written."""
 
 
 def message_of(event: Event) -> bytes:
@@ -123,6 +148,7 @@ def event_of(kind: Kind, data: bytes) -> Event:
     """Return the event that a message encodes.
 
     Raises:
+        MalformedEventError: if the message encodes an event of an override that no run has written.
         ValueError, KeyError, TypeError: if the message does not encode an event.
     """
     fields = json.loads(data)
@@ -131,7 +157,21 @@ def event_of(kind: Kind, data: bytes) -> Event:
     instant_s, name, what = fields.pop("instant_s"), fields.pop("name"), fields.pop("what")
     if kind in _KINDS_ON_SHARED_TOPICS and isinstance(fields.get("value"), str):
         fields["value"] = parse_json(fields["value"])
-    return Event(float(instant_s), kind, str(name), str(what), fields)
+    event = Event(float(instant_s), kind, str(name), str(what), fields)
+    if kind is Kind.OVERRIDE or (kind is Kind.INPUT and (kind, event.what) in _FIELDS_OF_OVERRIDES):
+        _check_override(event)
+    return event
+
+
+def _check_override(event: Event) -> None:
+    """Refuse an event of an override that no run has written, because `why` and replay rely on its fields."""
+    required_fields, fields = _FIELDS_OF_OVERRIDES.get((event.kind, event.what)), event.details
+    if required_fields is None:
+        raise MalformedEventError(f"{event.what!r:.60} is no event of an override")
+    for key, expected in {**required_fields, "value": "a value", "reason": "a reason"}.items():
+        if not _FIELD_CHECKS[expected](fields.get(key)):
+            field_text = f"not {fields[key]!r:.60}" if key in fields else "but it is missing"
+            raise MalformedEventError(f"'{key}' of an override is {expected}, {field_text}")
 
 
 def _restore_event_fields(fields: dict[str, Any]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from codra_dsl.runtime.journal.chunks import (
     select_messages,
     split_records,
 )
-from codra_dsl.runtime.journal.encoding import event_of
+from codra_dsl.runtime.journal.encoding import MalformedEventError, event_of
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.file_creation import MAGIC, is_being_written
 from codra_dsl.runtime.journal.limits import (
@@ -210,7 +210,8 @@ class JournalReader:
             if not math.isfinite(event.instant_s):
                 raise ValueError(f"{event.instant_s} is not an instant")
         except _MESSAGE_ERRORS as error:
-            self._add_damage(f"message {raw_message.message.sequence}: {type(error).__name__}: {error}")
+            error_text = str(error) if isinstance(error, MalformedEventError) else f"{type(error).__name__}: {error}"
+            self._add_damage(f"message {raw_message.message.sequence}: {error_text}")
             return None
         return event
 

@@ -7,9 +7,10 @@ the filter: it shows which action has the highest weight, not when the course sw
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.errors import unknown_name_error
@@ -17,6 +18,9 @@ from codra_dsl.runtime.loops.analysis import Assessment, RuleActivation, assess
 from codra_dsl.runtime.loops.courses import hard_rule
 from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel
 from codra_dsl.runtime.loops.observations import Observation, Scene
+from codra_dsl.runtime.values.cell import Reading, Reason
+from codra_dsl.runtime.values.derived import DerivedCell
+from codra_dsl.runtime.values.model import VariableModel
 
 __all__ = ["Row", "Shift", "Sweep", "Switch", "Trend", "surface", "sweep"]
 
@@ -33,6 +37,7 @@ class Row:
         action: the action of a hard rule, else the action with the highest weight, else the course's `otherwise`; empty
             without a course.
         rule: the hard rule that decides, as it is written in the spec; empty if no hard rule holds.
+        derived: the values of the derived variables that follow from other inputs; None if a value is unknown.
     """
 
     value: Value
@@ -40,6 +45,7 @@ class Row:
     weights: Mapping[str, float | None]
     action: str
     rule: str
+    derived: Mapping[str, Value | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +104,7 @@ class Sweep:
 
     Attributes:
         unit: the unit of the input; empty for none.
-        known: the values of all other inputs; None means unknown.
+        known: the values of all other inputs, except derived variables that follow from inputs; None means unknown.
     """
 
     variable: str
@@ -141,6 +147,7 @@ def sweep(
     values: Sequence[Value],
     *,
     unit: str = "",
+    variables: Iterable[VariableModel] = (),
 ) -> Sweep:
     """Return the metrics, weights and actions for the values of one input.
 
@@ -152,18 +159,21 @@ def sweep(
         variable: the input that is varied.
         values: the values of this input, in order; at least one.
         unit: the unit of the input, for the printed text.
+        variables: the variables of the spec. If a derived variable among them is unknown in `known` and is not varied,
+            its value follows from the other inputs.
 
     Raises:
         UnknownNameError: if no stage and no hard rule reads the variable.
     """
     if variable not in known:
         raise unknown_name_error("input", variable, known)
-    sweeper = _Sweeper(model, course, _scene(known), variable)
+    derived = _derived_inputs(known, [variable], variables)
+    sweeper = _Sweeper(model, course, known, variable, derived)
     rows = tuple(sweeper.row(value) for value in values)
     switches = tuple(
         sweeper.switch(one, other) for one, other in itertools.pairwise(rows) if one.action != other.action
     )
-    other_inputs = {name: value for name, value in known.items() if name != variable}
+    other_inputs = {name: value for name, value in known.items() if name != variable and name not in derived}
     return Sweep(variable=variable, unit=unit, known=other_inputs, rows=rows, switches=switches)
 
 
@@ -173,6 +183,8 @@ def surface(
     known: Mapping[str, Value | None],
     x_input: tuple[str, Sequence[Value]],
     y_input: tuple[str, Sequence[Value]],
+    *,
+    variables: Iterable[VariableModel] = (),
 ) -> tuple[tuple[Row, ...], ...]:
     """Return the metrics, weights and actions for the values of two inputs.
 
@@ -182,6 +194,7 @@ def surface(
         known: the same as for `sweep`.
         x_input: the input that differs within a row, and its values.
         y_input: the input that differs from row to row, and its values.
+        variables: the same as for `sweep`.
 
     Raises:
         UnknownNameError: if one of the two inputs is read by no stage and no hard rule.
@@ -189,8 +202,36 @@ def surface(
     for name in (x_input[0], y_input[0]):
         if name not in known:
             raise unknown_name_error("input", name, known)
-    sweepers = (_Sweeper(model, course, _scene({**known, y_input[0]: value}), x_input[0]) for value in y_input[1])
+    derived = _derived_inputs(known, [x_input[0], y_input[0]], variables)
+    sweepers = (_Sweeper(model, course, {**known, y_input[0]: value}, x_input[0], derived) for value in y_input[1])
     return tuple(tuple(sweeper.row(value) for value in x_input[1]) for sweeper in sweepers)
+
+
+def _derived_inputs(
+    known: Mapping[str, Value | None], varied_names: Sequence[str], variables: Iterable[VariableModel]
+) -> Mapping[str, DerivedCell]:
+    """Return the derived variables that follow from other inputs."""
+    return {
+        variable.name: DerivedCell(variable.name, 1, variable.derived, variable.type, {})
+        for variable in variables
+        if variable.derived is not None and known.get(variable.name) is None and variable.name not in varied_names
+    }
+
+
+def _with_derived_values(
+    known: Mapping[str, Value | None], derived: Mapping[str, DerivedCell]
+) -> dict[str, Value | None]:
+    """Return the values of inputs, with those of the derived variables, each of which is derived only once."""
+
+    @cache
+    def read(name: str) -> Reading[Value]:
+        if name in derived:
+            return derived[name].derive_from(read, 0.0)
+        content = known.get(name)
+        reason = Reason.NEVER_OBSERVED if content is None else None
+        return Reading(name=name, content=content, reason=reason, evidence_s=0.0)
+
+    return {name: read(name).content for name in known}
 
 
 def _scene(known: Mapping[str, Value | None]) -> Scene:
@@ -201,18 +242,19 @@ def _scene(known: Mapping[str, Value | None]) -> Scene:
 class _Sweeper:
     model: MapeModel
     course: CourseModel | None
-    scene: Scene
+    known: Mapping[str, Value | None]
     variable: str
+    derived: Mapping[str, DerivedCell]
 
     def assess_at(self, value: Value) -> Assessment:
-        observation = Observation(variable=self.variable, value=value, evidence_s=0.0)
-        return assess(self.model, {**self.scene, self.variable: observation})
+        return assess(self.model, _scene(_with_derived_values({**self.known, self.variable: value}, self.derived)))
 
     def row(self, value: Value) -> Row:
         assessment = self.assess_at(value)
         metrics = {metric.name: metric.value for metric in assessment.metrics.outputs}
+        derived = {name: assessment.scene[name].value for name in self.known if name in self.derived}
         if self.course is None:
-            return Row(value=value, metrics=metrics, weights={}, action="", rule="")
+            return Row(value=value, metrics=metrics, weights={}, action="", rule="", derived=derived)
         rule = hard_rule(self.course, assessment, 0.0)
         weights = {action: assessment.weights()[action] for action in self.course.choose}
         known_weights = {action: weight for action, weight in weights.items() if weight is not None}
@@ -223,6 +265,7 @@ class _Sweeper:
             weights=weights,
             action=best_action if rule is None else rule.action,
             rule="" if rule is None else rule.text,
+            derived=derived,
         )
 
     def switch(self, one: Row, other: Row) -> Switch:
@@ -240,12 +283,18 @@ class _Sweeper:
         )
 
     def _bisect(self, one: Row, other: Row) -> tuple[Row, Row]:
-        """Return two rows on both sides of the switch, narrowed by bisection for numbers."""
+        """Return two rows on both sides of the switch, narrowed by bisection for numbers.
+
+        Between two integers that follow each other there is no other value.
+        """
         for _ in range(_BISECTION_STEPS):
             low, high = one.value, other.value
             if isinstance(low, (str, bool)) or isinstance(high, (str, bool)):
                 break
-            middle = self.row((low + high) / 2.0)
+            is_integer = isinstance(low, int) and isinstance(high, int)
+            if is_integer and abs(high - low) <= 1:
+                break
+            middle = self.row((low + high) // 2 if is_integer else (low + high) / 2.0)
             if middle.action == one.action:
                 one = middle
             else:
@@ -321,11 +370,11 @@ def _table_lines(sweep_result: Sweep) -> Iterator[str]:
     first = sweep_result.rows[0]
     input_title = f"{sweep_result.variable} ({sweep_result.unit})" if sweep_result.unit else sweep_result.variable
     has_course = bool(first.action)
-    column_titles = [input_title, *first.metrics, *first.weights, *(["action"] if has_course else [])]
+    column_titles = [input_title, *first.derived, *first.metrics, *first.weights, *(["action"] if has_course else [])]
     lines = [column_titles]
     for row in sweep_result.rows:
-        cells = [_cell_text(row.value), *map(_cell_text, row.metrics.values()), *map(_cell_text, row.weights.values())]
-        lines.append([*cells, *([row.action] if has_course else [])])
+        values = (row.value, *row.derived.values(), *row.metrics.values(), *row.weights.values())
+        lines.append([*map(_cell_text, values), *([row.action] if has_course else [])])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         yield "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))

@@ -27,10 +27,11 @@ from codra_dsl.runtime.remote.json_lines import (
     shut_down,
     with_send_timeout,
 )
-from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, preview_of, reading_of
+from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, preview_of, reading_of, type_of
 from codra_dsl.runtime.remote.session import LEASE_S
 from codra_dsl.runtime.remote.token import read_token
 from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.model import ValueType
 from codra_dsl.runtime.values.previews import PreviewAnswer
 
 Answer = TypeVar("Answer")
@@ -150,6 +151,10 @@ class RemoteContext:
         finally:
             with contextlib.suppress(ConnectionError):
                 self._ask("finish", number=number)
+
+    def describe(self, name: str) -> ValueType:
+        """Return the type of a variable, with its unit, range and members."""
+        return type_of(self._ask("describe", variable=name)["type"])
 
     def get(self, name: str) -> Reading[Any]:
         """Return the present reading of a variable."""

@@ -21,7 +21,7 @@ from typing import Any
 from codra_dsl.runtime.context.commands import NotDeclaredError
 from codra_dsl.runtime.errors import AgentTakenError, NotASourceError, UnknownNameError, suggestion_text
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.values.model import NotOfTypeError
+from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 from codra_dsl.runtime.values.previews import PreviewAnswer, UnknownVariable
 
 VERSION = 1
@@ -121,6 +121,7 @@ REQUESTS: Mapping[str, RequestShape] = {
     "act": RequestShape(required={"number": FieldType.INTEGER}),
     "acted": RequestShape(required={"number": FieldType.INTEGER}),
     "finish": RequestShape(required={"number": FieldType.INTEGER}),
+    "describe": RequestShape(required={"variable": FieldType.TEXT}),
     "get": RequestShape(required={"variable": FieldType.TEXT}),
     "set": RequestShape(
         required={"variable": FieldType.TEXT, "value": FieldType.VALUE},
@@ -242,6 +243,24 @@ def error_of(plain: Mapping[str, Any]) -> Exception:
 
 REPORTED_ERRORS = tuple(ERRORS.values())
 """The errors that are caused by the sender of a request."""
+
+
+def plain_type(value_type: ValueType) -> PlainData:
+    """Return the type of a variable as plain data."""
+    value_range = None if value_type.range is None else list(value_type.range)
+    return {
+        "kind": value_type.kind,
+        "unit": value_type.unit,
+        "range": value_range,
+        "members": list(value_type.members),
+    }
+
+
+def type_of(plain: Mapping[str, Any]) -> ValueType:
+    """Return the type of a variable that plain data describes."""
+    low_and_high = plain["range"]
+    value_range = None if low_and_high is None else (float(low_and_high[0]), float(low_and_high[1]))
+    return ValueType(kind=plain["kind"], unit=plain["unit"], range=value_range, members=tuple(plain["members"]))
 
 
 def plain_reading(reading: Reading[Any]) -> PlainData:

@@ -31,6 +31,7 @@ from codra_dsl.runtime.remote.protocol import (
     notice,
     plain_preview,
     plain_reading,
+    plain_type,
     request_of,
 )
 from codra_dsl.runtime.values.cell import Reading
@@ -203,6 +204,9 @@ class Session:
         self._running_skills.discard(number)
         self._commands.finish(number)
         return {}
+
+    def _describe(self, variable: str) -> PlainData:
+        return {"type": plain_type(self._variable(variable).type)}
 
     def _get(self, variable: str) -> PlainData:
         return {"reading": plain_reading(self._codra.get(variable))}

@@ -9,14 +9,13 @@ the run no longer needed its result, the result is not known.
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, Work
+from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S, Clock, Outcome, Timer, TimerQueue, Work
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.perception import Failure, Function, Interval, Job, Result
 from codra_dsl.runtime.replay.undetermined import NOT_RECORDED, Undetermined
@@ -257,7 +256,7 @@ class ReplayedClock(Clock):
     def __init__(self, start_s: float, jobs: ReplayedJobs) -> None:
         self._now_s = start_s
         self._jobs = jobs
-        self._events: list[tuple[float, int, Timer]] = []
+        self._events = TimerQueue()
         self._event_count = 0
         self.step_count = 0
 
@@ -271,14 +270,14 @@ class ReplayedClock(Clock):
 
     def next_event_s(self) -> float:
         """Return when the next event is due; infinity if there is none."""
-        return self._events[0][0] if self._events else math.inf
+        return self._events.next_s()
 
     def step(self) -> None:
         """Execute the next event."""
-        if not self._events:
+        if self._events.next_s() == math.inf:
             raise DivergedError
-        instant_s, _, timer = heapq.heappop(self._events)
-        self.advance(instant_s)
+        timer = self._events.pop()
+        self.advance(timer.instant_s)
         self.step_count += 1
         timer.fire()
         self._jobs.check()
@@ -286,7 +285,7 @@ class ReplayedClock(Clock):
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
         """Schedule an event."""
         timer = Timer(instant_s, callback)
-        heapq.heappush(self._events, (instant_s, self._event_count, timer))
+        self._events.add(timer, self._event_count)
         self._event_count += 1
         return timer
 

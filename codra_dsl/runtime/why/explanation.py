@@ -93,7 +93,7 @@ class _PastContext:
     def reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable at the instant."""
         event = self.override_event(name)
-        return self.observed_reading(name) if event is None else _reading_of_override(event)
+        return self.observed_reading(name) if event is None else _reading_of_override(name, event)
 
     def observed_reading(self, name: str) -> Reading[Value]:
         """Return the reading that the sources gave a variable at the instant; an override hides it."""
@@ -126,11 +126,11 @@ class _PastContext:
         return reading.age_s(self.at_s) if reading.known else None
 
 
-def _reading_of_override(event: Event) -> Reading[Value]:
+def _reading_of_override(name: str, event: Event) -> Reading[Value]:
     """Return the reading of an override, from the event that began it."""
     reason = event.details.get("reason")
     return Reading(
-        name=event.name,
+        name=name,
         content=event.details.get("value"),
         reason=None if reason is None else Reason(reason),
         detail=str(event.details.get("detail", "")),
@@ -165,7 +165,7 @@ class _Explanation:
         override_event = context.override_event(name)
         if override_event is None:
             return self._observed_why(name, context, path)
-        why = self._bare_why(_reading_of_override(override_event), at_s)
+        why = self._bare_why(_reading_of_override(name, override_event), at_s)
         key = (name, id(override_event))
         if key in self._explained_readings:
             return replace(why, is_told=True)

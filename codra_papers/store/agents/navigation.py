@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from codra_dsl.runtime import Reading
+from codra_dsl.runtime import Reading, Reason
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_papers.store.agents.surroundings import containers_m, obstacles, people_m, room_m, step_away
@@ -32,6 +32,9 @@ MOST_BUMPS = 3
 
 SETTLE_S = 1.0
 """How long the robot waits after a bump."""
+
+CRAWL_M_S = 0.3
+"""The robot drives no faster than this while its maximum speed, which was known before, is unknown."""
 
 FACING_TOLERANCE_RAD = 0.03
 DRAW_BACK_M = 0.5
@@ -67,6 +70,8 @@ class Navigation:
     def _limit_speed(self, reading: Reading[float]) -> None:
         if reading.known:
             self._body.set_max_speed(reading.value)
+        elif reading.reason is not Reason.NEVER_OBSERVED:  # no loop has limited the speed of this robot yet
+            self._body.set_max_speed(CRAWL_M_S)
 
     def _begin(self, snapshot: Snapshot) -> None:
         """Start to drive. If the robot is still drawing back after a bump, it starts when it has drawn back."""

@@ -14,12 +14,17 @@ from codra_dsl.compiler import lint_paths, plan_paths
 from codra_dsl.workspace.cache import FOLDER, SpecResults, result_key
 from tests.campaigns.edits.changes import Edit, random_edit
 
+FOLDERS = ("specs", "sites")
 COMMANDS = (
     ("compile", "specs"),
     ("compile", "specs"),
     ("compile", "specs", "--check", "--format", "json"),
     ("compile", "specs", "--out", "elsewhere"),
     ("compile", "specs/gate.yaml"),
+    ("compile", "specs", "--site", "sites/dock.yaml", "--out", "dock"),
+    ("compile", "specs/hatch.yaml", "--site", "sites/yard.yaml"),
+    ("compile", "specs", "--site", "sites/dock.yaml", "--site", "sites/yard.yaml", "--out", "dock", "--check"),
+    ("lint", "specs", "sites", "--format", "json"),
     ("lint", "specs", "--format", "json"),
     ("lint", "specs", "--format", "json"),
     ("lint", "specs/hatch.yaml", "--fail-on", "warning"),
@@ -68,7 +73,7 @@ class Comparison:
     def _compare_unsaved(self, edit: Edit) -> None:
         """Compare the findings about texts that are not on disk, as an editor asks for them."""
         texts = {file: text.encode() for file, text in edit.items() if text is not None and file in self._files}
-        arguments = [self._warm / "specs"], self._warm, texts
+        arguments = [folder for name in FOLDERS if (folder := self._warm / name).exists()], self._warm, texts
         before = dict(self._results)
         warm = lint_paths(*arguments, results=self._results)
         cold = plan_paths(*arguments)

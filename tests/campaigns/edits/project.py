@@ -1,4 +1,4 @@
-"""The project that a campaign edits: valid cases, a shared part, a template, behaviour trees, and Python modules."""
+"""The project that a campaign edits: valid cases, a part, a template, behaviour trees, Python modules, and sites."""
 
 from __future__ import annotations
 
@@ -52,6 +52,26 @@ templates:
     skills:
       use_$(instance)_hatch: {preview: [$(instance)_hatch_open]}
 """
+DOCK = """\
+codra: 1
+overlays: gate
+context:
+  gate_width: {range: [0, 2]}
+perception:
+  measure_gate:
+    with: {level: 4}
+    observable_when: [not lit]
+skills:
+  pass_gate: {preview: [gate_open]}
+"""
+YARD = """\
+codra: 1
+overlays: hatch
+context:
+  north_hatch_open: {valid_for: 5 s}
+use:
+  south: {most: 80 cm}
+"""
 
 SETTINGS = (
     "[tool.codra]\n",
@@ -72,6 +92,8 @@ def small_project() -> dict[str, str]:
         "specs/hatch.yaml": HATCH,
         "specs/parts/light.yaml": LIGHT,
         "specs/parts/hatches.yaml": HATCHES,
+        "sites/dock.yaml": DOCK,
+        "sites/yard.yaml": YARD,
         "robot/gates.py": "def measure(job, level): ...\n",
         "robot/hatches.py": "def find(job): ...\n",
     }

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import socket
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +24,9 @@ MODEL = forest(
         variable("state", type=member("1", "true")),
         variable("label", type=text()),
         variable("charge", type=real()),
+        variable("count", type=integer(-(2**63) + 1, 2**63 - 1)),
+        variable("gap", type=real(0.0, 5.0, unit="m")),
+        variable("speed", type=real(unit="m/s")),
     ]
 )
 
@@ -50,6 +57,16 @@ ARGUMENTS = ("--for", "10 min", "--reason", "sensor broken")
         ("state", "1", "1"),
         ("state", "true", "true"),
         ("label", "on", "on"),
+        ("label", "1.2 m/s", "1.2 m/s"),
+        ("open", "False", False),
+        ("level", "7.0", 7),
+        ("count", "9223372036854775807", 9223372036854775807),
+        ("charge", "1e3", 1000.0),
+        ("charge", "inf", math.inf),
+        ("gap", "30 cm", 0.3),
+        ("gap", "+0.5", 0.5),
+        ("speed", "1.2 m/s", 1.2),
+        ("speed", "3.6 km/h", 1.0),
     ],
 )
 def test_a_value_is_read_in_the_type_of_the_variable(
@@ -84,7 +101,21 @@ def test_an_override_can_make_a_variable_unknown_and_can_be_cleared(robot: Manag
         (("open", "true", "--reason", "test"), "state how long the override lasts"),
         (("open", "true", "--for", "1 s"), "state why"),
         (("level", "12", *ARGUMENTS), "12 lies outside [0, 9]"),
-        (("charge", "nan", *ARGUMENTS), "'nan' is not of type float"),
+        (("open", "yes", *ARGUMENTS), "'yes' is no value of 'open': write true or false"),
+        (("state", "2", *ARGUMENTS), "'2' is not one of 1, true"),
+        (("level", "7.5", *ARGUMENTS), "7.5 is not of type int"),
+        (("level", "9" * 200, *ARGUMENTS), "a number of 665 bits is too large"),
+        (("level", "7 cm", *ARGUMENTS), "'7 cm' is no value of 'level': it has no unit, so write 7"),
+        (("count", "9223372036854775808", *ARGUMENTS), "too large"),
+        (("charge", "1e400", *ARGUMENTS), "1e400 is too large"),
+        (("charge", "nan", *ARGUMENTS), "write --unknown in place of 'nan' to make 'charge' unknown"),
+        (("gap", "30 s", *ARGUMENTS), "'30 s' is no value of 'gap': its unit is m"),
+        (("gap", "3 metres", *ARGUMENTS), "'metres' is not a unit: did you mean 'm'?"),
+        (("gap", "far", *ARGUMENTS), "'far' is no value of 'gap': write a number in m"),
+        (("gap", "900 cm", *ARGUMENTS), "9.0 lies outside [0, 5]"),
+        (("open", "true", "--for=-5 s", "--reason", "test"), "an override lasts for more than 0 s"),
+        (("open", "true", "--for", "0 s", "--reason", "test"), "an override lasts for more than 0 s"),
+        (("open", "true", "--for", "1e400 s", "--reason", "test"), "a duration is a number with ms, s, min or h"),
         (("opne", "true", *ARGUMENTS), "did you mean 'open'?"),
     ],
 )
@@ -102,3 +133,38 @@ def test_a_robot_that_does_not_run_is_reported(tmp_path: Path) -> None:
         1,
         "codra: no manager listens at robot.sock: No such file or directory",
     )
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("file.txt", "no manager listens at file.txt: Connection refused"),
+        ("folder", "no manager listens at folder: Connection refused"),
+        ("dead.sock", "no manager listens at dead.sock: Connection refused"),
+        ("0", "no manager listens at 0: "),
+        ("99999", "no manager listens at 99999: "),
+        ("9" * 5000, "AF_UNIX path too long"),
+        ("x" * 200, "AF_UNIX path too long"),
+        ("", "no manager listens at "),
+        ("foreign.sock", "the manager is gone: this line is not JSON"),
+    ],
+)
+def test_an_address_without_a_manager_is_reported_in_one_line(tmp_path: Path, address: str, message: str) -> None:
+    (tmp_path / "file.txt").touch()
+    (tmp_path / "folder").mkdir()
+    with socket.socket(socket.AF_UNIX) as dead_socket, socket.socket(socket.AF_UNIX) as foreign_socket:
+        dead_socket.bind(str(tmp_path / "dead.sock"))
+        foreign_socket.bind(str(tmp_path / "foreign.sock"))
+        foreign_socket.listen()
+        greeting = threading.Thread(target=greet_and_leave, args=(foreign_socket,), daemon=True)
+        greeting.start()
+        process = codra("override", "open", "true", *ARGUMENTS, "--connect", address, cwd=tmp_path)
+    (line,) = process.stderr.splitlines()
+    assert (process.returncode, message in line) == (1, True), line
+
+
+def greet_and_leave(listener: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        connection, _ = listener.accept()
+        connection.sendall(b"220 mail.example.org ready\r\n")
+        connection.close()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import value
 from codra_dsl.runtime import (
+    Clock,
     ContextManager,
     Journal,
     Kind,
@@ -24,6 +26,7 @@ from codra_dsl.runtime import (
     UnknownNameError,
     WallClock,
 )
+from codra_dsl.runtime.clock import Timer
 from codra_dsl.runtime.journal.events_in_file import EventsInFile
 from codra_dsl.runtime.journal.reader import JournalReader
 from codra_dsl.runtime.replay import replay
@@ -138,6 +141,28 @@ def test_a_variable_that_is_observed_on_events_is_due_by_its_own_evidence_and_no
         assert world.asked_s("look") == [0.0]
         codra.clear_override("open")
         assert (codra.get("open").value, codra.get("open").source) == (False, "look")
+
+
+@pytest.mark.parametrize("make_clock", [SimClock, WallClock])
+def test_overrides_that_are_cleared_or_replaced_need_no_memory_and_wake_nothing_at_their_ends(
+    make_clock: Callable[[], Clock],
+) -> None:
+    gc.collect()
+    count_before = count_of_timers()
+    with ContextManager[str, str](NUMBERS, clock=make_clock(), resources={"world": 0}) as codra:
+        for number in range(3_000):
+            codra.override("level", 3, for_s=600.0 - number / 10, reason="test")
+            if number % 2:
+                codra.clear_override("level")
+        assert count_of_timers() - count_before < 2_100  # each of the two clocks removes them by the thousand
+        if isinstance(codra.clock, SimClock):
+            step_count = codra._clock.step_count
+            codra.clock.sleep(700.0)
+            assert codra._clock.step_count == step_count
+
+
+def count_of_timers() -> int:
+    return sum(isinstance(thing, Timer) for thing in gc.get_objects())
 
 
 # Whatever reads the variable

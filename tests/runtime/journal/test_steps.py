@@ -96,7 +96,19 @@ def test_events_of_one_instant_happen_in_the_order_in_which_they_were_scheduled(
     clock.call_at(1.5, lambda: fired_names.append("never")).cancel()
     sim.sleep(3.0)
 
-    assert (fired_names, clock.step_count) == (["past", "a", "b", "b again"], 5)
+    assert (fired_names, clock.step_count) == (["past", "a", "b", "b again"], 4)
+
+
+def test_a_cancelled_event_is_no_step_unless_it_is_due_already(wall: WallClock) -> None:
+    clock, counts = LockedClock(wall, threading.RLock()), list[int]()
+    with clock:
+        due, early = clock.call_at(clock.now_s(), lambda: None), clock.call_at(clock.now_s() + 0.02, lambda: None)
+        clock.call_at(clock.now_s() + 0.1, lambda: (counts.append(clock.step_count), clock.notify()))
+        wall.sleep(0.05)  # the dispatcher waits for the lock
+        due.cancel()
+        early.cancel()
+    assert clock.wait_until(lambda: bool(counts), PATIENCE_S)
+    assert counts == [2]
 
 
 def test_all_consequences_of_a_call_have_its_instant(wall: WallClock) -> None:

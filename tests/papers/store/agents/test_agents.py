@@ -295,7 +295,7 @@ def test_a_request_right_after_a_bump_draws_back_first_and_arrives() -> None:
 
 def test_no_point_of_the_robot_goes_faster_than_the_maximum_speed_of_the_graph() -> None:
     bench = Bench(START)
-    bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.3)
+    keep_max_speed(bench, 0.3)
     speeds_m_s: list[float] = []
     surface_speeds_m_s: list[float] = []
     bench.world.watch(lambda state: speeds_m_s.append(state.robot.speed_m_s))
@@ -305,6 +305,25 @@ def test_no_point_of_the_robot_goes_faster_than_the_maximum_speed_of_the_graph()
 
     assert max(speeds_m_s) == pytest.approx(0.3)
     assert max(surface_speeds_m_s) <= 0.3
+
+
+def keep_max_speed(bench: Bench, speed_m_s: float) -> AgentHandle:
+    adaptation = bench.knowledge.as_agent("adaptation")
+    bench.world.watch(lambda _: adaptation.set("robot", "max_speed", speed_m_s))
+    return adaptation
+
+
+def test_the_robot_crawls_while_the_maximum_speed_is_no_longer_known() -> None:
+    bench = Bench(START)
+    speeds_m_s: list[tuple[float, float]] = []
+    bench.world.watch(lambda state: speeds_m_s.append((bench.clock.now_s(), state.robot.speed_m_s)))
+    bench.aim(AREAS["area_4"].observation_poses[0])
+    bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 1.2)
+    stale_s = bench.clock.now_s() + 5.0
+    assert bench.perform("navigating").result == "arrived"
+
+    assert max(speed_m_s for at_s, speed_m_s in speeds_m_s if at_s < stale_s) > 0.6
+    assert max(speed_m_s for at_s, speed_m_s in speeds_m_s if at_s > stale_s + 2.0) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
@@ -399,7 +418,7 @@ def test_a_task_requested_again_in_the_instant_of_its_abort_is_executed_again() 
 
 def test_a_task_that_takes_too_long_is_aborted_and_the_robot_stops() -> None:
     bench = Bench(START)
-    bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.05)
+    keep_max_speed(bench, 0.05)
     handover = bench.perform("rotating")
     turned_rad = bench.world.state().robot.at.heading_rad - START.heading_rad
     bench.clock.sleep(1.0)
