@@ -161,8 +161,9 @@ def adaptation_feedback(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
     reported_names: set[str] = set()
     for section, element, target, message in _computed_variables(spec_index):
         feedback_cycle = graph.cycle_through(dependency_names, target) if target not in reported_names else ()
+        is_reported = section != "adaptation" and not reported_names.isdisjoint(feedback_cycle)
         reported_names.update(feedback_cycle)
-        if not feedback_cycle or not faults.is_sound(section, element):
+        if not feedback_cycle or is_reported or not faults.is_sound(section, element):
             continue
         path = (*feedback_cycle, target)
         first, *others = [(name, dependency, dependencies[name][dependency]) for name, dependency in pairwise(path)]
