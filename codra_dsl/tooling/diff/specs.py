@@ -62,12 +62,13 @@ def _place_at_site(change: Change, place: Place | None, site: Site | None) -> Pl
     """Return the place of the site's value that a change concerns; the place in the spec if there is no such value.
 
     A value that is merged into a mapping, such as a coordinate of a pose, is reported at the mapping of the spec. An
-    argument of a use concerns all elements of the template.
+    argument of a use concerns all values of the elements of the template, unless the site has a value of its own.
     """
     if site is None or place is None or place.span.file == site.file:
         return place
-    values = (value.place for value in site.replacements if value.element.span == place.use or _concerns(change, value))
-    return next(values, place)
+    own_values = (value.place for value in site.replacements if _concerns(change, value))
+    arguments = (value.place for value in site.replacements if change.key and value.element.span == place.use)
+    return next(chain(own_values, arguments), place)
 
 
 def _concerns(change: Change, value: Replacement) -> bool:
