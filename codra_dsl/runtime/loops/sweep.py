@@ -63,7 +63,7 @@ class Switch:
 
     Attributes:
         low: `low` and `high` are the two values between which the action changes. If they are numbers, bisection has
-            brought them close together.
+            brought them close together; whole numbers differ by 1.
         rules: for each stage, the rule whose strength differs most: among the rules for the two actions, and among the
             rules for the metrics. If a hard rule causes the switch, only the hard rule.
     """
@@ -150,7 +150,7 @@ def sweep(
         known: the values of everything that the stages and hard rules read, except results of stages; None means
             unknown.
         variable: the input that is varied.
-        values: the values of this input, in order; at least one.
+        values: the values of this input, in order; at least one. An input whose values are ints has only whole numbers.
         unit: the unit of the input, for the printed text.
 
     Raises:
@@ -245,7 +245,11 @@ class _Sweeper:
             low, high = one.value, other.value
             if isinstance(low, (str, bool)) or isinstance(high, (str, bool)):
                 break
-            middle = self.row((low + high) / 2.0)
+            is_whole = isinstance(low, int) and isinstance(high, int)
+            middle_value = (low + high) // 2 if is_whole else (low + high) / 2.0
+            if is_whole and middle_value in (low, high):
+                break
+            middle = self.row(middle_value)
             if middle.action == one.action:
                 one = middle
             else:
@@ -262,10 +266,11 @@ class _Sweeper:
     def _fuzzy_rule_shifts(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
         """Yield the rule of each stage whose strength differs most.
 
-        The strengths are those in the sweep's rows before and after the switch, where the difference is clearer than
-        close to the switch.
+        If the input is continuous, the strengths are those in the sweep's rows before and after the switch, where the
+        difference is clearer than close to the switch.
         """
-        before, after = self.assess_at(one.value), self.assess_at(other.value)
+        rows = (one, other) if isinstance(low.value, float) else (low, high)
+        before, after = (self.assess_at(row.value) for row in rows)
         yield from _largest_shift(before.actions.rules, after.actions.rules, {low.action, high.action})
         yield from _largest_shift(
             before.metrics.rules, after.metrics.rules, {metric.name for metric in before.metrics.outputs}
