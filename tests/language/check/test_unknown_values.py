@@ -124,6 +124,7 @@ def test_a_value_that_is_always_known_needs_no_otherwise(value: str) -> None:
         "(1 m/s / tables if tables > 0 else 1.2 m/s) + 1 m/s / pallets": "pallets",
         "1 m/s / (pallets - 3)": "pallets - 3",
         "0.3 m/s if not bumped and 1 / pallets < 0.2 else 1.2 m/s": "pallets",
+        "0.3 m/s if 2 / pallets > 1 or 2 / tables > 1 else 1.2 m/s": "pallets",
     }.items(),
 )
 def test_a_value_that_can_divide_by_zero_needs_otherwise(value: str, divisor: str) -> None:

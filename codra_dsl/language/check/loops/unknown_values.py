@@ -15,6 +15,7 @@ from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.loops.firing import silent_combinations
 from codra_dsl.language.check.solver.breakpoints import is_curved
 from codra_dsl.language.check.solver.budget import current_budget
+from codra_dsl.language.check.solver.case_split import names_of
 from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import (
@@ -107,11 +108,12 @@ def _division_by_zero(tree: Node, types: Types) -> Arithmetic | None:
     """Return a division that makes a value unknown although all names are known, because its divisor is 0; or None.
 
     A division is not judged if the possible values of its divisor are not known exactly: because the divisor reads a
-    name twice, or because the value depends on the division only under conditions, and one of them is not linear.
+    name twice, or because a condition on one of its names is not linear.
     """
     for division, conditions in _divisions(tree):
         names = [name.name for name in names_in(division.right)]
-        is_exact = len(set(names)) == len(names) and not (conditions and is_curved(division.right, *conditions))
+        limits = [condition for condition in conditions if not set(names).isdisjoint(names_of([condition]))]
+        is_exact = len(set(names)) == len(names) and not (limits and is_curved(division.right, *limits))
         is_zero = Compare(start=0, end=0, first=division.right, rest=((Comparison.EQUAL, _ZERO),))
         if is_exact and can_hold([is_zero, *conditions], (), types):
             return None if is_always_known(tree, (), types) or current_budget().has_undecided else division
