@@ -222,9 +222,8 @@ def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
     for site in spec_index.sites:
         if site.owner[0] == "adaptation":
             for read_name in site.names:
-                dependencies[site.variable or site.owner[1]].setdefault(
-                    read_name.name, site.condition.place_of(read_name)
-                )
+                own_dependencies = dependencies.setdefault(site.variable or site.owner[1], {})
+                own_dependencies.setdefault(read_name.name, site.condition.place_of(read_name))
     return dependencies
 
 
