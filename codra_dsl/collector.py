@@ -10,16 +10,17 @@ __all__ = [
     "paused_collector",
 ]
 
-_program_freezes: list[bool] = []
-"""Holds `True` once objects were found that the program has frozen. They are counted only until then, because Python
-walks through all of them to count them, for 70 ms in a large program."""
+_MANY_OBJECTS = 100_000
+"""The collector needs about 10 ms for this many objects."""
 
 
 @contextmanager
 def paused_collector() -> Iterator[None]:
     """Pause the collector, which would traverse all values again and again as their number grows.
 
-    Afterwards the new values belong to the old generation, so that the collector does not traverse all of them at once.
+    Afterwards the new values, if they are many, belong to the old generation, so that the collector does not traverse
+    all of them at once. Python does not count values that get old in this way. So a program that only did this with few
+    values, such as with one small context after another, would never collect those that it no longer uses.
     Also works as a decorator: `@paused_collector()`.
     """
     was_enabled = gc.isenabled()
@@ -28,14 +29,8 @@ def paused_collector() -> Iterator[None]:
         yield
     finally:
         if was_enabled:
-            if not _is_freezing_left_to_program():
+            new_objects, _, _ = gc.get_count()
+            if new_objects >= _MANY_OBJECTS and gc.get_freeze_count() == 0:  # else the program manages frozen objects
                 gc.freeze()
                 gc.unfreeze()
             gc.enable()
-
-
-def _is_freezing_left_to_program() -> bool:
-    """Return whether the program manages frozen objects, which `gc.unfreeze` would return to the collector."""
-    if not _program_freezes and gc.get_freeze_count() > 0:
-        _program_freezes.append(True)
-    return bool(_program_freezes)

@@ -48,6 +48,14 @@ templates:
     parameters: {limit: quantity}
     context:
       $(instance): {type: bool, derived: light > $(limit)}
+      $(instance)_empty: {type: bool}
+    skills: {leave_$(instance): {preview: [$(instance)_empty]}}
+    perception:
+      look_at_$(instance):
+        call: room_world:look
+        with: {threshold: 2, count: 3}
+        returns: {people: {type: int}}
+        identifies: {$(instance)_empty: people == 0}
 use:
   bright_1: {template: brightness, limit: 50 lux}
 """
@@ -55,7 +63,7 @@ use:
 MERGED_SITE = """\
 codra: 1
 overlays: room
-perception: {look: {with: {threshold: 4}}}
+perception: {look: {with: {threshold: 4}}, look_at_bright_1: {with: {threshold: 4}}}
 resources: {camera: {call: room_world:Camera, with: {people: 0}}}
 knowledge: {edges: {lamp_pose: {pose: {x: 4 m}}}}
 use: {bright_1: {limit: 60 lux}}
@@ -243,6 +251,7 @@ def test_diff_shows_the_place_in_the_site_of_merged_values_handles_and_arguments
     places = {line.split(": ")[0]: line.split(": ")[2] for line in from_spec.stdout.splitlines()[:-1]}
     assert places == {
         "sites/dark.yaml:3:39": "room/perception/look",
+        "sites/dark.yaml:3:81": "room/perception/look_at_bright_1",
         "sites/dark.yaml:4:28": "room/resource/camera",
         "sites/dark.yaml:5:43": "room/edge/lamp_pose",
         "sites/dark.yaml:6:25": "room/context/bright_1",

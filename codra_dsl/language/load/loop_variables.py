@@ -5,7 +5,7 @@ They can be read like any other context-variable, have a history, and appear in 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from codra_dsl.language.diagnostics import Related
@@ -43,13 +43,14 @@ def with_loop_variables(spec: Spec, findings: Findings) -> Spec:
     variables_by_name = {variable.name.casefold(): variable for variable in declared_variables}
     origins = dict(spec.origins)
     implied_variables: list[Variable] = []
-    for section, element, variable in _implied_variables(spec):
+    for implied in _implied_variables(spec):
+        section, element, variable = implied
         existing_variable = variables_by_name.setdefault(variable.name.casefold(), variable)
         if existing_variable is variable:
             implied_variables.append(variable)
             origins["context", variable.name] = spec.origins[section, element]
         else:
-            _report(section, element, variable, existing_variable, findings)
+            _report(spec, implied, existing_variable, findings)
     context = (*declared_variables, *implied_variables)
     needed_agents = {
         source.name for variable in context if variable.is_derived or variable.rate for source in variable.sources
@@ -72,7 +73,7 @@ def _with_source(variable: Variable) -> Variable:
 def _implied_variables(spec: Spec) -> Iterator[tuple[str, str, Variable]]:
     """Yield the section and the name of the element that implies a variable, and the variable."""
     courses = [(adaptation, adaptation.does) for adaptation in spec.adaptation if isinstance(adaptation.does, Course)]
-    filtering_courses = [course for _, course in courses if course.node is not None]
+    filtering_courses = _filtering_courses(spec)
     nodes = {action.name: _node(spec, course) for course in filtering_courses for action in course.choose}
     yield from (("metrics", metric.name, _output_variable(metric, metric.name)) for metric in spec.metrics)
     for action in spec.actions:
@@ -121,10 +122,19 @@ def _course_variable(adaptation: Adaptation, course: Course) -> Variable:
     )
 
 
-def _report(section: str, name: str, variable: Variable, existing_variable: Variable, findings: Findings) -> None:
+def _report(spec: Spec, implied: tuple[str, str, Variable], existing_variable: Variable, findings: Findings) -> None:
+    section, name, variable = implied
     noun = {"metrics": "metric", "actions": "action", "adaptation": "adaptation"}[section]
     message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which already exists"
-    related = [Related("declared here", existing_variable.place)]
-    is_chosen_twice = existing_variable.is_derived and existing_variable.place == variable.place
-    help = "state 'of' in only one of the courses that choose it" if is_chosen_twice else "rename one of them"
+    related, help = [Related("declared here", existing_variable.place)], "rename one of them"
+    if existing_variable.is_derived and existing_variable.place == variable.place:  # two courses choose the action
+        courses = (course for course in _filtering_courses(spec) if name in {action.name for action in course.choose})
+        related = [Related("a course that chooses it", node.place) for course in courses if (node := course.node)]
+        help = "state 'of' in only one of the courses that choose it"
     findings.add("duplicate-name", message, variable.place, help=help, path=f"{section}.{name}", related=related)
+
+
+def _filtering_courses(spec: Spec) -> Sequence[Course]:
+    """Return the courses whose filtered weights are variables."""
+    courses = (adaptation.does for adaptation in spec.adaptation if isinstance(adaptation.does, Course))
+    return [course for course in courses if course.node is not None]

@@ -8,7 +8,7 @@ hold and dwell are ignored, because they only delay a switch.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -50,7 +50,11 @@ class Counterfactual:
 
 
 def smallest_changes(
-    model: MapeModel, course: CourseModel, decision: Decision, hard_rule_inputs: Iterable[InputModel] = ()
+    model: MapeModel,
+    course: CourseModel,
+    decision: Decision,
+    hard_rule_inputs: Iterable[InputModel] = (),
+    whole_numbers: Collection[str] = (),
 ) -> tuple[Counterfactual, ...]:
     """Return the smallest change of an input and the smallest change of a weight that would have kept the course.
 
@@ -61,6 +65,7 @@ def smallest_changes(
         course: the model of the course.
         decision: the decision to leave the old action.
         hard_rule_inputs: inputs that hard rules read and no stage reads.
+        whole_numbers: the variables that have only whole numbers.
     """
     ready_rules = (rule for index, rule in enumerate(course.always) if index not in decision.pending_rules)
     course = replace(course, always=tuple(ready_rules))
@@ -70,7 +75,7 @@ def smallest_changes(
     input_changes = [
         change
         for model_input in model_inputs.values()
-        for change in _input_changes(model, course, decision, model_input)
+        for change in _input_changes(model, course, decision, model_input, model_input.variable in whole_numbers)
     ]
     weight_changes = [] if decision.rule is not None else list(_weight_changes(course, decision))
     smallest_change_per_kind = [min(changes, key=_get_share) for changes in (input_changes, weight_changes) if changes]
@@ -111,7 +116,7 @@ def _stage_inputs(model: MapeModel) -> Iterator[InputModel]:
 
 
 def _input_changes(
-    model: MapeModel, course: CourseModel, decision: Decision, model_input: InputModel
+    model: MapeModel, course: CourseModel, decision: Decision, model_input: InputModel, is_whole: bool
 ) -> Iterator[Counterfactual]:
     """Yield the smallest change of an input that would have kept the course; nothing if there is none."""
     scene = decision.assessment.scene
@@ -125,9 +130,9 @@ def _input_changes(
         assessment = assess(model, {**scene, model_input.variable: changed_observation})
         return would_keep_course(course, assessment, decision.before, decision.instant_s)
 
-    nearest_number = _nearest_keeping_number(model_input, number, keeps_course)
+    nearest_number = _nearest_keeping_number(model_input, number, is_whole, keeps_course)
     if nearest_number is not None:
-        value = value_of(model_input, nearest_number)
+        value = int(nearest_number) if is_whole else value_of(model_input, nearest_number)
         share = 1.0 if number != number else abs(nearest_number - number) / range_width
         yield Counterfactual(
             kind=ChangeKind.INPUT, name=model_input.variable, value=observation.value, other=value, share=share
@@ -135,7 +140,7 @@ def _input_changes(
 
 
 def _nearest_keeping_number(
-    model_input: InputModel, number: float, keeps_course: Callable[[float], bool]
+    model_input: InputModel, number: float, is_whole: bool, keeps_course: Callable[[float], bool]
 ) -> float | None:
     """Return the value nearest to `number` that keeps the course; None if there is no such value.
 
@@ -146,6 +151,7 @@ def _nearest_keeping_number(
         candidates = [float(index) for index in range(len(model_input.members)) if index != number]
     elif math.isfinite(high - low):
         candidates = [low + (high - low) * index / _GRID_STEPS for index in range(_GRID_STEPS + 1)]
+        candidates = sorted({float(round(candidate)) for candidate in candidates}) if is_whole else candidates
     else:
         return None
     reference_number = number if number == number else low
@@ -159,13 +165,19 @@ def _nearest_keeping_number(
     )
     if nearest_number is None or model_input.members or number != number:
         return nearest_number
-    return _bisect(number, nearest_number, keeps_course)
+    return _bisect(number, nearest_number, is_whole, keeps_course)
 
 
-def _bisect(failing_number: float, keeping_number: float, keeps_course: Callable[[float], bool]) -> float:
+def _bisect(
+    failing_number: float, keeping_number: float, is_whole: bool, keeps_course: Callable[[float], bool]
+) -> float:
     """Return a value that keeps the course, found by bisection as near to `failing_number` as possible."""
     for _ in range(_BISECTION_STEPS):
         middle = (failing_number + keeping_number) / 2.0
+        if is_whole:
+            middle = math.floor(middle)
+            if middle in (failing_number, keeping_number):
+                break
         if keeps_course(middle):
             keeping_number = middle
         else:

@@ -273,7 +273,7 @@ class Loop:
         self._schedule_round(self._next_analysis_s())
 
     def _next_analysis_s(self) -> float:
-        """Return when to analyse changes: now, or a period later if courses or parameters keep changing now."""
+        """Return when to analyse changes: now, or a period later if values keep changing now."""
         now_s = self._clock.now_s()
         is_circling = (
             now_s == self._last_change_s and max(self._change_counts.values(), default=0) >= MAX_CHANGES_PER_INSTANT
@@ -385,15 +385,16 @@ class Loop:
             self._attempt(partial(self._record_event, self._loop.name, "never_known", event_details))
 
     def _count_changes(self, plan: Plan, now_s: float) -> None:
-        """Count the changes of one instant, and report a course or parameter that depends on itself."""
+        """Count the changes of one instant, and report what depends on itself."""
         if now_s != self._last_change_s:
             self._last_change_s, self._change_counts = now_s, Counter()
-        changed_adaptations = [
+        changed_names = [
             *(decision.course for decision in plan.decisions),
             *(setting.parameter.name for setting in plan.settings),
+            *sorted(plan.changed),
         ]
-        self._change_counts.update(changed_adaptations)
-        for name in changed_adaptations:
+        self._change_counts.update(changed_names)
+        for name in changed_names:
             if self._change_counts[name] == MAX_CHANGES_PER_INSTANT:
                 message = f"'{name}' has changed {MAX_CHANGES_PER_INSTANT} times at one instant: it depends on itself"
                 self._record_event(self._loop.name, "failed", {"message": message})

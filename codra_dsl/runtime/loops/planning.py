@@ -216,7 +216,8 @@ class Planning:
     def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
         """Return the changes that would have kept the course that a decision left."""
         course = self.courses[decision.course]
-        return smallest_changes(self.model, course, decision, self._hard_rule_inputs(course))
+        whole_numbers = {name for name, type_ in self._types.items() if type_.kind == "int"}
+        return smallest_changes(self.model, course, decision, self._hard_rule_inputs(course), whole_numbers)
 
     def _hard_rule_inputs(self, course: CourseModel) -> tuple[InputModel, ...]:
         """Return the bounded variables that the hard rules of a course read, as inputs; metrics are left out."""

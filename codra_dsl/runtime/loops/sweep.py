@@ -10,7 +10,6 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cache
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.errors import unknown_name_error
@@ -18,8 +17,8 @@ from codra_dsl.runtime.loops.analysis import Assessment, RuleActivation, assess
 from codra_dsl.runtime.loops.courses import hard_rule
 from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel
 from codra_dsl.runtime.loops.observations import Observation, Scene
-from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.values.derived import DerivedCell
+from codra_dsl.runtime.values.cell import Cell, Reading
+from codra_dsl.runtime.values.derived import ContextAt, DerivedCell
 from codra_dsl.runtime.values.model import VariableModel
 
 __all__ = ["Row", "Shift", "Sweep", "Switch", "Trend", "surface", "sweep"]
@@ -69,7 +68,7 @@ class Switch:
 
     Attributes:
         low: `low` and `high` are the two values between which the action changes. If they are numbers, bisection has
-            brought them close together.
+            brought them close together; whole numbers differ by 1.
         rules: for each stage, the rule whose strength differs most: among the rules for the two actions, and among the
             rules for the metrics. If a hard rule causes the switch, only the hard rule.
     """
@@ -157,7 +156,7 @@ def sweep(
         known: the values of everything that the stages and hard rules read, except results of stages; None means
             unknown.
         variable: the input that is varied.
-        values: the values of this input, in order; at least one.
+        values: the values of this input, in order; at least one. An input whose values are ints has only whole numbers.
         unit: the unit of the input, for the printed text.
         variables: the variables of the spec. If a derived variable among them is unknown in `known` and is not varied,
             its value follows from the other inputs.
@@ -221,17 +220,17 @@ def _derived_inputs(
 def _with_derived_values(
     known: Mapping[str, Value | None], derived: Mapping[str, DerivedCell]
 ) -> dict[str, Value | None]:
-    """Return the values of inputs, with those of the derived variables, each of which is derived only once."""
+    """Return the values of inputs, with those of the derived variables."""
+    cells = {name: _cell(name, content) for name, content in known.items()}
+    context = ContextAt({**cells, **derived}, 0.0)
+    return {name: context.value(name) for name in known}
 
-    @cache
-    def read(name: str) -> Reading[Value]:
-        if name in derived:
-            return derived[name].derive_from(read, 0.0)
-        content = known.get(name)
-        reason = Reason.NEVER_OBSERVED if content is None else None
-        return Reading(name=name, content=content, reason=reason, evidence_s=0.0)
 
-    return {name: read(name).content for name in known}
+def _cell(name: str, content: Value | None) -> Cell:
+    cell = Cell(name, 1)
+    if content is not None:
+        cell.write(Reading(name=name, content=content, evidence_s=0.0))
+    return cell
 
 
 def _scene(known: Mapping[str, Value | None]) -> Scene:
@@ -291,10 +290,11 @@ class _Sweeper:
             low, high = one.value, other.value
             if isinstance(low, (str, bool)) or isinstance(high, (str, bool)):
                 break
-            is_integer = isinstance(low, int) and isinstance(high, int)
-            if is_integer and abs(high - low) <= 1:
+            is_whole = isinstance(low, int) and isinstance(high, int)
+            middle_value = (low + high) // 2 if is_whole else (low + high) / 2.0
+            if is_whole and middle_value in (low, high):
                 break
-            middle = self.row((low + high) // 2 if is_integer else (low + high) / 2.0)
+            middle = self.row(middle_value)
             if middle.action == one.action:
                 one = middle
             else:
@@ -311,10 +311,11 @@ class _Sweeper:
     def _fuzzy_rule_shifts(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
         """Yield the rule of each stage whose strength differs most.
 
-        The strengths are those in the sweep's rows before and after the switch, where the difference is clearer than
-        close to the switch.
+        If the input is continuous, the strengths are those in the sweep's rows before and after the switch, where the
+        difference is clearer than close to the switch.
         """
-        before, after = self.assess_at(one.value), self.assess_at(other.value)
+        rows = (one, other) if isinstance(low.value, float) else (low, high)
+        before, after = (self.assess_at(row.value) for row in rows)
         yield from _largest_shift(before.actions.rules, after.actions.rules, {low.action, high.action})
         yield from _largest_shift(
             before.metrics.rules, after.metrics.rules, {metric.name for metric in before.metrics.outputs}

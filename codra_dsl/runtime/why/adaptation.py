@@ -73,7 +73,8 @@ def adaptation_lines(latest_events: LatestEventsView, reading_of: ReadingOf, var
     if "analysed" in events:
         yield from _analysis_lines(latest_events, variable)
     weight = variable.removeprefix(_FILTERED)
-    if variable.startswith(f"{_FILTERED}weight_of_") and f"context/{weight}" in latest_events.adaptation_events:
+    has_weight = weight != variable and f"context/{weight}" in latest_events.adaptation_events
+    if has_weight and reading_of(variable).source == reading_of(weight).source:  # both are of the analyst
         yield f"{variable} is {weight}, smoothed by the filter of its course"
         yield from _analysis_lines(latest_events, weight)
 

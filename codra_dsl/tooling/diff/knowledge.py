@@ -9,7 +9,7 @@ from typing import Any
 
 from codra_dsl.language.check import Type, Types
 from codra_dsl.language.expression import names_in
-from codra_dsl.language.model import Agent, Condition, Expectation, Expected, Motion
+from codra_dsl.language.model import Agent, Condition, Expectation, Expected, Motion, Reference
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.comparers import GUARD_WORDINGS, growth_comparer, name_comparer, show_nothing, show_pose
 from codra_dsl.tooling.diff.guards import Relation, find_relation, joined_types
@@ -157,6 +157,14 @@ def compare_terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
     """
     if not scope.values[1].is_derived:
         yield from TERMS_COMPARER(scope, key, *values)
+
+
+def compare_course_node(scope: Scope, key: str, old: Reference | None, new: Reference | None) -> Iterator[Change]:
+    """Yield the change of the node of a course. A course without a node has no variables for filtered weights."""
+    if old is not None and new is None:
+        yield scope.make_change(Category.REMOVED, key, "the filtered weights of its actions are gone", old.name)
+    else:
+        yield from equality_comparer()(scope, key, old, new)
 
 
 def compare_effect(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:

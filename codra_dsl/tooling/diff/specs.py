@@ -62,18 +62,18 @@ def _place_at_site(change: Change, place: Place | None, site: Site | None) -> Pl
     """Return the place of the site's value that a change concerns; the place in the spec if there is no such value.
 
     A value that is merged into a mapping, such as a coordinate of a pose, is reported at the mapping of the spec. An
-    argument of a use concerns all elements of the template.
+    argument of a use concerns all values of the elements of the template, unless the site has a value of its own.
     """
     if site is None or place is None or place.span.file == site.file:
         return place
-    arguments = site.replacements_of.get(place.use, ())
     kind, _, name = change.element.partition("/")[2].rpartition("/")
-    values = (
+    own_values = (
         value
         for value in site.replacements_of.get(name, ())
         if kind == KIND_BY_SECTION.get(value.section) and _is_inside(change.key, value.key)
     )
-    return next((value.place for value in (*arguments, *values)), place)
+    arguments = site.replacements_of.get(place.use, ()) if change.key else ()
+    return next((value.place for value in (*own_values, *arguments)), place)
 
 
 def _is_inside(key: str, other_key: str) -> bool:

@@ -193,7 +193,7 @@ FIELD_COMPARERS: ComparerTable = {
         "method": _HIDDEN_VALUE_COMPARER,
         "hold_s": equality_comparer(show=duration_text),
     },
-    model.Course: {"always": equality_comparer()},
+    model.Course: {"always": equality_comparer(), "node": knowledge.compare_course_node},
     model.Parameter: {"otherwise": equality_comparer()},
     model.Adaptation: {"does": knowledge.compare_effect},
     model.TreeElement: {

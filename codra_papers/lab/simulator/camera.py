@@ -69,6 +69,9 @@ _read_visible_fields = attrgetter(*(field.name for field in fields(LabState) if 
 
 Pixels = NDArray[np.uint8]
 
+_start_lock = Lock()
+"""Held while the drawing thread starts: `cache` alone would let two threads start it twice."""
+
 
 class ReadableClock(Protocol):
     """A clock that can be read."""
@@ -210,7 +213,6 @@ def exposed_states(world: LabWorld, instant_s: float) -> list[LabState]:
     return [world.state(instant_s - EXPOSURE_S * step / (steps - 1)) for step in reversed(range(steps))]
 
 
-@cache
 def _drawing_thread() -> ThreadPoolExecutor:
     """Return the thread that draws the frames of all sources of this process, with the OpenGL context that they share.
 
@@ -219,6 +221,12 @@ def _drawing_thread() -> ThreadPoolExecutor:
     Raises:
         GraphicsUnavailableError: no backend on this computer can draw without a screen.
     """
+    with _start_lock:
+        return _start_drawing_thread()
+
+
+@cache
+def _start_drawing_thread() -> ThreadPoolExecutor:
     backend = gl.choose_backend()
     thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="codra-camera")
     context = thread.submit(gl.make_context, backend, INTRINSICS.width, INTRINSICS.height).result()
@@ -227,7 +235,15 @@ def _drawing_thread() -> ThreadPoolExecutor:
     return thread
 
 
-os.register_at_fork(after_in_child=_drawing_thread.cache_clear)  # a child does not have the thread of its parent
+def _forget_drawing_thread() -> None:
+    """Let a child process start a thread of its own: it does not have the thread of its parent."""
+    _start_drawing_thread.cache_clear()
+    _start_lock.release()
+
+
+os.register_at_fork(
+    before=_start_lock.acquire, after_in_parent=_start_lock.release, after_in_child=_forget_drawing_thread
+)
 
 
 class _Renderer:

@@ -102,6 +102,10 @@ VALUES_ALWAYS_KNOWN = (
     "0.3 m/s if braking < 2 m else 1.2 m/s",
     "1 m/s / pallets if pallets > 0 else 1.2 m/s",
     "1 m/s / max(pallets, 1)",
+    "1 m/s / (pallets + tables) if pallets + tables > 0 else 1.2 m/s",
+    "1 m/s / (pallets - tables) if pallets > tables else 1.2 m/s",
+    "1 m/s / (pallets / tables) if pallets > 0 and tables > 0 else 1.2 m/s",
+    "0.3 m/s if pallets == 0 or tables / pallets > 2 else 1.2 m/s",
     "1 m/s / (pallets * pallets + pallets + 1)",
 )
 
@@ -122,10 +126,19 @@ def test_a_value_that_is_always_known_needs_no_otherwise(value: str) -> None:
     assert messages(value) == []
 
 
-def test_a_value_that_can_divide_by_zero_needs_otherwise() -> None:
-    value = "1 m/s / pallets if bumped else 1.2 m/s"
+@pytest.mark.parametrize(
+    ("value", "divisor"),
+    {
+        "1 m/s / pallets if bumped else 1.2 m/s": "pallets",
+        "(1 m/s / tables if tables > 0 else 1.2 m/s) + 1 m/s / pallets": "pallets",
+        "1 m/s / (pallets - 3)": "pallets - 3",
+        "0.3 m/s if not bumped and 1 / pallets < 0.2 else 1.2 m/s": "pallets",
+        "0.3 m/s if 2 / pallets > 1 or 2 / tables > 1 else 1.2 m/s": "pallets",
+    }.items(),
+)
+def test_a_value_that_can_divide_by_zero_needs_otherwise(value: str, divisor: str) -> None:
     assert messages(value) == [
-        "adaptation 'speed' keeps the last value of 'max_speed' while 1 m/s / pallets divides by 0"
+        f"adaptation 'speed' keeps the last value of 'max_speed' while '{divisor}' is 0",
     ]
     assert messages(f"{value}', otherwise: '0.3 m/s") == []
 

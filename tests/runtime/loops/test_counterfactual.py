@@ -50,6 +50,14 @@ def test_a_larger_distance_would_have_kept_the_delivery() -> None:
     assert changes[ChangeKind.WEIGHT].other == pytest.approx(0.339, abs=0.01)
 
 
+@pytest.mark.parametrize("distance", [1, 0, None])
+def test_a_variable_with_whole_numbers_would_have_kept_the_course_with_a_whole_number(distance: int | None) -> None:
+    decision = decided("deliver", distance, 80.0, 0.5, "empty", False)
+    assert decision is not None
+    changes = {change.kind: change for change in smallest_changes(MAPE, UNFILTERED, decision, (), {"person_distance"})}
+    assert repr(changes[ChangeKind.INPUT].other) == "3"
+
+
 def test_after_a_hard_rule_the_change_is_about_its_condition() -> None:
     changes = changes_by_kind("deliver", 6.0, 80.0, 0.5, "empty", True)
     assert set(changes) == {ChangeKind.INPUT}

@@ -16,7 +16,8 @@ from codra_dsl.runtime.loops.declarations import HardRuleModel, MapeModel, Repea
 from codra_dsl.runtime.loops.loop import Mape
 from codra_dsl.runtime.loops.planning import Planning
 from codra_dsl.runtime.values.conditions import choose, known, value
-from tests.runtime.loops.shop import BUMPED, CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop
+from codra_dsl.runtime.values.declarations import DERIVED
+from tests.runtime.loops.shop import BUMPED, CHOICES, COURSE, MAPE, MISSION, MODEL, SPEED, UNFILTERED, Shop
 from tests.runtime.loops.test_loop import CLOSE_M, robot_that, stubborn, wait
 
 
@@ -56,6 +57,21 @@ def test_an_adaptation_that_depends_on_itself_is_reported_and_time_goes_on(name:
     assert first.details["message"].startswith(f"'{name}' has changed 10 times at one instant")
     changes = [event for event in shop.events("chosen", "set") if event.name == name]
     assert 20 <= len(changes) <= 50
+
+
+def test_a_weight_that_depends_on_itself_through_a_derived_variable_is_reported_and_time_goes_on() -> None:
+    weight = "weight_of_start"
+    distance_m = choose(6.0, known(weight) & (value(weight) > 0.5), CLOSE_M)
+    variables = (
+        replace(variable, derived=distance_m, sources=(DERIVED,)) if variable.name == "person_distance" else variable
+        for variable in MODEL.variables
+    )
+    shop = Shop(context=replace(MODEL, variables=tuple(variables)))
+    shop.write(battery=80.0, load="empty", bumped=False)
+    shop.mape.start()
+    shop.clock.sleep(0.25)
+    messages = [event.details["message"] for event in shop.events("failed")]
+    assert f"'{weight}' has changed 10 times at one instant: it depends on itself" in messages
 
 
 def test_a_resting_tree_starts_again_even_if_its_course_is_chosen_again_before_another_began() -> None:

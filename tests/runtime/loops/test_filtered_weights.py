@@ -70,6 +70,15 @@ def test_the_graph_and_why_show_the_filtered_weights_beside_the_weights() -> Non
     assert "if safety is medium then start is high: activation 1" in story
 
 
+def test_a_variable_of_an_agent_with_such_a_name_is_not_explained_as_a_filtered_weight() -> None:
+    variable = replace(degree(FILTERED["start"]), sources=("people",))
+    shop = Shop(context=replace(MODEL, variables=(*MODEL.variables, variable)))
+    shop.begin()
+    shop.agents["people"].set(variable.name, 0.3)
+    assert "weight_of_start, smoothed" not in str(shop.codra.why(variable.name))
+    assert "if safety is not medium then start is low" in str(shop.codra.why("weight_of_start"))
+
+
 def test_a_replay_makes_the_same_filtered_weights(tmp_path: Path) -> None:
     shop = Shop(LOOPS, context=CONTEXT, record=Journal(tmp_path / "run.mcap"))
     shop.begin()

@@ -62,6 +62,15 @@ def test_the_switch_over_distance_is_where_both_weights_are_equal() -> None:
     assert row.weights["start"] == pytest.approx(row.weights["deliver"], abs=1e-6)
 
 
+@pytest.mark.parametrize("distances", [[0, 10], [10, 0], [0, 1, 2, 3, 4]])
+def test_an_input_with_whole_numbers_switches_between_two_of_them(distances: list[Value]) -> None:
+    sweep_result = swept("person_distance", distances)
+    (switch,) = sweep_result.switches
+    assert {repr(switch.low), repr(switch.high)} == {"2", "3"}
+    assert {round(switch.rules[-1].before, 3), round(switch.rules[-1].after, 3)} == {0.5, 0.0}
+    assert f"between {switch.low} and {switch.high}:" in str(sweep_result)
+
+
 def test_a_switch_at_the_limit_of_a_hard_rule_is_explained_by_that_rule() -> None:
     result = swept("battery_level", [3.0, 7.0], person_distance=1.0)
     (switch,) = result.switches

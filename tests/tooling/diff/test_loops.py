@@ -58,7 +58,7 @@ EDITS = [
         "",
         [
             *(f"api context/{name} of" for name in ("course", "weight_of_pick", "weight_of_wait")),
-            "redefined adaptation/course of",
+            "removed adaptation/course of",
         ],
     ),
     ("otherwise: true", "otherwise: false", ["redefined adaptation/care otherwise"]),

@@ -59,7 +59,7 @@ IGNORED_CLASSES = {
 }
 DEFAULT_FIELDS = {
     *("Adaptation.dwell_s", "Conduct.phase", "Output.worse", "Parameter.variable", "Parameter.value"),
-    *("Course.choose", "Course.within", "Course.otherwise", "Course.node", "Course.lead"),
+    *("Course.choose", "Course.within", "Course.otherwise", "Course.lead"),
     *("Course.smooth_s", "Course.hold_s", "Course.cooldown_s", "Course.abort_s"),
     *("TreeElement.course", "TreeElement.period_s", "TreeElement.repeat"),
     *("Loop.monitor", "Loop.analyse", "Loop.adapt", "Loop.execute"),

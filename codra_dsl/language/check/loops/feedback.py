@@ -149,29 +149,42 @@ def _self_defeating_finding(adaptation: Adaptation, key: str, message: str, help
 
 
 def adaptation_feedback(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
-    """No adaptation depends on a value that it sets or chooses itself. There is one finding for each cycle."""
+    """No adaptation, metric or weight depends on itself. There is one finding for each cycle."""
     dependencies = _dependencies(spec_index)
     dependency_names = {name: tuple(places) for name, places in dependencies.items()}
     reported_names: set[str] = set()
-    for adaptation in spec_index.spec.adaptation:
-        target, verb = (
-            _written_variable(adaptation),
-            "sets" if isinstance(adaptation.does, Parameter) else "chooses",
-        )
+    for section, element, target, message in _computed_variables(spec_index):
         feedback_cycle = graph.cycle_through(dependency_names, target) if target not in reported_names else ()
+        is_reported = section != "adaptation" and not reported_names.isdisjoint(feedback_cycle)
         reported_names.update(feedback_cycle)
-        if not feedback_cycle or not faults.is_sound("adaptation", adaptation.name):
+        if not feedback_cycle or is_reported or not faults.is_sound(section, element):
             continue
         path = (*feedback_cycle, target)
         first, *others = [(name, dependency, dependencies[name][dependency]) for name, dependency in pairwise(path)]
         yield finding(
             "adaptation-feedback",
-            f"adaptation '{adaptation.name}' depends on a value that it {verb} itself: {' -> '.join(path)}",
+            f"{message}: {' -> '.join(path)}",
             first[2],
-            path=f"adaptation.{adaptation.name}",
+            path=f"{section}.{element}",
             help="read a measured value instead, or give the reason in a comment '# codra: ignore[CDR7127]'",
             related=tuple(Related(f"'{name}' depends on '{dependency}'", place) for name, dependency, place in others),
         )
+
+
+def _computed_variables(spec_index: SpecIndex) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the section and name of each adaptation, metric and action, its variable, and the message about feedback.
+
+    Adaptations come first: a cycle through an adaptation is reported there.
+    """
+    for adaptation in spec_index.spec.adaptation:
+        verb = "sets" if isinstance(adaptation.does, Parameter) else "chooses"
+        message = f"adaptation '{adaptation.name}' depends on a value that it {verb} itself"
+        yield "adaptation", adaptation.name, _written_variable(adaptation), message
+    for section, output in spec_index.parsed_rules.outputs:
+        if section == "metrics":
+            yield section, output.name, output.name, f"metric '{output.name}' depends on itself"
+        else:
+            yield section, output.name, weight_name(output.name), f"action '{output.name}' depends on its own weight"
 
 
 def _written_variable(adaptation: Adaptation) -> str:
@@ -190,18 +203,21 @@ def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
     for variable in spec_index.spec.context:
         if variable.rate is not None:
             dependencies.setdefault(variable.name, {})[variable.rate.of.name] = variable.rate.of.place
+        if variable.derived is not None:
+            inputs = spec_index.derived_inputs[variable.name]
+            dependencies.setdefault(variable.name, {}).update(dict.fromkeys(inputs, variable.derived.place))
     for adaptation in spec_index.spec.adaptation:
         own_dependencies = dependencies.setdefault(_written_variable(adaptation), {})
-        for action in adaptation.does.choose if isinstance(adaptation.does, Course) else ():
+        course = adaptation.does if isinstance(adaptation.does, Course) else None
+        for action in () if course is None else course.choose:
             own_dependencies.setdefault(weight_name(action.name), action.place)
-            filtered = dependencies.setdefault(filtered_weight_name(action.name), {})
-            filtered[weight_name(action.name)] = action.place
+        for action in () if course is None or course.node is None else course.choose:
+            dependencies[filtered_weight_name(action.name)] = {weight_name(action.name): action.place}
     for site in spec_index.sites:
         if site.owner[0] == "adaptation":
             for read_name in site.names:
-                dependencies[site.variable or site.owner[1]].setdefault(
-                    read_name.name, site.condition.place_of(read_name)
-                )
+                own_dependencies = dependencies.setdefault(site.variable or site.owner[1], {})
+                own_dependencies.setdefault(read_name.name, site.condition.place_of(read_name))
     return dependencies
 
 

@@ -9,24 +9,33 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from codra_dsl.language import graph
+from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.loops.firing import silent_combinations
+from codra_dsl.language.check.solver.breakpoints import is_curved
 from codra_dsl.language.check.solver.budget import current_budget
+from codra_dsl.language.check.solver.case_split import names_of
 from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import (
+    And,
     Arithmetic,
+    Choice,
     Compare,
     Comparison,
     Count,
+    Fallback,
     Node,
+    Not,
     Number,
+    Or,
     names_in,
+    parts,
     reads_of,
+    to_text,
     variables_in,
-    walk,
 )
 from codra_dsl.language.model import (
     ADAPTER,
@@ -63,13 +72,11 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
             for read_name in variables_in(tree)
             if not any(read_name in names for names in steady_name_sets) and reasons.of(read_name)
         ]
-        division = _division_by_zero(spec_index, tree)
+        division = _division_by_zero(tree, spec_index.context_types)
         culprits = () if division else _decisive_names(spec_index, tree, doubtful_names)
         if division is None and not culprits:
             continue
-        state_text = (
-            f"{does.value.text_of(division)} divides by 0" if division else _state_text(spec_index, tree, culprits)
-        )
+        state_text = f"'{to_text(division.right)}' is 0" if division else _state_text(spec_index, tree, culprits)
         yield finding(
             "unknown-adapted-value",
             f"adaptation '{adaptation.name}' keeps the last value of '{name}' while {state_text}",
@@ -116,23 +123,38 @@ def _decisive_names(spec_index: SpecIndex, tree: Node, names: Sequence[str]) -> 
     return decisive_names or tuple(names)
 
 
-def _division_by_zero(spec_index: SpecIndex, tree: Node) -> Node | None:
+def _division_by_zero(tree: Node, types: Types) -> Arithmetic | None:
     """Return a division that makes a value unknown although all names are known, because its divisor is 0; or None.
 
-    A divisor that reads a name twice is not judged: its possible values are not known exactly.
+    A division is not judged if the possible values of its divisor are not known exactly: because the divisor reads a
+    name twice, or because a condition on one of its names is not linear.
     """
-    types = spec_index.context_types
-    for part in walk(tree):
-        if isinstance(part, Arithmetic) and part.operator == "/":
-            names = [name.name for name in names_in(part.right)]
-            is_zero = Compare(start=0, end=0, first=part.right, rest=((Comparison.EQUAL, _ZERO),))
-            if (
-                len(set(names)) == len(names)
-                and can_hold([is_zero], (), types)
-                and not is_always_known(tree, (), types)
-            ):
-                return None if current_budget().has_undecided else part
+    for division, conditions in _divisions(tree):
+        names = [name.name for name in names_in(division.right)]
+        limits = [condition for condition in conditions if not set(names).isdisjoint(names_of([condition]))]
+        is_exact = len(set(names)) == len(names) and not (limits and is_curved(division.right, *limits))
+        is_zero = Compare(start=0, end=0, first=division.right, rest=((Comparison.EQUAL, _ZERO),))
+        if is_exact and can_hold([is_zero, *conditions], (), types):
+            return None if is_always_known(tree, (), types) or current_budget().has_undecided else division
     return None
+
+
+def _divisions(node: Node, conditions: tuple[Node, ...] = ()) -> Iterator[tuple[Arithmetic, tuple[Node, ...]]]:
+    """Yield the divisions of a value, each with the conditions under which the value depends on the division."""
+    if isinstance(node, Arithmetic) and node.operator == "/":
+        yield node, conditions
+    for part in () if isinstance(node, Fallback) else parts(node):  # a fallback replaces a quotient that is unknown
+        yield from _divisions(part, (*conditions, *_conditions_of_part(node, part)))
+
+
+def _conditions_of_part(node: Node, part: Node) -> tuple[Node, ...]:
+    """Return the conditions under which a value depends on one of its parts."""
+    if isinstance(node, Choice) and part is not node.condition:
+        return (node.condition if part is node.then else Not(start=0, end=0, operand=node.condition),)
+    if isinstance(node, (And, Or)):
+        others = (other for other in node.operands if other is not part)
+        return tuple(other if isinstance(node, And) else Not(start=0, end=0, operand=other) for other in others)
+    return ()
 
 
 def _state_text(spec_index: SpecIndex, tree: Node, culprits: Sequence[str]) -> str:
@@ -190,7 +212,7 @@ class _Reasons:
 
     def _reason_of_inputs(self, tree: Node) -> str:
         """Return which input makes a derived variable unknown, and why; empty if none does."""
-        if _division_by_zero(self._spec_index, tree):
+        if _division_by_zero(tree, self._spec_index.context_types):
             return "it divides by a number that can be 0"
         reasons: dict[str, str] = {}
         for name in names_in(tree):

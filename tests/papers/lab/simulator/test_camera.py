@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from math import hypot, pi
@@ -17,7 +19,7 @@ from codra_papers.lab.gaze import grip_gaze, observation_gaze
 from codra_papers.lab.perception.frame import Frame
 from codra_papers.lab.perception.layout import INTRINSICS, MACHINES, Part
 from codra_papers.lab.perception.tags import detect
-from codra_papers.lab.simulator import camera
+from codra_papers.lab.simulator import camera, gl
 from codra_papers.lab.simulator.camera import ArmCamera, FrameSource, GreyFrameSource, exposed_states
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
 from codra_papers.lab.simulator.laboratory import LABORATORY, NOISE_GREYS
@@ -90,6 +92,26 @@ def test_earlier_frames_do_not_change_a_frame(world: LabWorld, source: FrameSour
     for instant_s in (1.0, 1.5, 2.5, 3.5, 4.5, 6.0, 1.2):
         with FrameSource(world) as other:
             assert np.array_equal(source.frame_at(instant_s).pixels, other.frame_at(instant_s).pixels)
+
+
+START_AT_ONCE = """\
+import sys
+from threading import Barrier, Thread, enumerate
+from codra_papers.lab.simulator import camera, gl
+
+gl.use_backend(sys.argv[1])
+barrier = Barrier(8)
+starts = [Thread(target=lambda: (barrier.wait(), camera._drawing_thread())) for _ in range(8)]
+for start in starts:
+    start.start()
+for start in starts:
+    start.join()
+assert sum(thread.name.startswith("codra-camera") for thread in enumerate()) == 1
+"""
+
+
+def test_threads_that_open_the_first_sources_at_once_share_one_drawing_thread() -> None:
+    subprocess.run([sys.executable, "-c", START_AT_ONCE, gl.choose_backend()], check=True)
 
 
 def test_open_sources_of_different_rooms_draw_what_each_draws_alone(world: LabWorld) -> None:
