@@ -364,9 +364,13 @@ class SpecIndex:
 
     @cached_property
     def variables_read_by_loops(self) -> frozenset[str]:
-        """The variables that rules and conditions of loops read, and the variables whose rates they read."""
-        names_in_conditions = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
-        return self.parsed_rules.with_read_names(names_in_conditions)
+        """The variables that rules and conditions of loops read, and the variables of all rates.
+
+        A loop computes each rate of the spec, also a rate that only derived variables or skills read.
+        """
+        names = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
+        rates = (variable.rate for variable in self.spec.context)
+        return frozenset(names | self.parsed_rules.read_names | {rate.of.name for rate in rates if rate is not None})
 
     @cached_property
     def waking_variables(self) -> frozenset[str]:
