@@ -9,6 +9,7 @@ from codra_dsl.language.expression.derivations import (
     parse_derivation,
     with_resolution,
 )
+from codra_dsl.language.expression.fallbacks import meant_fallbacks
 from codra_dsl.language.expression.parser import MAX_DEPTH, parse
 from codra_dsl.language.expression.patterns import Count, EdgeTerm, NodeTerm, Path, parse_pattern
 from codra_dsl.language.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out
@@ -67,6 +68,7 @@ __all__ = [
     "distances_in",
     "is_distance",
     "is_name",
+    "meant_fallbacks",
     "names_in",
     "parse",
     "parse_derivation",

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.expression.fallbacks import meant_fallbacks
 from codra_dsl.language.expression.tokens import (
     FUNCTIONS,
     WORDS,
@@ -91,17 +92,33 @@ _OPERATOR_HELP = {
 }
 
 
-def parse(text: str, *, allows_fallback: bool = False) -> Node | SyntaxProblem:
+def parse(text: str, *, allows_fallback: bool = False, reads_context: bool = False) -> Node | SyntaxProblem:
     """Return the tree of a condition, or the problem of an invalid text. This function never raises.
 
-    `allows_fallback` states whether `x else y` is allowed: the value y while x is unknown.
+    Args:
+        text: the condition.
+        allows_fallback: whether `x else y` is allowed: the value y while x is unknown.
+        reads_context: whether the condition reads context-variables; then the help of problems suggests variables.
     """
     if is_name(text):  # the most common form
         return Name(start=0, end=len(text), name=text)
     try:
-        return _Parser(tokens(text), _INFIX_WITH_FALLBACK if allows_fallback else _INFIX).parse()
+        tree = _Parser(tokens(text)).parse()
     except ExpressionError as error:
         return error.problem
+    start, end = (0, 0) if allows_fallback else next(meant_fallbacks(tree), (0, 0))
+    return tree if start == end else _misplaced_fallback(text, start, end, reads_context)
+
+
+def _misplaced_fallback(text: str, start: int, end: int, reads_context: bool) -> SyntaxProblem:
+    message = "'x else y' is allowed only in 'derived'"
+    help_text = "remove 'else': while a returned value is absent, the result is rejected"
+    if reads_context:
+        before, after = text[:start], text[end:]
+        is_in_parentheses = before.endswith("(") and after.startswith(")")
+        rest = f"{before[:-1]}NAME{after[1:]}" if is_in_parentheses else f"{before}NAME{after}"
+        help_text = f"declare in 'context' a variable NAME with 'derived: {text[start:end]}', and write '{rest}' here"
+    return SyntaxProblem(message, start, end, help_text)
 
 
 class _Parser:
@@ -111,9 +128,8 @@ class _Parser:
     or a symbol.
     """
 
-    def __init__(self, all_tokens: tuple[Token, ...], infix_operators: Mapping[str, _Infix]) -> None:
+    def __init__(self, all_tokens: tuple[Token, ...]) -> None:
         self._tokens = all_tokens
-        self._infix_operators = infix_operators
         self._position = 0
         self._depth = 0
 
@@ -217,7 +233,7 @@ class _Parser:
         token = self._next_token
         if token.text == "not" and self._tokens[self._position + 1].text != "in":
             return None
-        return self._infix_operators.get(token.text)
+        return _INFIX.get(token.text)
 
     def _operands(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
         operands = [first]
@@ -324,8 +340,6 @@ class _Parser:
             return ExpressionError(
                 f"'{token.text}' is not an operator", token.start, token.end, f"write '{lower_text}'"
             )
-        if token.text == "else":
-            return ExpressionError("'else' without 'if'", token.start, token.end, "write A if CONDITION else B")
         if token.text == ")":
             return ExpressionError("')' closes nothing", token.start, token.end, "remove it or add '('")
         before, after = self._tokens[self._position - 1], self._tokens[min(self._position + 1, len(self._tokens) - 1)]
@@ -365,6 +379,7 @@ class _Infix:
 
 _INFIX: Mapping[str, _Infix] = {
     "if": _Infix(Power.CHOICE, _Parser.choice),
+    "else": _Infix(Power.CHOICE, _Parser.fallback),
     "or": _Infix(Power.OR, _Parser.disjunction),
     "and": _Infix(Power.AND, _Parser.conjunction),
     "in": _Infix(Power.COMPARE, _Parser.membership),
@@ -375,7 +390,6 @@ _INFIX: Mapping[str, _Infix] = {
     "*": _Infix(Power.PRODUCT, _Parser.arithmetic),
     "/": _Infix(Power.PRODUCT, _Parser.arithmetic),
 }
-_INFIX_WITH_FALLBACK = {**_INFIX, "else": _Infix(Power.CHOICE, _Parser.fallback)}
 
 
 def _unknown_function_error(token: Token) -> ExpressionError:

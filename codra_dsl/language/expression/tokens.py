@@ -82,13 +82,15 @@ _UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
 _TOKEN = re.compile(
     rf"""(?P<blank>[ \t\r\n]+)
     | (?P<word>[^\W\d]\w*)
-    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{"|".join(WORDS)}|is|then)\b){_UNIT_LIKE}))?
+    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{"|".join(WORDS)}|is|then|for)\b){_UNIT_LIKE}))?
     | (?P<badnumber>\.?\d[\w.]*)
     | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
     | (?P<slip>&&|\|\||!==|===|=<|=>|<>|\*\*|//|:=|=(?!=)|!(?!=)|[^-\w\s()<>+*/,"'=!])
     | (?P<symbol><=|>=|==|!=|[-()<>+*/,])""",
     re.VERBOSE | re.DOTALL,
 )
+
+_DURATION = re.compile(r"[0-9][0-9.]* *(?:ms|s|min|h)\b")
 
 _SYMBOL_HELP: Mapping[str, str] = {
     "&&": "write 'and'",
@@ -183,7 +185,7 @@ def shown(text: str) -> str:
 def _read_token(match: re.Match[str]) -> Token:
     kind, text, start, end = match.lastgroup, match[0], match.start(), match.end()
     if kind == "word":
-        return _read_word(text, start, end)
+        return _read_word(match.string, text, start, end)
     if kind == "symbol":
         return Token(TokenKind.SYMBOL, text, start, end)
     if kind in ("number", "unit"):
@@ -195,7 +197,7 @@ def _read_token(match: re.Match[str]) -> Token:
     raise _unsupported_symbol_error(match.string, text, start, end)
 
 
-def _read_word(text: str, start: int, end: int) -> Token:
+def _read_word(condition_text: str, text: str, start: int, end: int) -> Token:
     if text in WORDS:
         return Token(TokenKind.WORD, text, start, end)
     if not _IDENTIFIER.fullmatch(text):
@@ -203,9 +205,21 @@ def _read_word(text: str, start: int, end: int) -> Token:
         raise ExpressionError(f"{shown(text)} is not a name", start, end, help_text)
     if text == "is":
         raise ExpressionError("'is' is not an operator", start, end, "write '==' or '!='")
+    if text == "for":
+        raise _duration_error(condition_text[:start].strip(), condition_text[end:].strip(), start, end)
     if keyword.iskeyword(text) or text == "null":
         raise ExpressionError(f"'{text}' is not a name", start, end, _reserved_help(text))
     return Token(TokenKind.NAME, text, start, end)
+
+
+def _duration_error(before: str, after: str, start: int, end: int) -> ExpressionError:
+    """Return the error of `x for 5 s`."""
+    duration = _DURATION.match(after)
+    held, time = before if is_name(before) else "BOOL", duration[0] if duration is not None else "5 s"
+    help_text = f"declare in 'context' a bool {{type: bool, held: {held}, for: {time}}}, and write its name here"
+    if held != before:
+        help_text += "; BOOL is a variable with this condition under 'derived'"
+    return ExpressionError("a condition cannot state for how long it must hold", start, end, help_text)
 
 
 def _reserved_help(text: str) -> str:
