@@ -187,7 +187,7 @@ class _Explanation:
 
     def _value_name(self, path: tuple[str | int, ...]) -> str:
         """Return the name of a value for messages."""
-        if not path or (len(path) == 2 and path[0] in _PART_NOUNS):
+        if not path or (len(path) == 2 and path[0] in _PART_NOUNS and isinstance(path[1], str)):
             return self._mapping_name(path)
         if isinstance(path[-1], int):
             return f"item {path[-1] + 1} of {self._value_name(path[:-1])}"

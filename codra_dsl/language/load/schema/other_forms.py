@@ -23,6 +23,8 @@ def other_form_help(error: Error, node: YamlNode, holder: YamlNode, title: str) 
         return f"{'write one' if is_single else 'write each as an item of its own'}, or join them with 'and' or 'or'"
     if title == "an expression over context":
         return _expression_help(node, holder)
+    if title == "a rule" and isinstance(node, MappingNode):
+        return _rule_help(node)
     if title == "a type" and isinstance(node, SequenceNode):
         return f"write 'type: enum' and 'values: {literal_text(error.data)}'"
     if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
@@ -69,6 +71,16 @@ def _expression_help(node: YamlNode, holder: YamlNode) -> str | None:
         choices = [f'"{member}" if {condition} else ' for member, condition in zip(others, conditions, strict=False)]
         expression = "".join((*choices, f'"{last}"'))
     return f"write derived: {quote_text(expression)}"
+
+
+def _rule_help(node: MappingNode) -> str | None:
+    """Return the help for `if ANTECEDENT: TERM` and for `{if: ANTECEDENT, then: TERM}`."""
+    texts = {key: value.text for key, (_, value) in node.entries.items() if isinstance(value, ScalarNode)}
+    if texts.keys() == {"if", "then"}:
+        return f"write 'if {texts['if']} then {texts['then']}'"
+    antecedent, conclusion = next(iter(texts.items()), ("", ""))
+    is_rule = len(node.entries) == 1 and antecedent.startswith("if ")
+    return f"write '{antecedent} then {conclusion}'" if is_rule else None
 
 
 def _members(holder: YamlNode) -> list[str]:
