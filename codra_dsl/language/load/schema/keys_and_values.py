@@ -348,7 +348,7 @@ class _Explanation:
         return (
             "wrong-type",
             f"{value_name} must be {title}, not {_describe(node)}",
-            other_form_help(error, node, self._node(error.path[:-1]), title) or example,
+            other_form_help(self._subject, error, node, self._node(error.path[:-1]), title) or example,
         )
 
     def _report_trap(self, error: Error) -> bool:

@@ -5,19 +5,24 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from codra_dsl.language.expression import And, Compare, In, Not, Or, parse_derivation
 from codra_dsl.language.load.schema.schema import Error
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.traps import is_derivation, quote_text
 from codra_dsl.language.units import duration_help
 
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
 
-def other_form_help(error: Error, node: YamlNode, holder: YamlNode, title: str) -> str | None:
-    """Return the help for a value of the wrong form, if its meaning is clear.
+def other_form_help(subject: Subject, error: Error, node: YamlNode, holder: YamlNode, title: str) -> str | None:
+    """Return the help for a value of the wrong form in an element, if its meaning is clear.
 
     `holder` contains the value, and `title` is what its key needs.
     """
+    if not error.path and subject.section == "context" and isinstance(node, ScalarNode):
+        is_truth = isinstance(parse_derivation(node.text), And | Or | Not | Compare | In)
+        return f"write '{subject.key.written}: {{type: bool, derived: {node.text}}}'" if is_truth else None
     if title == "a condition" and isinstance(node, SequenceNode):
         is_single = isinstance(error.path[-1], str)
         return f"{'write one' if is_single else 'write each as an item of its own'}, or join them with 'and' or 'or'"
@@ -25,6 +30,9 @@ def other_form_help(error: Error, node: YamlNode, holder: YamlNode, title: str) 
         return _expression_help(node, holder)
     if title == "a rule" and isinstance(node, MappingNode):
         return _rule_help(node)
+    if title in ("a list of conditions", "a list of names and conditions") and isinstance(node, MappingNode):
+        comparisons = _comparisons(node)
+        return f"write '{error.path[-1]}: [{comparisons}]'" if comparisons else None
     if title == "a type" and isinstance(node, SequenceNode):
         return f"write 'type: enum' and 'values: {literal_text(error.data)}'"
     if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
@@ -81,6 +89,16 @@ def _rule_help(node: MappingNode) -> str | None:
     antecedent, conclusion = next(iter(texts.items()), ("", ""))
     is_rule = len(node.entries) == 1 and antecedent.startswith("if ")
     return f"write '{antecedent} then {conclusion}'" if is_rule else None
+
+
+def _comparisons(node: MappingNode) -> str:
+    """Return the entries `door: open` of a mapping as comparisons `door == "open"`; empty if they are no comparisons."""
+    texts = [
+        f'{key} == "{value.text}"' if isinstance(value.data, str) else f"{key} == {value.text}"
+        for key, (_, value) in node.entries.items()
+        if isinstance(value, ScalarNode)
+    ]
+    return ", ".join(texts) if len(texts) == len(node.entries) and all(map(is_derivation, texts)) else ""
 
 
 def _members(holder: YamlNode) -> list[str]:
