@@ -26,6 +26,12 @@ context:
   pallets: {type: int, range: [0, 9], source: fork, valid_for: forever}
   per_pallet: {type: float, derived: 10 / pallets}
   per_place: {type: float, derived: 10 / (pallets + 1)}
+  orders: {type: int, range: [1, 9], source: fork, valid_for: forever}
+  same_pallets: {type: int, range: [0, 9], derived: pallets}
+  least_pallets: {type: int, range: [0, 9], derived: 'max(same_pallets, 1)'}
+  odd: {type: int, range: [-1, 17], derived: 2 * pallets - 1}
+  rest: {type: float, range: [-1, 9], derived: pallets - 0.5}
+  table_rows: {type: int, range: [0, 9], derived: count(some table) + 1}
   braking: {type: float, unit: m, range: [0, 20], derived: 1 m + (gap else 10 m)}
   least_gap: {type: float, unit: m, range: [0, 20], derived: 'min(sonar else gap, 10 m)'}
   max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation, valid_for: 5 s}
@@ -94,6 +100,29 @@ VALUES_ALWAYS_KNOWN = (
     "1 m/s / pallets if pallets > 0 else 1.2 m/s",
     "1 m/s / max(pallets, 1)",
     "1 m/s / (pallets * pallets + pallets + 1)",
+    "1 m/s / orders",
+    "1 m/s / (2 * pallets - 1)",
+    "1 m/s / (2 * orders - 2 * pallets - 1)",
+    "1 m/s / (pallets * pallets - 2)",
+    "1 m/s / odd",
+    "1 m/s / rest",
+    "1 m/s / least_pallets",
+    "1 m/s / table_rows",
+    "1 m/s / same_pallets if pallets > 0 else 1.2 m/s",
+    "1 m/s / (orders - pallets) if orders > pallets else 1.2 m/s",
+)
+
+DIVISORS_THAT_CAN_BE_ZERO = (
+    "pallets",
+    "(pallets - 3)",
+    "(orders - 1)",
+    "(orders - pallets)",
+    "(pallets * pallets - pallets)",
+    "same_pallets",
+    "(least_pallets - 1)",
+    "(odd + 1)",
+    "tables",
+    "(battery * battery / 1 percent / 1 percent)",
 )
 
 
@@ -113,10 +142,11 @@ def test_a_value_that_is_always_known_needs_no_otherwise(value: str) -> None:
     assert messages(value) == []
 
 
-def test_a_value_that_can_divide_by_zero_needs_otherwise() -> None:
-    value = "1 m/s / pallets if bumped else 1.2 m/s"
+@pytest.mark.parametrize("divisor", DIVISORS_THAT_CAN_BE_ZERO)
+def test_a_value_that_can_divide_by_zero_needs_otherwise(divisor: str) -> None:
+    value = f"1 m/s / {divisor} if bumped else 1.2 m/s"
     assert messages(value) == [
-        "adaptation 'speed' keeps the last value of 'max_speed' while 1 m/s / pallets divides by 0"
+        f"adaptation 'speed' keeps the last value of 'max_speed' while 1 m/s / {divisor} divides by 0"
     ]
     assert messages(f"{value}', otherwise: '0.3 m/s") == []
 

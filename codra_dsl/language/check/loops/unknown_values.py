@@ -6,20 +6,49 @@ last value would stay, such as a high speed after the lidar has failed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
+from codra_dsl.language.check.conditions.types import Type
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.feedback import adapted_variables
 from codra_dsl.language.check.loops.firing import silent_combinations
 from codra_dsl.language.check.solver.budget import current_budget
-from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
+from codra_dsl.language.check.solver.satisfiable import is_always_known
+from codra_dsl.language.check.solver.zeros import can_be_zero, is_known_in_all_cases
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.expression import Arithmetic, Compare, Comparison, Count, Node, Number, names_in, reads_of, walk
-from codra_dsl.language.model import ADAPTER, FOREVER_S, Course, Parameter, Variable, filtered_weight_name, weight_name
+from codra_dsl.language.expression import (
+    Arithmetic,
+    Count,
+    Name,
+    Node,
+    is_distance,
+    map_parts,
+    names_in,
+    reads_of,
+    to_text,
+    walk,
+)
+from codra_dsl.language.model import (
+    ADAPTER,
+    FOREVER_S,
+    Course,
+    Kind,
+    Parameter,
+    Variable,
+    filtered_weight_name,
+    weight_name,
+)
+from codra_dsl.language.units import UNITS
+
+_MAX_LEVELS = 5
+"""The maximum nesting depth of derived variables whose expressions are read."""
+
+_MAX_NAMES = 50
+"""The maximum number of names in an expression in which derived variables are replaced."""
 
 _VARIABLE_KEYS = ("source", "valid_for", "when_unobservable")
-_ZERO = Number(start=0, end=0, value=0.0, unit=None)
 
 
 def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -41,9 +70,7 @@ def unknown_adapted_values(spec_index: SpecIndex, faults: FaultyElements) -> Ite
         culprits = () if division else _decisive_names(spec_index, tree, tuple(reasons))
         if division is None and not culprits:
             continue
-        state_text = (
-            f"{does.value.text_of(division)} divides by 0" if division else _state_text(spec_index, tree, culprits)
-        )
+        state_text = f"{to_text(division)} divides by 0" if division else _state_text(spec_index, tree, culprits)
         yield finding(
             "unknown-adapted-value",
             f"adaptation '{adaptation.name}' keeps the last value of '{name}' while {state_text}",
@@ -88,22 +115,52 @@ def _decisive_names(spec_index: SpecIndex, tree: Node, names: Sequence[str]) -> 
 
 
 def _division_by_zero(spec_index: SpecIndex, tree: Node) -> Node | None:
-    """Return a division that makes a value unknown although all names are known, because its divisor is 0; or None.
-
-    A divisor that reads a name twice is not judged: its possible values are not known exactly.
-    """
+    """Return a division that makes a value unknown although all names are known, because its divisor is 0; or None."""
+    divisions = (part for part in walk(tree) if isinstance(part, Arithmetic) and part.operator == "/")
+    division = next((part for part in divisions if _can_be_zero(spec_index, part.right)), None)
     types = spec_index.context_types
-    for part in walk(tree):
-        if isinstance(part, Arithmetic) and part.operator == "/":
-            names = [name.name for name in names_in(part.right)]
-            is_zero = Compare(start=0, end=0, first=part.right, rest=((Comparison.EQUAL, _ZERO),))
-            if (
-                len(set(names)) == len(names)
-                and can_hold([is_zero], (), types)
-                and not is_always_known(tree, (), types)
-            ):
-                return None if current_budget().has_undecided else part
-    return None
+    for known_tree in () if division is None else (tree, _with_expressions(spec_index, tree)):
+        if is_always_known(known_tree, (), types) or is_known_in_all_cases(known_tree, types):
+            return None
+    return None if current_budget().has_undecided else division
+
+
+def _can_be_zero(spec_index: SpecIndex, divisor: Node) -> bool:
+    """Return whether a divisor can be 0, by the ranges of its names and by the expressions of derived variables."""
+    answers = [
+        can_be_zero(tree, {**spec_index.context_types, **_types_of_graph(tree)})
+        for tree in (divisor, _with_expressions(spec_index, divisor))
+    ]
+    return True in answers and False not in answers
+
+
+def _types_of_graph(tree: Node) -> dict[str, Type]:
+    """Return the types of the counts and distances in an expression, which are not negative."""
+    types: dict[str, Type] = {}
+    for name in names_in(tree):
+        if isinstance(name.pose_comparison, Count) and name.pose_comparison.function == "count":
+            types[name.name] = Type(Kind.INT, range=(0, math.inf))
+        elif is_distance(name):
+            types[name.name] = Type(Kind.FLOAT, UNITS["m"], range=(0, math.inf))
+    return types
+
+
+def _with_expressions(spec_index: SpecIndex, tree: Node) -> Node:
+    """Return an expression in which derived variables are replaced by their expressions, as long as it stays small."""
+    for _ in range(_MAX_LEVELS):
+        names = {name.name for name in names_in(tree)}
+        derivations = {name: spec_index.variables[name].derived for name in names if name in spec_index.variables}
+        trees = {name: derived.tree for name, derived in derivations.items() if derived and derived.tree}
+        if not trees or len(names_in(tree)) > _MAX_NAMES:
+            break
+        tree = _replaced(tree, trees)
+    return tree
+
+
+def _replaced(tree: Node, trees: Mapping[str, Node]) -> Node:
+    if isinstance(tree, Name):
+        return trees.get(tree.name, tree)
+    return map_parts(tree, lambda part: _replaced(part, trees))
 
 
 def _state_text(spec_index: SpecIndex, tree: Node, culprits: Sequence[str]) -> str:

@@ -92,7 +92,7 @@ def _rule_help(node: MappingNode) -> str | None:
 
 
 def _comparisons(node: MappingNode) -> str:
-    """Return the entries `door: open` of a mapping as comparisons `door == "open"`; empty if they are no comparisons."""
+    """Return the entries of a mapping as comparisons, such as `door == "open"`; empty if they are none."""
     texts = [
         f'{key} == "{value.text}"' if isinstance(value.data, str) else f"{key} == {value.text}"
         for key, (_, value) in node.entries.items()
