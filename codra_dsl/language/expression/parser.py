@@ -62,6 +62,9 @@ class Power(IntEnum):
 
 
 _COMPARISONS = frozenset(Comparison)
+_POSE_FUNCTIONS = ("distance", "in_view")
+_COUNTS = ("count", "exists")
+_GRAPH_FUNCTIONS = (*_POSE_FUNCTIONS, *_COUNTS)
 _FUNCTION_HELP = {
     "minimum": "did you mean 'min'?",
     "maximum": "did you mean 'max'?",
@@ -69,14 +72,15 @@ _FUNCTION_HELP = {
     "unknown": "write not known(x)",
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
+    **dict.fromkeys(("default", "coalesce", "fallback"), "write x else y, in 'derived'"),
     **{
         name: f"{name}() is allowed only in 'observable_when', 'preview' and 'derived', in patterns of agents, and in"
         " 'always' and 'value' of adaptations"
-        for name in ("distance", "in_view")
+        for name in _POSE_FUNCTIONS
     },
     **{
         name: f"{name}() is allowed only in 'derived': declare a derived variable, and read that variable here"
-        for name in ("count", "exists")
+        for name in _COUNTS
     },
 }
 
@@ -89,6 +93,9 @@ _OPERATOR_HELP = {
     "under": "write '<'",
     "then": "write A if CONDITION else B",
     "between": "write LOW <= x <= HIGH",
+    "otherwise": "write 'else'",
+    **dict.fromkeys(("becomes", "stays"), "write '=='; 'becomes' and 'stays' are allowed only in 'monitor'"),
+    "within": "remove it: only 'becomes' in 'monitor' has a time limit",
 }
 
 
@@ -321,6 +328,9 @@ class _Parser:
 
     def _missing_operand_error(self) -> ExpressionError:
         token = self._next_token
+        if token.text == "else" and self._position and self._tokens[self._position - 1].text == "or":
+            before = self._tokens[self._position - 1]
+            return ExpressionError("'or else' is not an operator", before.start, token.end, "write x else y")
         if token.text in ("if", "else"):
             return ExpressionError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
         if self._position == 0 and token.text != ")":
@@ -393,7 +403,7 @@ _INFIX: Mapping[str, _Infix] = {
 
 
 def _unknown_function_error(token: Token) -> ExpressionError:
-    suggestion = suggest(token.text, FUNCTIONS)
+    suggestion = suggest(token.text, (*FUNCTIONS, *_GRAPH_FUNCTIONS))
     default_help = f"did you mean '{suggestion}'?" if suggestion else f"functions are {', '.join(sorted(FUNCTIONS))}"
     help_text = _FUNCTION_HELP.get(token.text, default_help)
     return ExpressionError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
+from codra_dsl.language.expression.bare_paths import bare_path_problem
 from codra_dsl.language.expression.parser import parse
 from codra_dsl.language.expression.printer import to_text
 from codra_dsl.language.expression.tokens import ExpressionError, SyntaxProblem, shown
@@ -32,6 +33,7 @@ _POSE_FUNCTION = re.compile(rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?!))", _FLAG
 _DOTTED_NAME_OR_POSE_FUNCTION = re.compile(
     rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS
 )
+_PATH_HELP = "declare in 'context' a variable NAME with 'derived: {call}', and write NAME here"
 _ANY_NODE = re.compile(rf"\bsome +({_NAME})", re.ASCII)
 _POSE_FUNCTION_START = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
@@ -47,6 +49,12 @@ def parse_with_dotted_names(text: str) -> Node | SyntaxProblem:
 
 def parse_over_context(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition over context, in which each comparison with poses is one name. Never raises."""
+    tree = _parse_over_context(text)
+    problem = bare_path_problem(text, _PATH_HELP) if isinstance(tree, SyntaxProblem) else None
+    return tree if problem is None else problem
+
+
+def _parse_over_context(text: str) -> Node | SyntaxProblem:
     if _POSE_FUNCTION_START.search(text) is None:
         return parse(text, reads_context=True)
     try:

@@ -78,11 +78,13 @@ class ExpressionError(Exception):
 _UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
 """Matches valid and invalid units alike, so that messages can show an invalid unit in full."""
 
+_NO_UNITS = "|".join((*WORDS, "is", "then", "for", "otherwise"))
+
 # A unit has no blanks inside: `5 m/s` is a speed, but `5 m / s` divides 5 m by the variable `s`.
 _TOKEN = re.compile(
     rf"""(?P<blank>[ \t\r\n]+)
     | (?P<word>[^\W\d]\w*)
-    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{"|".join(WORDS)}|is|then|for)\b){_UNIT_LIKE}))?
+    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{_NO_UNITS})\b){_UNIT_LIKE}))?
     | (?P<badnumber>\.?\d[\w.]*)
     | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
     | (?P<slip>&&|\|\||!==|===|=<|=>|<>|\*\*|//|:=|=(?!=)|!(?!=)|[^-\w\s()<>+*/,"'=!])
@@ -204,7 +206,7 @@ def _read_word(condition_text: str, text: str, start: int, end: int) -> Token:
         help_text = "names hold only letters A to Z, digits and '_', and start with a letter"
         raise ExpressionError(f"{shown(text)} is not a name", start, end, help_text)
     if text == "is":
-        raise ExpressionError("'is' is not an operator", start, end, "write '==' or '!='")
+        raise ExpressionError("'is' is not an operator", start, end, "write '==' or '!='; only fuzzy rules have 'is'")
     if text == "for":
         raise _duration_error(condition_text[:start].strip(), condition_text[end:].strip(), start, end)
     if keyword.iskeyword(text) or text == "null":
@@ -279,7 +281,10 @@ def _unescape(text: str, start: int) -> str:
 
 def _unsupported_symbol_error(condition_text: str, text: str, start: int, end: int) -> ExpressionError:
     if text == "." and condition_text[:start][-1:].isidentifier():
-        return ExpressionError("'.' is not an operator", start, end, "names have no parts: write a name without '.'")
+        help_text = "names have no parts: write the name of a context-variable without the node before it"
+        return ExpressionError("'.' is not an operator", start, end, help_text)
+    if condition_text.startswith("??", start):
+        return ExpressionError("'??' is not an operator", start, end + 1, "write x else y")
     noun = "a unit" if text in "%°" else "an operator" if text in _SYMBOL_HELP else "part of a condition"
     return ExpressionError(f"{shown(text)} is not {noun}", start, end, _SYMBOL_HELP.get(text, "remove it"))
 

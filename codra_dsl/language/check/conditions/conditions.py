@@ -267,7 +267,8 @@ def _with_parentheses(site: Site, tree: Node, readable_types: Types) -> str | No
     """Return an expression with parentheses around `x else y`, if it then has no problem; otherwise None."""
     text = site.condition.text
     for start, end in meant_fallbacks(tree):
-        if not any(start <= name.start < end for name in names_in(tree)):
+        has_name = any(start <= name.start < end for name in names_in(tree))
+        if not has_name or (start, end) == (tree.start, tree.end):
             continue  # `2 m else 3 m` is never meant
         meant_text = f"{text[:start]}({text[start:end]}){text[end:]}"
         meant_tree = parse_derivation(meant_text)

@@ -467,7 +467,7 @@ def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
     if bare.type is not None and bare.type.is_literal:
         help = f"did you mean '{node_text} {unit}'?"
     else:
-        help = "state its unit where it is declared"
+        help = "state its unit where it is declared, or remove the unit of the other value"
     return Problem("missing-unit", bare.node, f"{node_text} has no unit, but {other} is in {unit}", help)
 
 

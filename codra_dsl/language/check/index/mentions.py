@@ -37,7 +37,7 @@ def references(spec_index: SpecIndex) -> Iterator[Mention]:
 def undeclared_references(spec_index: SpecIndex) -> Iterator[Mention]:
     """Yield every mention of an undeclared context-variable outside conditions; almost all references are declared."""
     for reference in _references(spec_index):
-        if not spec_index.declares("context", reference[0].name):
+        if reference[0].name and not spec_index.declares("context", reference[0].name):
             yield mention_of(*reference)
 
 

@@ -236,10 +236,11 @@ class SpecIndex:
 
     @cached_property
     def undeclared_names(self) -> frozenset[str]:
-        """Undeclared variables that algorithms identify or need, that skills preview or monitor, or observers list."""
+        """Undeclared variables that algorithms, skills, observers and rates name."""
         references = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
         references += [reference for algorithm in self.spec.perception for reference in algorithm.given]
         references += [reference for setting in self.spec.observers for reference in setting.identifies]
+        references += [variable.rate.of for variable in self.spec.context if variable.rate is not None]
         referenced_names = {reference.name for reference in references}
         referenced_names.update(name for skill in self.spec.skills for name in watched_variables(skill))
         referenced_names.update(name for names in self.needs.values() for name in names)
@@ -364,10 +365,7 @@ class SpecIndex:
 
     @cached_property
     def variables_read_by_loops(self) -> frozenset[str]:
-        """The variables that rules and conditions of loops read, and the variables of all rates.
-
-        A loop computes each rate of the spec, also a rate that only derived variables or skills read.
-        """
+        """The variables that rules and conditions of loops read, and those of all rates, which loops compute."""
         names = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
         rates = (variable.rate for variable in self.spec.context)
         return frozenset(names | self.parsed_rules.read_names | {rate.of.name for rate in rates if rate is not None})
@@ -445,8 +443,11 @@ class SpecIndex:
         return self.judgements.get(id(condition))
 
     def wanted_type(self, site: Site) -> Type | None:
-        """Return the type of the context-variable that a condition identifies, sets or monitors."""
-        return None if site.variable is None else self.context_types.get(site.variable)
+        """Return the type of the context-variable that gets the value of a condition; a derived one gets no other."""
+        variable = self.variables.get(site.variable or "")
+        is_written = site.role in (*LOOP_ROLES, Role.IDENTIFIES)
+        is_refused = is_written and variable is not None and variable.derived is not None
+        return None if site.variable is None or is_refused else self.context_types.get(site.variable)
 
     @property
     def suggested_variables(self) -> frozenset[str]:

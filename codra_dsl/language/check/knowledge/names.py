@@ -117,6 +117,8 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     for name_mentions in _group_by_name(undeclared_end_mentions):
         nearest_name = spec_index.nearest_name(name_mentions[0].name, "nodes and types", end_names)
         help = f"declare '{name_mentions[0].name}' under 'types' or 'nodes' of 'knowledge'"
+        type_name = name_mentions[0].name.removeprefix("some ")
+        help = f"write '{type_name}': it stands for every node of this type" if type_name in end_names else help
         yield _unknown_name_finding(
             spec_index, "unknown-node", "node or type", _UnknownName(name_mentions, nearest_name, end_names), help=help
         )

@@ -181,8 +181,9 @@ def adaptation_feedback(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
 
 
 def _written_variable(adaptation: Adaptation) -> str:
-    """Return the context-variable that an adaptation writes."""
-    return adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else adaptation.name
+    """Return the context-variable that an adaptation writes; the adaptation's name if the variable is not stated."""
+    name = adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else ""
+    return name or adaptation.name
 
 
 def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:

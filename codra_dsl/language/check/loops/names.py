@@ -8,7 +8,7 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.loops.rule_texts import RULE_TEXT_CHECKS
 from codra_dsl.language.diagnostics import Diagnostic
-from codra_dsl.language.model import Course, Reference
+from codra_dsl.language.model import Course, Parameter, Reference
 
 
 def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
@@ -19,9 +19,21 @@ def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         path_parts = path.split(".")
         user_text = f"{_NOUNS[path_parts[0]]} '{path_parts[1]}'"
         nearest_name = spec_index.nearest_name(reference.name, section, spec_index.names(section))
+        setting_name = _adaptation_of(spec_index, reference.name) if section == "adaptation" else None
+        nearest_name = setting_name or nearest_name
         help = f"did you mean '{nearest_name}'?" if nearest_name else f"declare '{reference.name}' under '{section}'"
         message = f"unknown {noun} '{reference.name}' in {user_text}"
         yield finding("unknown-part", message, reference.place, path=path, help=help)
+
+
+def _adaptation_of(spec_index: SpecIndex, name: str) -> str | None:
+    """Return the adaptation that sets a variable, or None."""
+    setting_names = (
+        adaptation.name
+        for adaptation in spec_index.spec.adaptation
+        if isinstance(adaptation.does, Parameter) and adaptation.does.variable.name == name
+    )
+    return next(setting_names, None)
 
 
 _NOUNS = {"adaptation": "adaptation", "trees": "tree", "loops": "loop"}

@@ -120,14 +120,9 @@ class _RuleReader:
 
     def help(self, rule: ParsedRule, problem: Diagnostic) -> str:
         """Return the help for a rule that cannot be parsed."""
-        if problem.place.span.end_column - 1 - _offset(problem) == len(rule.phrase.text):  # it ends too early
-            is_conclusion_missing = not _THEN.search(rule.phrase.text)
-            return (
-                f"end it with 'then TERM', with a term of '{self.output.name}'"
-                if is_conclusion_missing
-                else _SYNTAX_HELP
-            )
-        return problem.help or _SYNTAX_HELP
+        ends_too_early = problem.place.span.end_column - 1 - _offset(problem) == len(rule.phrase.text)
+        end_help = f"end it with 'then TERM', with a term of '{self.output.name}'"
+        return end_help if ends_too_early else problem.help or _SYNTAX_HELP
 
     def unknown_name(self, rule: ParsedRule, problem: Diagnostic) -> _UnknownName:
         """Return the name that a finding of the parser is about."""

@@ -60,6 +60,10 @@ def read_rate(reader: Reader) -> Rate | None:
     key = next((key for key in ("rate_of", "share_of") if key in reader.node.entries), None)
     if key is None:
         return None
+    if not _is_text(reader.node.entries[key][1]):  # the loops may compute the variable, so it may have a source
+        reader.damage(key)
+        reader.damage("source")
+        return None
     counts = reader.scalar("counts")
     return Rate(
         of=_read_reference(reader, key),
@@ -104,8 +108,10 @@ def _build_output(reader: Reader) -> Output:
 
 
 def build_adaptation(reader: Reader) -> Adaptation:
-    """Return an adaptation. An adaptation with `set` sets a variable; any other chooses an action."""
-    does = _read_parameter(reader) if "set" in reader.node.entries else _read_course(reader)
+    """Return an adaptation. With `set`, or with `value` and without `choose`, it sets a variable."""
+    keys = reader.node.entries.keys()
+    is_parameter = "set" in keys or ("value" in keys and "choose" not in keys)
+    does = _read_parameter(reader) if is_parameter else _read_course(reader)
     return Adaptation(
         name=reader.subject.name,
         place=reader.place,

@@ -8,7 +8,13 @@ from typing import Any
 
 from codra_dsl.language.diagnostics import Fix, Place, is_slip, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.schema.other_forms import literal_text, other_form_help
+from codra_dsl.language.load.schema.other_forms import (
+    CHOICE_KEYS,
+    choice_help,
+    literal_text,
+    meant_key,
+    other_form_help,
+)
 from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.yaml.findings import Findings
@@ -196,13 +202,15 @@ class _Explanation:
     def _report_unknown_keys(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
         known = error.schema["properties"]
         keys_from_split_values = self._report_torn_keys(mapping)
+        keys_from_split_values |= self._report_choice(error.path, mapping, known)
         keys_from_split_values |= self._report_lists(error.path, mapping, known.keys() | keys_from_split_values, known)
         free_keys = {other: None for other in known if other not in mapping.entries}
         corrections: dict[str, str | None] = {}
-        for key, (key_node, _) in mapping.entries.items():
+        for key, (key_node, value) in mapping.entries.items():
             if key in known or key in keys_from_split_values:
                 continue
-            known_key = corrections[key] = self._findings.nearest(key, free_keys) or _long_form(key, free_keys)
+            known_key = meant_key(key, value, free_keys) or self._findings.nearest(key, free_keys)
+            known_key = corrections[key] = known_key or _long_form(key, free_keys)
             allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
             fix = (
                 self._rename_fix(key_node, known_key, mapping.entries.keys() - known, free_keys) if known_key else None
@@ -216,6 +224,15 @@ class _Explanation:
         if keys_from_split_values or None in corrections.values():
             self.damaged.update([damaged_key(error.path)] if error.path else free_keys)
         return corrections
+
+    def _report_choice(self, path: tuple[str | int, ...], mapping: MappingNode, known: Mapping[str, Any]) -> set[str]:
+        """Report the keys of a choice, `if`, `then` and `else`, in place of one value; return these keys."""
+        help_text = choice_help(mapping, known)
+        if help_text is None:
+            return set()
+        self._report_key(path, mapping.entries["if"][0], help_text)
+        self._reported_paths.update((*path, key) for key in ("value", "derived"))
+        return set(CHOICE_KEYS)
 
     def _report_lists(
         self, path: tuple[str | int, ...], mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]

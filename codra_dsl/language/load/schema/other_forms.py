@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from codra_dsl.language.expression import And, Compare, In, Not, Or, parse_derivation
 from codra_dsl.language.load.schema.schema import Error
@@ -11,6 +11,19 @@ from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, Sequence
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.traps import is_derivation, quote_text
 from codra_dsl.language.units import duration_help
+
+CHOICE_KEYS = ("if", "then", "else")
+"""The keys over which a choice is spread in other languages."""
+
+_MEANT_KEYS = {
+    **dict.fromkeys(("value", "expression", "expr", "formula", "condition", "computed", "derived_from"), "derived"),
+    **dict.fromkeys(("else", "default", "fallback"), "otherwise"),
+    **dict.fromkeys(("variable", "target", "parameter"), "set"),
+    **dict.fromkeys(("pre", "precondition", "preconditions", "requires", "needs"), "preview"),
+    "rate": "rate_of",
+    "share": "share_of",
+}
+"""A mapping from keys of other languages to keys of this language."""
 
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
@@ -28,6 +41,8 @@ def other_form_help(subject: Subject, error: Error, node: YamlNode, holder: Yaml
         return f"{'write one' if is_single else 'write each as an item of its own'}, or join them with 'and' or 'or'"
     if title == "an expression over context":
         return _expression_help(node, holder)
+    if title == "a condition" and isinstance(node, MappingNode) and error.path == ("value",):
+        return _choices_help("value", node)
     if title == "a rule" and isinstance(node, MappingNode):
         return _rule_help(node)
     if title in ("a list of conditions", "a list of names and conditions") and isinstance(node, MappingNode):
@@ -48,6 +63,23 @@ def other_form_help(subject: Subject, error: Error, node: YamlNode, holder: Yaml
     return (
         "begin each item with '- ' on a line of its own" if items is None else f"write '{error.path[-1]}: [{items[1]}]'"
     )
+
+
+def meant_key(key: str, value: YamlNode, free_keys: Collection[str]) -> str | None:
+    """Return the free key that a key of another language means, or None."""
+    known_key = _MEANT_KEYS.get(key)
+    is_text = isinstance(value, ScalarNode) and isinstance(value.data, str)
+    return known_key if known_key in free_keys and (is_text or known_key == "preview") else None
+
+
+def choice_help(mapping: MappingNode, known_keys: Collection[str]) -> str | None:
+    """Return the help for a choice that is spread over the keys `if`, `then` and `else`, or None."""
+    texts = [value.text for key in CHOICE_KEYS if isinstance(value := mapping.value(key), ScalarNode)]
+    target = next((key for key in ("value", "derived") if key in known_keys), None)
+    if target is None or len(texts) < len(CHOICE_KEYS) or "if" in known_keys:
+        return None
+    condition, then, otherwise = texts
+    return f"write '{target}: {then} if {condition} else {otherwise}'"
 
 
 def literal_text(value: object) -> str:
@@ -79,6 +111,16 @@ def _expression_help(node: YamlNode, holder: YamlNode) -> str | None:
         choices = [f'"{member}" if {condition} else ' for member, condition in zip(others, conditions, strict=False)]
         expression = "".join((*choices, f'"{last}"'))
     return f"write derived: {quote_text(expression)}"
+
+
+def _choices_help(key: str, node: MappingNode) -> str | None:
+    """Return the help for a mapping from values to conditions."""
+    conditions = _conditions([value for _, value in node.entries.values()])
+    if len(conditions) < 2:
+        return None
+    *others, last = node.entries
+    choices = (f"{value} if {condition} else " for value, condition in zip(others, conditions, strict=False))
+    return f"write '{key}: {''.join(choices)}{last}'"
 
 
 def _rule_help(node: MappingNode) -> str | None:
