@@ -164,7 +164,7 @@ def test_names_are_listed_in_the_order_of_the_text() -> None:
         ("a && b", "&&", "'&&' is not an operator", "write 'and'"),
         ("a || b", "||", "'||' is not an operator", "write 'or'"),
         ("!a", "!", "'!' is not an operator", "write 'not'"),
-        ("a is 3", "is", "'is' is not an operator", "write '==' or '!='"),
+        ("a is 3", "is", "'is' is not an operator", "write '==' or '!='; only fuzzy rules have 'is'"),
         ("a AND b", "AND", "'AND' is not an operator", "write 'and'"),
         ("a === 3", "===", "'===' is not an operator", "write '=='"),
         ("a =< 3", "=<", "'=<' is not an operator", "write '<='"),

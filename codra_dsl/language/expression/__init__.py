@@ -9,10 +9,9 @@ from codra_dsl.language.expression.derivations import (
     parse_derivation,
     with_resolution,
 )
-from codra_dsl.language.expression.fallbacks import meant_fallbacks
 from codra_dsl.language.expression.parser import MAX_DEPTH, parse
 from codra_dsl.language.expression.patterns import Count, EdgeTerm, NodeTerm, Path, parse_pattern
-from codra_dsl.language.expression.poses import GEOMETRY, map_parts, parse_over_context, reads_of, spelt_out
+from codra_dsl.language.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out
 from codra_dsl.language.expression.printer import to_text
 from codra_dsl.language.expression.tokens import FUNCTIONS, MAX_LENGTH, WORDS, SyntaxProblem, is_name
 from codra_dsl.language.expression.tree import (
@@ -68,8 +67,6 @@ __all__ = [
     "distances_in",
     "is_distance",
     "is_name",
-    "map_parts",
-    "meant_fallbacks",
     "names_in",
     "parse",
     "parse_derivation",

@@ -13,11 +13,11 @@ from codra_dsl.language.expression import (
     Name,
     Node,
     Path,
-    meant_fallbacks,
     names_in,
     parse_derivation,
     walk,
 )
+from codra_dsl.language.expression.fallbacks import meant_fallbacks
 from codra_dsl.language.model import (
     Adaptation,
     Agent,

@@ -24,12 +24,12 @@ from codra_dsl.language.expression import (
     Name,
     Node,
     is_distance,
-    map_parts,
     names_in,
     reads_of,
     to_text,
     walk,
 )
+from codra_dsl.language.expression.poses import map_parts
 from codra_dsl.language.model import (
     ADAPTER,
     FOREVER_S,
