@@ -168,7 +168,7 @@ def test_names_are_listed_in_the_order_of_the_text() -> None:
         ("a && b", "&&", "'&&' is not an operator", "write 'and'"),
         ("a || b", "||", "'||' is not an operator", "write 'or'"),
         ("!a", "!", "'!' is not an operator", "write 'not'"),
-        ("a is 3", "is", "'is' is not an operator", "write '==' or '!='"),
+        ("a is 3", "is", "'is' is not an operator", "write '==' or '!='; only fuzzy rules have 'is'"),
         ("a AND b", "AND", "'AND' is not an operator", "write 'and'"),
         ("a === 3", "===", "'===' is not an operator", "write '=='"),
         ("a =< 3", "=<", "'=<' is not an operator", "write '<='"),
@@ -201,7 +201,31 @@ def test_names_are_listed_in_the_order_of_the_text() -> None:
         ("(a, b)", "(a,", "a list is allowed only after 'in'", "write x in (1, 2)"),
         ("'open' if a", "if", "'if' without 'else'", "write A if CONDITION else B"),
         ("if a then b", "if", "unexpected 'if'", "write A if CONDITION else B"),
-        ("a else b", "else", "'else' without 'if'", "write A if CONDITION else B"),
+        (
+            "c and a else 5 m < 6 m",
+            "a else 5 m",
+            "'x else y' is allowed only in 'derived'",
+            "remove 'else': while a returned value is absent, the result is rejected",
+        ),
+        (
+            "1 if a else 5 m < 6 m else 2",
+            "a else 5 m",
+            "'x else y' is allowed only in 'derived'",
+            "remove 'else': while a returned value is absent, the result is rejected",
+        ),
+        (
+            "a for 5 s",
+            "for",
+            "a condition cannot state for how long it must hold",
+            "declare in 'context' a bool {type: bool, held: a, for: 5 s}, and write its name here",
+        ),
+        (
+            "a > 3 for 500 ms and b",
+            "for",
+            "a condition cannot state for how long it must hold",
+            "declare in 'context' a bool {type: bool, held: BOOL, for: 500 ms}, and write its name here; "
+            "BOOL is a variable with this condition under 'derived'",
+        ),
         ("", "", "the condition is empty", "write a condition such as x > 3"),
         (
             "a b",

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+from codra_dsl.language.expression.bare_paths import bare_path_problem
 from codra_dsl.language.expression.parser import parse
 from codra_dsl.language.expression.patterns import Count, parse_path
 from codra_dsl.language.expression.poses import (
@@ -43,7 +44,8 @@ def parse_derivation(text: str) -> Node | SyntaxProblem:
         masked_text, pose_names = mask_pose_functions(masked_text)
         tree = parse(masked_text, allows_fallback=True)
         if isinstance(tree, SyntaxProblem):
-            return _with_written_names(tree, text, masked_text, (*counts, *pose_names))
+            problem = _with_written_names(tree, text, masked_text, (*counts, *pose_names))
+            return bare_path_problem(masked_text, "write {call}") or problem
         return _with_implicit_names(restore_names(tree, pose_names), counts)
     except ExpressionError as error:
         return error.problem
@@ -83,7 +85,9 @@ def _mask_counts(text: str) -> tuple[str, dict[int, Count]]:
         if match["function"] is None:
             return match[0]
         start, end = match.span()
-        if not match["end"] or not match["path"].strip():
+        if not match["end"]:
+            raise ExpressionError(f"{match['function']}( is never closed", start, end, "add ')' after the path")
+        if not match["path"].strip():
             help_text = f"write {match['function']}(some TYPE -EDGE-> NODE)"
             raise ExpressionError(f"{match['function']}() takes a path of the knowledge graph", start, end, help_text)
         path = parse_path(f"{' ' * match.start('path')}{match['path']}")  # with offsets in the complete expression

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.expression.fallbacks import meant_fallbacks
 from codra_dsl.language.expression.tokens import (
     FUNCTIONS,
     WORDS,
@@ -61,6 +62,9 @@ class Power(IntEnum):
 
 
 _COMPARISONS = frozenset(Comparison)
+_POSE_FUNCTIONS = ("distance", "in_view")
+_COUNTS = ("count", "exists")
+_GRAPH_FUNCTIONS = (*_POSE_FUNCTIONS, *_COUNTS)
 _FUNCTION_HELP = {
     "minimum": "did you mean 'min'?",
     "maximum": "did you mean 'max'?",
@@ -68,14 +72,15 @@ _FUNCTION_HELP = {
     "unknown": "write not known(x)",
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
+    **dict.fromkeys(("default", "coalesce", "fallback"), "write x else y, in 'derived'"),
     **{
         name: f"{name}() is allowed only in 'observable_when', 'preview' and 'derived', in patterns of agents, and in"
         " 'always' and 'value' of adaptations"
-        for name in ("distance", "in_view")
+        for name in _POSE_FUNCTIONS
     },
     **{
         name: f"{name}() is allowed only in 'derived': declare a derived variable, and read that variable here"
-        for name in ("count", "exists")
+        for name in _COUNTS
     },
 }
 
@@ -88,20 +93,39 @@ _OPERATOR_HELP = {
     "under": "write '<'",
     "then": "write A if CONDITION else B",
     "between": "write LOW <= x <= HIGH",
+    "otherwise": "write 'else'",
+    **dict.fromkeys(("becomes", "stays"), "write '=='; 'becomes' and 'stays' are allowed only in 'monitor'"),
+    "within": "remove it: only 'becomes' in 'monitor' has a time limit",
 }
 
 
-def parse(text: str, *, allows_fallback: bool = False) -> Node | SyntaxProblem:
+def parse(text: str, *, allows_fallback: bool = False, reads_context: bool = False) -> Node | SyntaxProblem:
     """Return the tree of a condition, or the problem of an invalid text. This function never raises.
 
-    `allows_fallback` states whether `x else y` is allowed: the value y while x is unknown.
+    Args:
+        text: the condition.
+        allows_fallback: whether `x else y` is allowed: the value y while x is unknown.
+        reads_context: whether the condition reads context-variables; then the help of problems suggests variables.
     """
     if is_name(text):  # the most common form
         return Name(start=0, end=len(text), name=text)
     try:
-        return _Parser(tokens(text), _INFIX_WITH_FALLBACK if allows_fallback else _INFIX).parse()
+        tree = _Parser(tokens(text)).parse()
     except ExpressionError as error:
         return error.problem
+    start, end = (0, 0) if allows_fallback else next(meant_fallbacks(tree), (0, 0))
+    return tree if start == end else _misplaced_fallback(text, start, end, reads_context)
+
+
+def _misplaced_fallback(text: str, start: int, end: int, reads_context: bool) -> SyntaxProblem:
+    message = "'x else y' is allowed only in 'derived'"
+    help_text = "remove 'else': while a returned value is absent, the result is rejected"
+    if reads_context:
+        before, after = text[:start], text[end:]
+        is_in_parentheses = before.endswith("(") and after.startswith(")")
+        rest = f"{before[:-1]}NAME{after[1:]}" if is_in_parentheses else f"{before}NAME{after}"
+        help_text = f"declare in 'context' a variable NAME with 'derived: {text[start:end]}', and write '{rest}' here"
+    return SyntaxProblem(message, start, end, help_text)
 
 
 class _Parser:
@@ -111,9 +135,8 @@ class _Parser:
     or a symbol.
     """
 
-    def __init__(self, all_tokens: tuple[Token, ...], infix_operators: Mapping[str, _Infix]) -> None:
+    def __init__(self, all_tokens: tuple[Token, ...]) -> None:
         self._tokens = all_tokens
-        self._infix_operators = infix_operators
         self._position = 0
         self._depth = 0
 
@@ -217,7 +240,7 @@ class _Parser:
         token = self._next_token
         if token.text == "not" and self._tokens[self._position + 1].text != "in":
             return None
-        return self._infix_operators.get(token.text)
+        return _INFIX.get(token.text)
 
     def _operands(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
         operands = [first]
@@ -305,6 +328,9 @@ class _Parser:
 
     def _missing_operand_error(self) -> ExpressionError:
         token = self._next_token
+        if token.text == "else" and self._position and self._tokens[self._position - 1].text == "or":
+            before = self._tokens[self._position - 1]
+            return ExpressionError("'or else' is not an operator", before.start, token.end, "write x else y")
         if token.text in ("if", "else"):
             return ExpressionError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
         if self._position == 0 and token.text != ")":
@@ -324,8 +350,6 @@ class _Parser:
             return ExpressionError(
                 f"'{token.text}' is not an operator", token.start, token.end, f"write '{lower_text}'"
             )
-        if token.text == "else":
-            return ExpressionError("'else' without 'if'", token.start, token.end, "write A if CONDITION else B")
         if token.text == ")":
             return ExpressionError("')' closes nothing", token.start, token.end, "remove it or add '('")
         before, after = self._tokens[self._position - 1], self._tokens[min(self._position + 1, len(self._tokens) - 1)]
@@ -365,6 +389,7 @@ class _Infix:
 
 _INFIX: Mapping[str, _Infix] = {
     "if": _Infix(Power.CHOICE, _Parser.choice),
+    "else": _Infix(Power.CHOICE, _Parser.fallback),
     "or": _Infix(Power.OR, _Parser.disjunction),
     "and": _Infix(Power.AND, _Parser.conjunction),
     "in": _Infix(Power.COMPARE, _Parser.membership),
@@ -375,11 +400,10 @@ _INFIX: Mapping[str, _Infix] = {
     "*": _Infix(Power.PRODUCT, _Parser.arithmetic),
     "/": _Infix(Power.PRODUCT, _Parser.arithmetic),
 }
-_INFIX_WITH_FALLBACK = {**_INFIX, "else": _Infix(Power.CHOICE, _Parser.fallback)}
 
 
 def _unknown_function_error(token: Token) -> ExpressionError:
-    suggestion = suggest(token.text, FUNCTIONS)
+    suggestion = suggest(token.text, (*FUNCTIONS, *_GRAPH_FUNCTIONS))
     default_help = f"did you mean '{suggestion}'?" if suggestion else f"functions are {', '.join(sorted(FUNCTIONS))}"
     help_text = _FUNCTION_HELP.get(token.text, default_help)
     return ExpressionError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)

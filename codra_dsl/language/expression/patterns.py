@@ -270,6 +270,8 @@ class _PathParser:
             help_text = f"write {previous_token.text} -EDGE->"
             return ExpressionError("'->' without an edge", token.start, token.end, help_text)
         help_text = "write each pattern as an item of its own" if token.text in ("and", "or") else _EXAMPLE
+        if token.is_name and token.text not in _OPERATORS and self._tokens[self._position + 1].is_name:
+            help_text = f"write -{token.text}->"
         return ExpressionError(f"an edge is missing before {shown(token.text)}", token.start, token.end, help_text)
 
 

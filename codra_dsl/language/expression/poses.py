@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
+from codra_dsl.language.expression.bare_paths import bare_path_problem
 from codra_dsl.language.expression.parser import parse
 from codra_dsl.language.expression.printer import to_text
 from codra_dsl.language.expression.tokens import MAX_LENGTH, ExpressionError, SyntaxProblem, shown
@@ -32,6 +33,8 @@ _POSE_FUNCTION = re.compile(rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?!))", _FLAG
 _DOTTED_NAME_OR_POSE_FUNCTION = re.compile(
     rf"{_POSE_FUNCTION_PATTERN}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS
 )
+_PATH_HELP = "declare in 'context' a variable NAME with 'derived: {call}', and write NAME here"
+_ANY_NODE = re.compile(rf"\bsome +({_NAME})", re.ASCII)
 _POSE_FUNCTION_START = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
 
 
@@ -46,8 +49,14 @@ def parse_with_dotted_names(text: str) -> Node | SyntaxProblem:
 
 def parse_over_context(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition over context, in which each comparison with poses is one name. Never raises."""
+    tree = _parse_over_context(text)
+    problem = bare_path_problem(text, _PATH_HELP) if isinstance(tree, SyntaxProblem) else None
+    return tree if problem is None else problem
+
+
+def _parse_over_context(text: str) -> Node | SyntaxProblem:
     if _POSE_FUNCTION_START.search(text) is None:
-        return parse(text)
+        return parse(text, reads_context=True)
     try:
         tree = _parse_masked(text, _POSE_FUNCTION)
         return tree if isinstance(tree, SyntaxProblem) else _replace_comparisons(tree)
@@ -90,7 +99,7 @@ def _parse_masked(text: str, pattern: re.Pattern[str]) -> Node | SyntaxProblem:
     if len(text) > MAX_LENGTH:
         return parse(text)  # it reports the length
     masked_text, names = _mask(text, pattern)
-    tree = parse(masked_text)
+    tree = parse(masked_text, reads_context=True)
     if isinstance(tree, SyntaxProblem):
         message, help_text = tree.message, tree.help
         for start, name in names.items():
@@ -112,7 +121,7 @@ def _mask(text: str, pattern: re.Pattern[str]) -> tuple[str, dict[int, str]]:
         start, end = match.span()
         if match["half"]:
             function = match["half"].rstrip("( ")
-            help_text = "write distance(a, b)" if function == "distance" else "write in_view(node, camera)"
+            help_text = _arguments_help(function, text[end:].partition(")")[0])
             raise ExpressionError(f"{function}() takes the names of two nodes", start, end, help_text)
         if match["dotted"] and match["dotted"].count(".") > 1:
             raise ExpressionError(f"{shown(match[0])} has too many parts", start, end, "write node.attribute")
@@ -125,6 +134,20 @@ def _mask(text: str, pattern: re.Pattern[str]) -> tuple[str, dict[int, str]]:
             continue
         masked_text = masked_text[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked_text[end:]
     return masked_text, names
+
+
+def _arguments_help(function: str, arguments: str) -> str:
+    """Return the help for arguments that are not the names of two nodes."""
+    any_node, one_node = _ANY_NODE.search(arguments), re.fullmatch(_NAME, arguments.strip(), re.ASCII)
+    if any_node is not None:
+        other = next((argument.strip() for argument in arguments.split(",") if any_node[0] not in argument), "robot")
+        return (
+            f"write the name of a node in place of '{any_node[0]}'; for any {any_node[1]}, let an agent write edges, "
+            f"and write 'exists({any_node[0]} -EDGE-> {other})' in 'derived'"
+        )
+    if one_node is not None:
+        return f"write {function}({one_node[0]}, NODE)"
+    return "write distance(a, b)" if function == "distance" else "write in_view(node, camera)"
 
 
 def restore_names(value: Node, names: Mapping[int, str]) -> Node:

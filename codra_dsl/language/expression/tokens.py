@@ -78,17 +78,21 @@ class ExpressionError(Exception):
 _UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
 """Matches valid and invalid units alike, so that messages can show an invalid unit in full."""
 
+_NO_UNITS = "|".join((*WORDS, "is", "then", "for", "otherwise"))
+
 # A unit has no blanks inside: `5 m/s` is a speed, but `5 m / s` divides 5 m by the variable `s`.
 _TOKEN = re.compile(
     rf"""(?P<blank>[ \t\r\n]+)
     | (?P<word>[^\W\d]\w*)
-    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{"|".join(WORDS)}|is|then)\b){_UNIT_LIKE}))?
+    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{_NO_UNITS})\b){_UNIT_LIKE}))?
     | (?P<badnumber>\.?\d[\w.]*)
     | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
     | (?P<slip>&&|\|\||!==|===|=<|=>|<>|\*\*|//|:=|=(?!=)|!(?!=)|[^-\w\s()<>+*/,"'=!])
     | (?P<symbol><=|>=|==|!=|[-()<>+*/,])""",
     re.VERBOSE | re.DOTALL,
 )
+
+_DURATION = re.compile(r"[0-9][0-9.]* *(?:ms|s|min|h)\b")
 
 _SYMBOL_HELP: Mapping[str, str] = {
     "&&": "write 'and'",
@@ -183,7 +187,7 @@ def shown(text: str) -> str:
 def _read_token(match: re.Match[str]) -> Token:
     kind, text, start, end = match.lastgroup, match[0], match.start(), match.end()
     if kind == "word":
-        return _read_word(text, start, end)
+        return _read_word(match.string, text, start, end)
     if kind == "symbol":
         return Token(TokenKind.SYMBOL, text, start, end)
     if kind in ("number", "unit"):
@@ -195,17 +199,29 @@ def _read_token(match: re.Match[str]) -> Token:
     raise _unsupported_symbol_error(match.string, text, start, end)
 
 
-def _read_word(text: str, start: int, end: int) -> Token:
+def _read_word(condition_text: str, text: str, start: int, end: int) -> Token:
     if text in WORDS:
         return Token(TokenKind.WORD, text, start, end)
     if not _IDENTIFIER.fullmatch(text):
         help_text = "names hold only letters A to Z, digits and '_', and start with a letter"
         raise ExpressionError(f"{shown(text)} is not a name", start, end, help_text)
     if text == "is":
-        raise ExpressionError("'is' is not an operator", start, end, "write '==' or '!='")
+        raise ExpressionError("'is' is not an operator", start, end, "write '==' or '!='; only fuzzy rules have 'is'")
+    if text == "for":
+        raise _duration_error(condition_text[:start].strip(), condition_text[end:].strip(), start, end)
     if keyword.iskeyword(text) or text == "null":
         raise ExpressionError(f"'{text}' is not a name", start, end, _reserved_help(text))
     return Token(TokenKind.NAME, text, start, end)
+
+
+def _duration_error(before: str, after: str, start: int, end: int) -> ExpressionError:
+    """Return the error of `x for 5 s`."""
+    duration = _DURATION.match(after)
+    held, time = before if is_name(before) else "BOOL", duration[0] if duration is not None else "5 s"
+    help_text = f"declare in 'context' a bool {{type: bool, held: {held}, for: {time}}}, and write its name here"
+    if held != before:
+        help_text += "; BOOL is a variable with this condition under 'derived'"
+    return ExpressionError("a condition cannot state for how long it must hold", start, end, help_text)
 
 
 def _reserved_help(text: str) -> str:
@@ -266,6 +282,8 @@ def _unescape(text: str, start: int) -> str:
 def _unsupported_symbol_error(condition_text: str, text: str, start: int, end: int) -> ExpressionError:
     if text == "." and condition_text[:start][-1:].isidentifier():
         return ExpressionError("'.' is not an operator", start, end, "names have no parts: write a name without '.'")
+    if condition_text.startswith("??", start):
+        return ExpressionError("'??' is not an operator", start, end + 1, "write x else y")
     noun = "a unit" if text in "%°" else "an operator" if text in _SYMBOL_HELP else "part of a condition"
     return ExpressionError(f"{shown(text)} is not {noun}", start, end, _SYMBOL_HELP.get(text, "remove it"))
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from codra_dsl.language.diagnostics import Diagnostic, Place, Span
+from codra_dsl.language.diagnostics import Diagnostic, Place, Span, is_slip
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.document import KEYS
 from codra_dsl.language.load.yaml.findings import Findings
@@ -23,7 +23,7 @@ from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_begi
 
 _NAME_KEY_PATTERN = re.compile(rb"\bname[\"']?[ \t]*:")
 _VERSION_KEY_PATTERN = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
-_SITE_KEY_PATTERN = re.compile(rb"\boverlays[\"']?[ \t]*:")
+_SITE_KEY_PATTERN = re.compile(rb"\bover\w*[\"']?[ \t]*:")
 _LANGUAGE_KEYS = frozenset({"codra", "templates", "use", *KEYS})
 _UTF16_BYTE_ORDER_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -56,7 +56,8 @@ class Files:
                     rule=RULES["unincluded-part"],
                     message=f"no spec includes {shown(place.span.file)}, so it is neither checked nor compiled",
                     place=place,
-                    help="add a 'name' to make it a spec, list it under 'include' of a spec, or remove it",
+                    help="list it under 'include' of a spec, add a 'name' to make it a spec or 'overlays' to make it a "
+                    "site, or remove it",
                 )
 
 
@@ -110,7 +111,7 @@ def _specs_below(
             line = data.count(b"\n", 0, version_match.start()) + 1
             parts[real_path(file)] = Place(Span(_relative_name(file, root), line, 1, line, len("codra") + 1))
     if not has_spec_or_error:
-        help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...'"
+        help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...', a site has 'overlays: ...' instead"
         name = folder.name or name if name == "." else name  # outside of projects, the folder is its own root
         findings.add("no-spec", f"there is no spec in {shown(name)} or below", file_place(name), help=help_text)
 
@@ -140,14 +141,14 @@ def _read_beginning(file: Path, root: Path) -> bytes | None:
 
 
 def _is_site(data: bytes | None) -> bool:
-    """Return whether to read a file as a site: it has the key `overlays` and a key of this language."""
+    """Return whether to read a file as a site: it has a key of this language, and `overlays`, which may be misspelt."""
     if not data or not _SITE_KEY_PATTERN.search(data):
         return False
     try:
         keys = set(_top_keys(data.decode("utf-8", "replace")))
     except yaml.YAMLError:
         return _VERSION_KEY_PATTERN.search(data) is not None
-    return "overlays" in keys and bool(keys & _LANGUAGE_KEYS)
+    return bool(keys & _LANGUAGE_KEYS) and any(key == "overlays" or is_slip(key, "overlays") for key in keys)
 
 
 def _is_spec(data: bytes | None) -> bool:

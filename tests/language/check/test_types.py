@@ -90,7 +90,7 @@ def test_numbers_have_a_type_and_a_unit(text: str, kind: Kind, unit: str) -> Non
 def test_a_value_fits_a_variable_or_not(text: str, wanted: Type, fits: bool) -> None:
     typed, problems = infer(tree(text), TYPES, reads_context=True)
     assert problems == ()
-    assert (not list(fit(typed, wanted, "variable"))) is fits
+    assert (not list(fit(typed, wanted, "variable", may_map=True))) is fits
 
 
 def test_every_wrong_part_of_a_condition_is_a_separate_problem() -> None:

@@ -396,7 +396,7 @@ def test_findings_that_the_spec_has_without_the_site_are_reported_once_and_uncha
         ("perception: {measure: {timeut: 3 s}}\n", "unknown-key", "timeut", 10),
         ("skills: {open_door: {previews: []}}\n", "unknown-key", "previews", 39),
         ("use: {north: {template: gate}}\n", "misplaced-key", "template", 36),
-        ("use: {north: {limt: 3}}\n", "unknown-argument", "limt", 36),
+        ("use: {north: {limt: 3}}\n", "unknown-argument", "limt", 20),
     ],
 )
 def test_a_key_that_a_site_cannot_state_is_an_error_in_the_site(

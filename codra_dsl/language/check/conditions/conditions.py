@@ -8,7 +8,16 @@ from enum import StrEnum
 
 from codra_dsl.language.check.conditions.lowering import to_python
 from codra_dsl.language.check.conditions.types import Problem, Type, Typed, Types, fit, infer, infer_condition
-from codra_dsl.language.expression import Call, Name, Node, Path, walk
+from codra_dsl.language.expression import (
+    Call,
+    Name,
+    Node,
+    Path,
+    names_in,
+    parse_derivation,
+    walk,
+)
+from codra_dsl.language.expression.fallbacks import meant_fallbacks
 from codra_dsl.language.model import (
     Adaptation,
     Agent,
@@ -246,5 +255,23 @@ def judge(site: Site, tree: Node, readable_types: Types, wanted_type: Type | Non
     if site.result is Result.TRUTH:
         return Judgement(site, *infer_condition(tree, readable_types, reads_context=reads_context))
     typed, problems = infer(tree, readable_types, reads_context=reads_context)
-    misfits = () if problems or wanted_type is None else tuple(fit(typed, wanted_type, site.variable or ""))
-    return Judgement(site, typed, problems + misfits)
+    if not problems and wanted_type is not None:
+        problems = tuple(fit(typed, wanted_type, site.variable or "", may_map=site.role is Role.IDENTIFIES))
+    meant_text = _with_parentheses(site, tree, readable_types) if problems and site.role is Role.DERIVED else None
+    if meant_text is not None:
+        problems = (replace(problems[0], help=f"write {meant_text}"),)
+    return Judgement(site, typed, problems)
+
+
+def _with_parentheses(site: Site, tree: Node, readable_types: Types) -> str | None:
+    """Return an expression with parentheses around `x else y`, if it then has no problem; otherwise None."""
+    text = site.condition.text
+    for start, end in meant_fallbacks(tree):
+        has_name = any(start <= name.start < end for name in names_in(tree))
+        if not has_name or (start, end) == (tree.start, tree.end):
+            continue  # `2 m else 3 m` is never meant
+        meant_text = f"{text[:start]}({text[start:end]}){text[end:]}"
+        meant_tree = parse_derivation(meant_text)
+        if isinstance(meant_tree, Node) and not infer(meant_tree, readable_types, reads_context=True)[1]:
+            return meant_text
+    return None

@@ -153,8 +153,11 @@ def infer_condition(node: Node, types: Types, *, reads_context: bool) -> tuple[T
     return typed, tuple(inference.problems)
 
 
-def fit(value: Typed, wanted_type: Type, name: str) -> Iterator[Problem]:
-    """Yield the reasons why a value does not fit the context-variable with this type and name."""
+def fit(value: Typed, wanted_type: Type, name: str, *, may_map: bool) -> Iterator[Problem]:
+    """Yield the reasons why a value does not fit the context-variable with this type and name.
+
+    `may_map` states whether the value may be a mapping from members to conditions.
+    """
     given = value.type
     if given is None:
         return
@@ -165,14 +168,15 @@ def fit(value: Typed, wanted_type: Type, name: str) -> Iterator[Problem]:
     elif wanted_type.kind is Kind.ENUM and given.kind is Kind.ENUM:
         unknown_members = [member for member in given.values if member not in wanted_type.values]
         if unknown_members:
-            help = f"map the members to conditions: {{{wanted_type.values[0]}: CONDITION, ...}}"
+            help = _members_help(wanted_type, "CONDITION", may_map=may_map)
             message = f"'{unknown_members[0]}' of {to_text(value.node)} is not a value of '{name}'"
             yield Problem("unknown-member", value.node, message, help)
     elif wanted_type.is_number and given.is_number:
         yield from _number_problems(value, given, wanted_type, name)
     elif wanted_type.kind != given.kind and (wanted_type.kind, given.kind) != (Kind.STR, Kind.ENUM):
         message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted_type}"
-        yield Problem("wrong-value-identified", value.node, message, _conversion_help(given, wanted_type))
+        help = _conversion_help(value.node, given, wanted_type, may_map=may_map)
+        yield Problem("wrong-value-identified", value.node, message, help)
 
 
 def _number_problems(value: Typed, given: Type, wanted_type: Type, name: str) -> Iterator[Problem]:
@@ -191,12 +195,19 @@ def _number_problems(value: Typed, given: Type, wanted_type: Type, name: str) ->
         yield Problem("wrong-value-identified", value.node, message, f"make '{name}' a float")
 
 
-def _conversion_help(given: Type, wanted_type: Type) -> str:
+def _conversion_help(node: Node, given: Type, wanted_type: Type, *, may_map: bool) -> str:
     if wanted_type.kind is Kind.BOOL:
         return f"compare the value, e.g. with {_comparisons(given)}"
     if wanted_type.kind is Kind.ENUM:
-        return f"map the members to conditions: {{{wanted_type.values[0]}: CONDITION, ...}}"
+        return _members_help(wanted_type, to_text(node) if given.kind is Kind.BOOL else "CONDITION", may_map=may_map)
     return f"give {wanted_type}, or change the type of the variable to {given.kind}"
+
+
+def _members_help(wanted_type: Type, condition: str, *, may_map: bool) -> str:
+    first, *others = wanted_type.values
+    if may_map:
+        return f"map the members to conditions: {{{first}: {condition}, ...}}"
+    return f'write "{first}" if {condition} else "{others[0] if others else first}"'
 
 
 def _comparisons(given: Type) -> str:
@@ -456,7 +467,7 @@ def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
     if bare.type is not None and bare.type.is_literal:
         help = f"did you mean '{node_text} {unit}'?"
     else:
-        help = "state its unit where it is declared"
+        help = "state its unit where it is declared, or remove the unit of the other value"
     return Problem("missing-unit", bare.node, f"{node_text} has no unit, but {other} is in {unit}", help)
 
 
@@ -467,7 +478,7 @@ def _mismatch_help(left: Typed, right: Typed) -> str:
                 return f"write {side.node.value} without quotes"
             if other.type.is_number:
                 return "write the number without quotes"
-    return "compare values of one type"
+    return "use values of one type"
 
 
 _INFERENCE_METHODS: Mapping[type[Node], Callable[[_Inference, Any], Typed]] = {

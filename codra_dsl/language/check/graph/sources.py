@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, Group, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.model import Algorithm, ObserverSetting, Reference
+from codra_dsl.language.model import ADAPTER, Algorithm, ObserverSetting, Parameter, Reference
 
 
 def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -20,6 +20,11 @@ def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Ite
         if name not in spec_index.producers and not variable.sources
     }
     undeclared_names = [name for name in spec_index.producers if not spec_index.declares("context", name)]
+    set_names = {
+        adaptation.does.variable.name: adaptation.name
+        for adaptation in spec_index.spec.adaptation
+        if isinstance(adaptation.does, Parameter)
+    }
     for variable in spec_index.variables.values():
         name = variable.name
         # an undeclared name that an algorithm identifies may be a misspelling of this variable
@@ -43,6 +48,8 @@ def unidentified_variables(spec_index: SpecIndex, faults: FaultyElements) -> Ite
                 variable.place,
                 "add an algorithm that identifies it, or name another writer of it under 'source'",
             )
+            if name in set_names:
+                help = f"write 'source: {ADAPTER}', since adaptation '{set_names[name]}' sets it"
         yield finding("unidentified-variable", message, place, path=f"context.{name}", help=help)
 
 

@@ -6,7 +6,7 @@ Each character of a rule keeps its place in the spec, so that findings of the pa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -91,14 +91,10 @@ class ParsedRules:
         """Whether every rule could be parsed."""
         return not any(rule.problems for rules in self.rules.values() for rule in rules)
 
-    def with_read_names(self, names: Iterable[str]) -> frozenset[str]:
-        """Return these names and all names that the rules read.
-
-        If one of these names is a rate, the result also contains the variable from which the rate is computed.
-        """
-        read_names = {*names, *(name for key in self.rules for name in self.input_names(*key))}
-        rates = (self.variables[name].rate for name in read_names if name in self.variables)
-        return frozenset(read_names | {rate.of.name for rate in rates if rate is not None})
+    @cached_property
+    def read_names(self) -> frozenset[str]:
+        """The names that the rules read."""
+        return frozenset(name for key in self.rules for name in self.input_names(*key))
 
     def readable_variables(self, section: str) -> Iterator[Variable]:
         """Yield the variables that rules of a section can read: context, courses and, for actions, metrics."""

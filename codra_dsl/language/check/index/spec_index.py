@@ -236,10 +236,11 @@ class SpecIndex:
 
     @cached_property
     def undeclared_names(self) -> frozenset[str]:
-        """Undeclared variables that algorithms identify or need, that skills preview or monitor, or observers list."""
+        """Undeclared variables that algorithms, skills, observers and rates name."""
         references = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
         references += [reference for algorithm in self.spec.perception for reference in algorithm.given]
         references += [reference for setting in self.spec.observers for reference in setting.identifies]
+        references += [variable.rate.of for variable in self.spec.context if variable.rate is not None]
         referenced_names = {reference.name for reference in references}
         referenced_names.update(name for skill in self.spec.skills for name in watched_variables(skill))
         referenced_names.update(name for names in self.needs.values() for name in names)
@@ -364,9 +365,10 @@ class SpecIndex:
 
     @cached_property
     def variables_read_by_loops(self) -> frozenset[str]:
-        """The variables that rules and conditions of loops read, and the variables whose rates they read."""
-        names_in_conditions = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
-        return self.parsed_rules.with_read_names(names_in_conditions)
+        """The variables that rules and conditions of loops read, and those of all rates, which loops compute."""
+        names = {name.name for site in self.sites if site.role in LOOP_ROLES for name in site.names}
+        rates = (variable.rate for variable in self.spec.context)
+        return frozenset(names | self.parsed_rules.read_names | {rate.of.name for rate in rates if rate is not None})
 
     @cached_property
     def waking_variables(self) -> frozenset[str]:
@@ -446,8 +448,11 @@ class SpecIndex:
         return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
     def wanted_type(self, site: Site) -> Type | None:
-        """Return the type of the context-variable that a condition identifies, sets or monitors."""
-        return None if site.variable is None else self.context_types.get(site.variable)
+        """Return the type of the context-variable that gets the value of a condition; a derived one gets no other."""
+        variable = self.variables.get(site.variable or "")
+        is_written = site.role in (*LOOP_ROLES, Role.IDENTIFIES)
+        is_refused = is_written and variable is not None and variable.derived is not None
+        return None if site.variable is None or is_refused else self.context_types.get(site.variable)
 
     @property
     def suggested_variables(self) -> frozenset[str]:

@@ -155,10 +155,7 @@ def node_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
     for task in spec_index.spec.tasks:
         if task.origin.name:
             yield mention_of(task.origin, "tasks", task.name, "from")
-    for path in paths(spec_index):
-        for term in path.tree.terms if isinstance(path.tree, Path) else ():
-            if term.name:
-                yield mention_in_pattern(path, term.name, term)
+    yield from node_mentions_in_paths(spec_index)
     for pattern in patterns(spec_index):
         for name in names_in_pattern(pattern):
             function, first, second = reads_of(name.name)
@@ -167,6 +164,14 @@ def node_mentions(spec_index: SpecIndex) -> Iterator[Mention]:
             elif first:
                 node = Node(start=name.start, end=name.start + len(first))
                 yield mention_in_pattern(pattern, first, node)
+
+
+def node_mentions_in_paths(spec_index: SpecIndex) -> Iterator[Mention]:
+    """Yield every name of a node in a path."""
+    for path in paths(spec_index):
+        for term in path.tree.terms if isinstance(path.tree, Path) else ():
+            if term.name:
+                yield mention_in_pattern(path, term.name, term)
 
 
 def _pose_mentions(pose_condition: PoseCondition) -> Iterator[Mention]:

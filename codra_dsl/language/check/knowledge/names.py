@@ -16,13 +16,14 @@ from codra_dsl.language.check.knowledge.mentions import (
     mention_in_pattern,
     names_in_pattern,
     node_mentions,
+    node_mentions_in_paths,
     patterns,
     type_mentions,
 )
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, is_slip, suggest
 from codra_dsl.language.expression import Node, reads_of
 from codra_dsl.language.load.yaml.names import is_identifier
-from codra_dsl.language.model import RT, TASK_ATTRIBUTES, TASK_TYPE
+from codra_dsl.language.model import RT, TASK_ATTRIBUTES, TASK_TYPE, Kind
 
 _STATE_SYNONYMS: Mapping[str, str] = {
     "want": "wants",
@@ -79,7 +80,7 @@ def unknown_types(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         help = (
             f"'{name_mentions[0].name}' is a node: remove 'some'"
             if name_mentions[0].name in spec_index.declared_graph.node_names
-            else ""
+            else _variable_in_path_help(spec_index, name_mentions[0].name)
         )
         yield _unknown_name_finding(
             spec_index, "unknown-node-type", "type", _UnknownName(name_mentions, nearest_name, known_names), help=help
@@ -96,18 +97,17 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         for mention in node_mentions(spec_index)
         if mention.name not in known_names and not _may_be_unreadable(spec_index, mention.name)
     )
+    mentions_in_paths = frozenset(node_mentions_in_paths(spec_index))
     for name_mentions in _group_by_name(undeclared_mentions):
         name = name_mentions[0].name
-        nearest_name = spec_index.nearest_name(name, "nodes", known_names)
-        is_type = name in declared_graph.type_names
-        help = _type_name_help(name_mentions[0], name) if is_type else ""
-        yield _unknown_name_finding(
-            spec_index,
-            "unknown-node",
-            "node",
-            _UnknownName(name_mentions, None if is_type else nearest_name, known_names),
-            help=help,
-        )
+        help = ""
+        if name in declared_graph.type_names:
+            help = f"'{name}' is a type; write the name of a node that is declared under 'nodes'"
+        if name_mentions[0] in mentions_in_paths:
+            help = _type_in_path_help(spec_index, name) or _variable_in_path_help(spec_index, name)
+        nearest_name = None if help else spec_index.nearest_name(name, "nodes", known_names)
+        unknown_name = _UnknownName(name_mentions, nearest_name, known_names)
+        yield _unknown_name_finding(spec_index, "unknown-node", "node", unknown_name, help=help)
     end_names = known_names | declared_graph.type_names
     undeclared_end_mentions = (
         mention
@@ -117,6 +117,8 @@ def unknown_nodes(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     for name_mentions in _group_by_name(undeclared_end_mentions):
         nearest_name = spec_index.nearest_name(name_mentions[0].name, "nodes and types", end_names)
         help = f"declare '{name_mentions[0].name}' under 'types' or 'nodes' of 'knowledge'"
+        type_name = name_mentions[0].name.removeprefix("some ")
+        help = f"write '{type_name}': it stands for every node of this type" if type_name in end_names else help
         yield _unknown_name_finding(
             spec_index, "unknown-node", "node or type", _UnknownName(name_mentions, nearest_name, end_names), help=help
         )
@@ -326,10 +328,27 @@ def _may_have_unreadable_attributes(spec_index: SpecIndex, node: str) -> bool:
     )
 
 
-def _type_name_help(mention: Mention, name: str) -> str:
-    if ".rules." in mention.path or mention.path.endswith("wakes"):
+def _type_in_path_help(spec_index: SpecIndex, name: str) -> str:
+    """Return the help for the name of a type, or for a similar name, at the place of a node in a path."""
+    type_names = spec_index.declared_graph.type_names
+    if name in type_names:
         return f"'{name}' is a type: write 'some {name}'"
-    return f"'{name}' is a type; write the name of a node that is declared under 'nodes'"
+    is_like_node = suggest(name, spec_index.declared_graph.node_names) is not None
+    nearest_type = None if is_like_node or name in spec_index.variables else suggest(name, sorted(type_names))
+    return f"did you mean 'some {nearest_type}'?" if nearest_type is not None else ""
+
+
+def _variable_in_path_help(spec_index: SpecIndex, name: str) -> str:
+    """Return the help for the name of a context-variable in a path; empty if no variable has this name."""
+    variable = spec_index.variables.get(name)
+    if variable is None:
+        return ""
+    share_text = f", or the share of time at which it is true with 'share_of: {name}'"
+    return (
+        f"'{name}' is a context-variable: read it as '{name}' or 'known({name})'"
+        f"{share_text if variable.type.kind is Kind.BOOL else ''}; "
+        f"a path is for example 'some {next(iter(spec_index.declared_graph.types), 'TYPE')}'"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,8 +188,9 @@ def _computed_variables(spec_index: SpecIndex) -> Iterator[tuple[str, str, str, 
 
 
 def _written_variable(adaptation: Adaptation) -> str:
-    """Return the context-variable that an adaptation writes."""
-    return adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else adaptation.name
+    """Return the context-variable that an adaptation writes; the adaptation's name if the variable is not stated."""
+    name = adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else ""
+    return name or adaptation.name
 
 
 def _dependencies(spec_index: SpecIndex) -> Mapping[str, Mapping[str, Place]]:

@@ -134,7 +134,8 @@ def _all_combinations(spec_index: SpecIndex, faults: FaultyElements, section: st
     """Return the combinations of cells of all inputs of an output; [] if its rules cannot be checked."""
     parsed_rules = spec_index.parsed_rules.rules[section, output.name]
     is_parsed = all(parsed_rule.rule is not None and not parsed_rule.problems for parsed_rule in parsed_rules)
-    if not parsed_rules or not is_parsed or not faults.is_sound(section, output.name):
+    is_readable = is_parsed and spec_index.is_readable(section, output.name, "rules")
+    if not parsed_rules or not is_readable or not faults.is_sound(section, output.name):
         return []
     return list(_combinations(spec_index, faults, spec_index.parsed_rules.input_names(section, output.name)))
 

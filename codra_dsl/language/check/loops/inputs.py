@@ -110,7 +110,8 @@ def _rate_problems(variable: Variable, base_variable: Variable) -> Iterator[tupl
     if base_variable.type.kind not in _NUMERIC_KINDS:
         yield (
             f"{subject} is the rate of '{base_variable.name}', which is not a number",
-            "write the name of a number",
+            "write the name of a number"
+            + (f", or 'share_of: {base_variable.name}'" if base_variable.type.kind is Kind.BOOL else ""),
             "rate_of",
         )
         return
@@ -139,12 +140,16 @@ def _share_problems(variable: Variable, base_variable: Variable) -> Iterator[tup
         yield f"{subject} is a share of time, which loops compute", "remove 'source'", "source"
     if base_variable.type.kind is not Kind.BOOL:
         message = f"{subject} is the share of time of '{base_variable.name}', which is not a bool"
-        yield message, "write the name of a bool", "share_of"
-    elif base_variable.rate is not None:
+        rate_help = f", or 'rate_of: {base_variable.name}'" if base_variable.type.kind in _NUMERIC_KINDS else ""
+        yield message, f"write the name of a bool{rate_help}", "share_of"
+        return
+    if base_variable.rate is not None:
         yield f"{subject} is the share of time of '{base_variable.name}', {_COMPUTED_TEXT}", _COMPUTED_HELP, "share_of"
     range_ends = variable.type.range
-    if variable.type.kind is not Kind.FLOAT or variable.type.unit is not None:
-        yield f"{subject} is a share of time, but not a float without a unit", "write 'type: float'", "type"
+    if variable.type.kind is not Kind.FLOAT:
+        yield f"{subject} is a share of time, but not a float", "write 'type: float'", "type"
+    elif variable.type.unit is not None:
+        yield f"{subject} is a share of time, from 0 to 1, but has a unit", "remove 'unit'", "unit"
     elif range_ends is not None and not (range_ends[0] <= 0.0 and range_ends[1] >= 1.0):
         yield f"{subject} is a share of time, from 0 to 1, but has another range", "write 'range: [0, 1]'", "range"
 

@@ -2,36 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
-from codra_dsl.language.check.index.parsed_rules import ParsedRule
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
+from codra_dsl.language.check.loops.rule_texts import RULE_TEXT_CHECKS
 from codra_dsl.language.diagnostics import Diagnostic
-from codra_dsl.language.model import Course, Reference
-
-_SPEC_RULE_BY_FLL_RULE: Mapping[str, str] = {"fll-unknown-name": "unknown-in-fuzzy-rule"}
-
-
-def wrong_rules(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
-    """Every fuzzy rule can be parsed, and its variables and terms exist."""
-    if spec_index.spec.damaged.get("context") or spec_index.spec.damaged.get("metrics"):
-        return
-    for section, output in spec_index.parsed_rules.outputs:
-        for number, rule in enumerate(spec_index.parsed_rules.rules[section, output.name]):
-            for problem in rule.problems:
-                yield _parser_finding(spec_index, rule, problem, f"{section}.{output.name}.rules.{number}")
-
-
-def _parser_finding(spec_index: SpecIndex, rule: ParsedRule, problem: Diagnostic, path: str) -> Diagnostic:
-    place = rule.place_of(problem)
-    help = problem.help or "write 'if VARIABLE is TERM then TERM'"
-    word = rule.phrase.text[problem.place.span.column - 1 : problem.place.span.end_column - 1]
-    is_metric = word in spec_index.parsed_rules.metrics and path.startswith("metrics.")
-    help = "use it in a rule of an action: rules of metrics read context" if is_metric else help
-    return finding(
-        _SPEC_RULE_BY_FLL_RULE.get(problem.rule.name, "fuzzy-rule-syntax"), problem.message, place, path=path, help=help
-    )
+from codra_dsl.language.model import Course, Parameter, Reference
 
 
 def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
@@ -42,9 +19,21 @@ def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         path_parts = path.split(".")
         user_text = f"{_NOUNS[path_parts[0]]} '{path_parts[1]}'"
         nearest_name = spec_index.nearest_name(reference.name, section, spec_index.names(section))
+        setting_name = _adaptation_of(spec_index, reference.name) if section == "adaptation" else None
+        nearest_name = setting_name or nearest_name
         help = f"did you mean '{nearest_name}'?" if nearest_name else f"declare '{reference.name}' under '{section}'"
         message = f"unknown {noun} '{reference.name}' in {user_text}"
         yield finding("unknown-part", message, reference.place, path=path, help=help)
+
+
+def _adaptation_of(spec_index: SpecIndex, name: str) -> str | None:
+    """Return the adaptation that sets a variable, or None."""
+    setting_names = (
+        adaptation.name
+        for adaptation in spec_index.spec.adaptation
+        if isinstance(adaptation.does, Parameter) and adaptation.does.variable.name == name
+    )
+    return next(setting_names, None)
 
 
 _NOUNS = {"adaptation": "adaptation", "trees": "tree", "loops": "loop"}
@@ -72,5 +61,5 @@ def _references(spec_index: SpecIndex) -> Iterator[tuple[str, str, Reference, st
         yield from (("trees", "tree", reference, f"{path}.execute") for reference in loop.execute)
 
 
-LOOP_NAME_CHECKS = (wrong_rules, unknown_parts)
-"""The checks of this module."""
+LOOP_NAME_CHECKS = (*RULE_TEXT_CHECKS, unknown_parts)
+"""The checks of this module, and those of rules."""

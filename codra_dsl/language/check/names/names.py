@@ -26,13 +26,22 @@ from codra_dsl.language.check.types.literals import LiteralHelp, compared_litera
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, is_slip
 from codra_dsl.language.load.templates.templates import INSTANCE
 from codra_dsl.language.load.yaml.names import is_identifier
-from codra_dsl.language.model import Access, Agent, Algorithm, Resource, Variable
+from codra_dsl.language.load.yaml.traps import is_derivation
+from codra_dsl.language.model import ADAPTER, Access, Agent, Algorithm, Resource, Variable
 
 _RULES_AND_NOUNS = {
     "context": ("unknown-variable", "context-variable"),
     "resources": ("unknown-resource", "resource"),
     "agents": ("unknown-source", "source"),
 }
+GRAPH_FUNCTIONS = {
+    "count": "count(PATH)",
+    "exists": "exists(PATH)",
+    "distance": "distance(a, b)",
+    "in_view": "in_view(node, camera)",
+}
+"""The functions of the knowledge graph, with arguments. A variable may have the name of such a function."""
+
 OPERATOR = "operator"
 """The source of overrides while a robot runs; no source in a spec, and not the name of an agent."""
 
@@ -276,7 +285,9 @@ def _undeclared_name_finding(
     kind = spec_index.other_kind(first.name, section)
     if kind is not None:
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
-        return _mention_finding("wrong-kind-of-name", message, f"write the name of {NOUNS[section]}", first, others)
+        is_adaptation = section == "agents" and spec_index.declares("adaptation", first.name)
+        help = f"write '{ADAPTER}'" if is_adaptation else f"write the name of {NOUNS[section]}"
+        return _mention_finding("wrong-kind-of-name", message, help, first, others)
     rule, noun = _RULES_AND_NOUNS[section]
     if section == "agents" and first.path.endswith((".by", ".requesters")):
         noun = "agent"
@@ -319,11 +330,15 @@ def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str) -> 
             return "remove it: an operator can override every variable, and an agent needs another name"
         others = "'observer', 'main_execution'" if mention.path.startswith("context.") else "'main_execution'"
         return f"write {others}, or declare '{mention.name}' under 'agents'"
+    if section == "context" and mention.name in GRAPH_FUNCTIONS:
+        return f"write {GRAPH_FUNCTIONS[mention.name]}, in 'derived'"
     return f"declare '{mention.name}' under '{section}'"
 
 
 def _invalid_name_help(spec_index: SpecIndex, mention: Mention, section: str) -> str:
     """Return the help for a text that is not a name, e.g. several names without ',', or a name with other text."""
+    if mention.path.startswith("context.") and is_derivation(mention.name):
+        return f"declare a variable NAME with 'derived: {mention.name}', and write NAME here"
     words = _WORD.findall(mention.name)
     known_names = [word for word in words if word in spec_index.names(section) or word in _SOURCES.get(section, ())]
     if len(known_names) == len(words) > 1:

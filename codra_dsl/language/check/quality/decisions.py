@@ -10,7 +10,7 @@ from codra_dsl.language.check.knowledge.owners import read_elements
 from codra_dsl.language.check.quality.exclusion import excluded_previews
 from codra_dsl.language.check.quality.reach import can_judge_reach, unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
-from codra_dsl.language.model import ADAPTER, ANALYST, Skill, Variable
+from codra_dsl.language.model import ADAPTER, ANALYST, Parameter, Skill, Variable
 
 MAX_RELATED_PLACES = 5
 """The maximum number of further places of one kind in a finding."""
@@ -33,10 +33,17 @@ def unreached_variables(spec_index: SpecIndex, faults: FaultyElements) -> Iterat
         for element in read_elements(spec_index.declared_graph, agent)
         if element.section == "context"
     }
+    set_names = {
+        adaptation.does.variable.name
+        for adaptation in spec_index.spec.adaptation
+        if isinstance(adaptation.does, Parameter)
+    }
     for variable in spec_index.variables.values():
         name = variable.name
-        is_exempt = name in spec_index.variables_read_by_loops or any(
-            source.name in (ADAPTER, ANALYST) for source in variable.sources
+        is_exempt = (
+            name in set_names
+            or name in spec_index.variables_read_by_loops
+            or any(source.name in (ADAPTER, ANALYST) for source in variable.sources)
         )
         is_exempt = is_exempt or variable.pose_condition is not None or name in unreached_observer_variables
         is_exempt = is_exempt or name in spec_index.spec.damaged.get("context", ())

@@ -16,6 +16,8 @@ from codra_dsl.language.expression import Name, walk
 from codra_dsl.language.load.yaml.fixes import corrected_truth_value
 from codra_dsl.language.model import Condition, Kind
 
+_WORDS_FOR_UNKNOWN = ("unknown", "undefined", "none", "nil")
+
 
 @dataclass(frozen=True, slots=True)
 class LiteralHelp:
@@ -96,12 +98,14 @@ def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None
         for _, *link in own_comparisons(node)
         for side_pair in (link, link[::-1])
     )
-    opposite_names = (
+    opposite_names = [
         other.name
         for one, other in side_pairs
         if isinstance(one, Name) and isinstance(other, Name) and one.name == mention.name
-    )
+    ]
     kinds = {value_type.kind for name in opposite_names if (value_type := readable_types.get(name)) is not None}
+    if opposite_names and reads_context and mention.name.lower() in _WORDS_FOR_UNKNOWN:
+        return f"write not known({opposite_names[0]})"
     if kinds == {Kind.BOOL}:
         return "write true or false"
     return f'put the text in quotes: "{mention.name}"' if kinds == {Kind.STR} else None

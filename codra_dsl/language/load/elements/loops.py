@@ -61,6 +61,10 @@ def read_rate(reader: Reader) -> Rate | None:
     kind = next((kind for kind in RateKind if kind.value in reader.node.entries), None)
     if kind is None:
         return None
+    if not _is_text(reader.node.entries[kind.value][1]):  # the loops may compute the variable, so it may have a source
+        reader.damage(kind.value)
+        reader.damage("source")
+        return None
     counts = reader.scalar("counts")
     return Rate(
         of=_read_reference(reader, kind.value),
@@ -105,8 +109,10 @@ def _build_output(reader: Reader) -> Output:
 
 
 def build_adaptation(reader: Reader) -> Adaptation:
-    """Return an adaptation. An adaptation with `set` sets a variable; any other chooses an action."""
-    does = _read_parameter(reader) if "set" in reader.node.entries else _read_course(reader)
+    """Return an adaptation. With `set`, or with `value` and without `choose`, it sets a variable."""
+    keys = reader.node.entries.keys()
+    is_parameter = "set" in keys or ("value" in keys and "choose" not in keys)
+    does = _read_parameter(reader) if is_parameter else _read_course(reader)
     return Adaptation(
         name=reader.subject.name,
         place=reader.place,
@@ -248,7 +254,7 @@ def _read_phrases(reader: Reader, key: str) -> Iterator[Phrase]:
     node = reader.node.value(key)
     for item in node.items if isinstance(node, SequenceNode) else ():
         if item.reported or not isinstance(item, ScalarNode) or not isinstance(item.data, str):
-            reader.damage(key)
+            reader.damage(kind.value)
             continue
         text, letters = condition_text(reader, item)
         placed_letters = Letters(reader.place_of, letters) if letters else None
@@ -344,6 +350,6 @@ def _text(node: YamlNode) -> str:
 def _read_reference(reader: Reader, key: str) -> Reference:
     node = reader.scalar(key)
     if node is None or not isinstance(node.data, str):
-        reader.damage(key)
+        reader.damage(kind.value)
         return Reference(name="", place=reader.place)
     return reader.reference(node)

@@ -8,6 +8,13 @@ from typing import Any
 
 from codra_dsl.language.diagnostics import Fix, Place, is_slip, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema.other_forms import (
+    CHOICE_KEYS,
+    choice_help,
+    literal_text,
+    meant_key,
+    other_form_help,
+)
 from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.yaml.findings import Findings
@@ -24,7 +31,6 @@ from codra_dsl.language.load.yaml.traps import (
     torn_expectation_trap,
     torn_number_trap,
 )
-from codra_dsl.language.units import duration_help
 
 _SHORT = 4
 _PART_NOUNS: Mapping[str | int, str] = {
@@ -39,7 +45,6 @@ _TRAP_KINDS = {"condition": "condition", "pattern": "condition", "preview": "con
 """For each anchor in the schema whose values can fall into traps of YAML: the kind of trap."""
 
 _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
-_ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
 
 def explain(
@@ -188,7 +193,7 @@ class _Explanation:
 
     def _value_name(self, path: tuple[str | int, ...]) -> str:
         """Return the name of a value for messages."""
-        if not path or (len(path) == 2 and path[0] in _PART_NOUNS):
+        if not path or (len(path) == 2 and path[0] in _PART_NOUNS and isinstance(path[1], str)):
             return self._mapping_name(path)
         if isinstance(path[-1], int):
             return f"item {path[-1] + 1} of {self._value_name(path[:-1])}"
@@ -197,13 +202,15 @@ class _Explanation:
     def _report_unknown_keys(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
         known = error.schema["properties"]
         keys_from_split_values = self._report_torn_keys(mapping)
+        keys_from_split_values |= self._report_choice(error.path, mapping, known)
         keys_from_split_values |= self._report_lists(error.path, mapping, known.keys() | keys_from_split_values, known)
         free_keys = {other: None for other in known if other not in mapping.entries}
         corrections: dict[str, str | None] = {}
-        for key, (key_node, _) in mapping.entries.items():
+        for key, (key_node, value) in mapping.entries.items():
             if key in known or key in keys_from_split_values:
                 continue
-            known_key = corrections[key] = self._findings.nearest(key, free_keys) or _long_form(key, free_keys)
+            known_key = meant_key(key, value, free_keys) or self._findings.nearest(key, free_keys)
+            known_key = corrections[key] = known_key or _long_form(key, free_keys)
             allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
             fix = (
                 self._rename_fix(key_node, known_key, mapping.entries.keys() - known, free_keys) if known_key else None
@@ -217,6 +224,15 @@ class _Explanation:
         if keys_from_split_values or None in corrections.values():
             self.damaged.update([damaged_key(error.path)] if error.path else free_keys)
         return corrections
+
+    def _report_choice(self, path: tuple[str | int, ...], mapping: MappingNode, known: Mapping[str, Any]) -> set[str]:
+        """Report the keys of a choice, `if`, `then` and `else`, in place of one value; return these keys."""
+        help_text = choice_help(mapping, known)
+        if help_text is None:
+            return set()
+        self._report_key(path, mapping.entries["if"][0], help_text)
+        self._reported_paths.update((*path, key) for key in ("value", "derived"))
+        return set(CHOICE_KEYS)
 
     def _report_lists(
         self, path: tuple[str | int, ...], mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
@@ -349,7 +365,7 @@ class _Explanation:
         return (
             "wrong-type",
             f"{value_name} must be {title}, not {_describe(node)}",
-            _other_form(error, node, title) or example,
+            other_form_help(self._subject, error, node, self._node(error.path[:-1]), title) or example,
         )
 
     def _report_trap(self, error: Error) -> bool:
@@ -435,28 +451,6 @@ def _lists_without_brackets(
         list_key, item_keys = key, []
 
 
-def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
-    """Return the help for a value of the wrong form, if its meaning is clear."""
-    if title == "a condition" and isinstance(node, SequenceNode):
-        is_single = isinstance(error.path[-1], str)
-        return f"{'write one' if is_single else 'write each as an item of its own'}, or join them with 'and' or 'or'"
-    if title == "a type" and isinstance(node, SequenceNode):
-        return f"write 'type: enum' and 'values: {_literal(error.data)}'"
-    if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
-        return None
-    if title.startswith("a duration"):
-        return duration_help(node.text, "forever" if "forever" in title else "finite")
-    if not title.startswith("a list of ") or title.endswith("numbers"):
-        return None
-    if node.text.startswith("-"):
-        return "write a blank after the '-' of each item"
-    is_on_one_line = node.style is not Style.PLAIN or node.end - node.start == len(node.text)
-    items = _ITEMS.fullmatch(node.text) if is_on_one_line else None
-    return (
-        "begin each item with '- ' on a line of its own" if items is None else f"write '{error.path[-1]}: [{items[1]}]'"
-    )
-
-
 def _repeated_index(items: Sequence[object]) -> int:
     """Return the index of the first item that repeats an earlier one."""
     seen_texts: set[str] = set()
@@ -469,17 +463,8 @@ def _repeated_index(items: Sequence[object]) -> int:
 
 
 def _example_text(key: str | int, subschema: dict[str, Any]) -> str:
-    example = _literal(subschema["examples"][0]) if "examples" in subschema else "..."
+    example = literal_text(subschema["examples"][0]) if "examples" in subschema else "..."
     return f"'{example}'" if isinstance(key, int) else f"'{key}: {example}'"
-
-
-def _literal(value: object) -> str:
-    """Return a value as YAML on one line."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_literal(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_literal, value)) + "]"
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _describe(node: YamlNode) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
-from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import Site
 
 MAX_NAMED = 3
@@ -36,16 +36,19 @@ def name_both_files(
         if diagnostic in findings_of_spec:
             related: tuple[Related, ...] = ()
         elif diagnostic.place.span.file == site.file:
-            related = tuple(_places_in_spec(diagnostic.place, site))
+            related = tuple(_places_in_spec(diagnostic, site))
         else:
             related = () if site.file in files else tuple(_values_of_site(diagnostic, site))
         yield replace(diagnostic, related=(*diagnostic.related, *related)) if related else diagnostic
 
 
-def _places_in_spec(place: Place, site: Site) -> Iterator[Related]:
-    """Yield the place in the spec of the value of a site at a place."""
-    value = site.replacement_around(place)
-    if value is not None and value.replaced is None:
+def _places_in_spec(diagnostic: Diagnostic, site: Site) -> Iterator[Related]:
+    """Yield the place in the spec of the value of a site that a finding is about.
+
+    An argument that the template does not have has no place in the spec.
+    """
+    value = site.replacement_around(diagnostic.place)
+    if value is not None and value.replaced is None and diagnostic.rule.name != "unknown-argument":
         yield Related("the spec leaves this value out", value.element)
     elif value is not None and value.replaced is not None:
         yield Related("it replaces this value of the spec", value.replaced)

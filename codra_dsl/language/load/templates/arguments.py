@@ -134,7 +134,8 @@ def _report_unknown(
         and surely_means(key.text, suggestion, declared_names)
     )
     fix = replacement_fix(place, key.text, suggestion, safe=is_safe) if suggestion else None
-    findings.add("unknown-argument", message, place, help=help_text, path=path, fix=fix)
+    related = [Related("the template", template.origin.of(template.subject.key))]
+    findings.add("unknown-argument", message, place, help=help_text, path=path, related=related, fix=fix)
     return suggestion or missing_name or ""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from codra_dsl.language.expression import Negative, Node, parse
+from codra_dsl.language.expression import Negative, Node, parse, parse_derivation
 from codra_dsl.language.expression.tokens import shown
 
 _KEY_AND_VALUE = re.compile(r"(?P<key>[A-Za-z]\w*):\s+(?P<value>\S+)")
@@ -41,6 +41,11 @@ def quote_text(text: str) -> str:
 def is_condition(text: str) -> bool:
     """Return whether a text can be read as a condition."""
     return isinstance(parse(_join_lines(text)), Node)
+
+
+def is_derivation(text: str) -> bool:
+    """Return whether a text can be read as the expression of a derived variable."""
+    return isinstance(parse_derivation(_join_lines(text)), Node)
 
 
 def _join_lines(text: str) -> str:
