@@ -111,6 +111,10 @@ stories:
             moment("main_execution: {begin: [open_fridge], set: {}, end: [open_fridge, open_fridge]}"),
             "the text 'open_fridge' occurs twice in 'end' in 'main_execution' of timeline 'kitchen'",
         ),
+        (
+            f"{HEAD}resources: {{kitchen: {{call: 'kitchen_world:Kitchen:new'}}}}\nstories: {{case: {{0 s: {{}}}}}}\n",
+            "'kitchen_world:Kitchen:new' is not the name of a class or function",
+        ),
         (moment("resources: {vision: {a: 1}}"), "spec 'kitchen' has no handle 'vision'"),
         (
             moment("decided: {fridge_open: context}"),
