@@ -39,12 +39,15 @@ _FIELDS_OF_OVERRIDES: Mapping[tuple[Kind, str], Mapping[str, str]] = {
 }
 """The fields that the events of overrides always have, and what they are."""
 
+_OPTIONAL_FIELDS_OF_OVERRIDES = {"value": "a value", "reason": "a reason", "work": "the number of a job"}
+
 _FIELD_CHECKS: Mapping[str, Callable[[Any], bool]] = {
     "a text": lambda field: isinstance(field, str),
     "a number": lambda field: type(field) in (int, float) and abs(field) <= _MAX_NUMBER,
     "an integer": lambda field: type(field) is int,
     "a value": lambda field: field is None or isinstance(field, (bool, int, float, str)),
     "a reason": lambda field: field is None or field in tuple(Reason),
+    "the number of a job": lambda field: field is None or type(field) is int,
 }
 
 
@@ -168,7 +171,7 @@ def _check_override(event: Event) -> None:
     required_fields, fields = _FIELDS_OF_OVERRIDES.get((event.kind, event.what)), event.details
     if required_fields is None:
         raise MalformedEventError(f"{event.what!r:.60} is no event of an override")
-    for key, expected in {**required_fields, "value": "a value", "reason": "a reason"}.items():
+    for key, expected in {**required_fields, **_OPTIONAL_FIELDS_OF_OVERRIDES}.items():
         if not _FIELD_CHECKS[expected](fields.get(key)):
             field_text = f"not {fields[key]!r:.60}" if key in fields else "but it is missing"
             raise MalformedEventError(f"'{key}' of an override is {expected}, {field_text}")

@@ -26,6 +26,7 @@ WRONG_FIELDS: Mapping[tuple[str, str], Mapping[str, tuple[object, ...]]] = {
         "detail": ([], None, 7),
         "step": ([], "x", None, 0.5, True),
         "value": (["[1]"], {}),
+        "work": ([], {}, "x"),
     },
     ("/codra/input", "clear"): {"variable": ([], None), "step": ([], None)},
     ("/codra/override/level", "begun"): {
