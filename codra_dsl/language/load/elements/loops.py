@@ -254,7 +254,7 @@ def _read_phrases(reader: Reader, key: str) -> Iterator[Phrase]:
     node = reader.node.value(key)
     for item in node.items if isinstance(node, SequenceNode) else ():
         if item.reported or not isinstance(item, ScalarNode) or not isinstance(item.data, str):
-            reader.damage(kind.value)
+            reader.damage(key)
             continue
         text, letters = condition_text(reader, item)
         placed_letters = Letters(reader.place_of, letters) if letters else None
@@ -350,6 +350,6 @@ def _text(node: YamlNode) -> str:
 def _read_reference(reader: Reader, key: str) -> Reference:
     node = reader.scalar(key)
     if node is None or not isinstance(node.data, str):
-        reader.damage(kind.value)
+        reader.damage(key)
         return Reference(name="", place=reader.place)
     return reader.reference(node)
