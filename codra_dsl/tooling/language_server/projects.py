@@ -133,12 +133,13 @@ class Project:
 
         A document outside of projects is linted from the moment when it is a spec, so that no keystroke ends this.
         """
-        files = [self.root / file for file in texts] if self._file is None else [self._file]
-        unsaved = [file for file in files if not is_timeline(file) and is_of_language(file, self.root, texts)]
+        files = [self._file] if self._file is not None else [self.root / file for file in texts]
+        unsaved = (file for file in files if self._file is not None or not file.exists())
+        specs = [file for file in unsaved if not is_timeline(file) and is_of_language(file, self.root, texts)]
         if self._file is None:
-            return [self.root, *(file for file in unsaved if not file.exists())]
-        self._is_spec |= bool(unsaved)
-        return [self._file] if self._is_spec else []
+            return [self.root, *specs]
+        self._is_spec |= bool(specs)
+        return files if self._is_spec else []
 
     def other_files(self) -> list[str]:
         """Return the sites that were linted, and the timelines of the project."""

@@ -196,6 +196,7 @@ class CodraServer(LanguageServer):
         opened = self._open_documents.get(params.text_document.uri)
         if opened is None:
             return None
+        self.schedule(opened.project, 0.0)  # files on disk may have changed
         await self._linters[opened.project].settle()
         located = self.cursor(opened.uri, params.position)
         if located is None or self._open_documents.get(opened.uri) is not opened:
