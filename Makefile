@@ -54,7 +54,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits fuzz kills signals whys crowd clients stores bench release tagged sbom docs lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants edits fuzz kills signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -145,6 +145,16 @@ docs: $(READY)
 	rm -rf build/docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --conf-dir docs . build/docs
 	cp build/docs/README.html build/docs/index.html
+
+# The extension for Visual Studio Code as a file that it installs: build/codra-VERSION.vsix. Needs npm of Node.js 20.
+VSCE := @vscode/vsce@3.9.2
+vscode:
+	rm -rf build/vscode
+	mkdir -p build
+	cp -r editors/vscode build/vscode
+	cp LICENSE build/vscode
+	cd build/vscode && npm ci --omit=dev --ignore-scripts --no-audit --no-fund && \
+	    npx --yes $(VSCE) package --allow-missing-repository --out ..
 
 # Source distributions and wheels of the tagged commit, what they contain (SBOM), and checksums, in dist/. The wheels are
 # built from the source distributions, and the tests of the source distribution can be collected.
