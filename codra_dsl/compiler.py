@@ -122,14 +122,20 @@ class _Spec:
 
     Attributes:
         key: the key of the result in `SpecResults`.
-        checked: None if an error prevents planning, if `result` is an earlier result, or after `plan`.
+        spec: None if `result` is an earlier result, if the spec cannot be read, or after `plan`.
+        checked: None if there is no `spec`, if an error prevents planning, or after `plan`.
         build_plan: None before `plan`, or if there was no `checked`.
     """
 
     key: str
     result: SpecResult
+    spec: Spec | None = None
     checked: CheckedSpec | None = None
     build_plan: BuildPlan | None = None
+
+
+Inspection = Callable[[str, Spec, CheckedSpec | None], None]
+"""A function that gets each spec that `lint_paths` loads: its key in `SpecResults`, the spec, and the checked spec."""
 
 
 def _always(_: SpecResult) -> bool:
@@ -194,16 +200,21 @@ def lint_paths(
     results: SpecResults | None = None,
     *,
     sites: Sequence[Path] = (),
+    inspect: Inspection | None = None,
 ) -> Planned:
     """Load and check all specs at or below some paths. Nothing is planned, because this causes no findings.
 
     `texts` has contents that are not read from disk. `results` has earlier results of specs; those that are out of date
     are replaced. With `sites`, the specs have the values of these sites; without them, the sites at or below the paths
-    are checked as well.
+    are checked as well. `inspect` gets the specs whose earlier results are not used.
     """
     request = _find(paths, root, texts, timings, sites)
-    checked_specs = _check(request, {} if results is None else results, timings)
-    return _triage(request, [replace(spec, checked=None) for spec in checked_specs], timings)
+    specs: list[_Spec] = []
+    for spec in _check(request, {} if results is None else results, timings):
+        if inspect is not None and spec.spec is not None:
+            inspect(spec.key, spec.spec, spec.checked)
+        specs.append(replace(spec, spec=None, checked=None))
+    return _triage(request, specs, timings)
 
 
 @paused_collector()
@@ -221,7 +232,7 @@ def _find(
 ) -> _Request:
     """Return the specs and parts at or below some paths; without `sites`, with the sites at or below the paths."""
     with timings.stage("find"):
-        files = find_files(paths, root)
+        files = find_files(paths, root, texts)
         requested_sites, site_findings = find_sites(sites or files.sites, root, texts, one_for_each_spec=bool(sites))
     return _Request(
         root=root,
@@ -329,7 +340,7 @@ def _load_and_check(
         modules=spec.modules,
         tree_files=tuple(named_tree_files(spec, forests_by_tree_name)),
     )
-    return _Spec(key=key, result=result, checked=None if has_errors(findings) else checked)
+    return _Spec(key=key, result=result, spec=spec, checked=None if has_errors(findings) else checked)
 
 
 def _needs_no_output(result: SpecResult, out: Path) -> bool:
@@ -342,7 +353,7 @@ def _plan(checked_specs: Iterable[_Spec], timings: Timings) -> Iterator[_Spec]:
     for spec in checked_specs:
         with timings.stage("plan"):
             build_plan = plan(spec.checked) if spec.checked is not None else None
-        yield replace(spec, checked=None, build_plan=build_plan)
+        yield replace(spec, spec=None, checked=None, build_plan=build_plan)
 
 
 def _triage(request: _Request, specs: Sequence[_Spec], timings: Timings) -> Planned:

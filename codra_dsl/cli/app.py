@@ -34,6 +34,7 @@ _COMMANDS = {
     "replay": "codra_dsl.cli.replay:replay_command",
     "override": "codra_dsl.cli.running.override:override_command",
     "journal": "codra_dsl.cli.journal:journal_commands",
+    "language-server": "codra_dsl.cli.editors.language_server:language_server_command",
 }
 """The commands in the order in which the help lists them."""
 

@@ -116,6 +116,11 @@ def _folders_and_specs(entries: Iterable[os.DirEntry[str]]) -> tuple[list[str], 
     return folders, files
 
 
+def is_timeline(file: Path) -> bool:
+    """Return whether a file is a timeline, according to its name."""
+    return file.name.endswith(_TIMELINE_ENDINGS)
+
+
 def has_stale_schema(root: Path) -> bool:
     """Return whether a project has a copy of the schema that differs from the schema of this version."""
     copy = root / SCHEMA_COPY

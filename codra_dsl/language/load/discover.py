@@ -17,7 +17,7 @@ from codra_dsl.language.load.schema.document import KEYS
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.parser_error import Parser
 from codra_dsl.language.load.yaml.rules import RULES
-from codra_dsl.language.load.yaml.source import MAX_BYTES, file_place
+from codra_dsl.language.load.yaml.source import AS_ON_DISK, MAX_BYTES, file_place
 from codra_dsl.language.project import yaml_files
 from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_beginning, real_path
 
@@ -60,8 +60,8 @@ class Files:
                 )
 
 
-def find_files(paths: Sequence[Path], root: Path) -> Files:
-    """Return the specs, parts and sites at or below paths.
+def find_files(paths: Sequence[Path], root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -> Files:
+    """Return the specs, parts and sites at or below paths; `texts` has contents that are not read from disk.
 
     A file given as a path is always treated as a site or a spec, so that `load_spec` reports its mistakes. The sites
     are the files of this language with the key `overlays`. Below a folder, the specs are those YAML files of this
@@ -73,9 +73,9 @@ def find_files(paths: Sequence[Path], root: Path) -> Files:
     parts: dict[Path, Place] = {}
     for path in paths:
         if path.is_dir():
-            spec_files = list(_specs_below(path, root, parts, sites, findings))
+            spec_files = list(_specs_below(path, root, texts, parts=parts, sites=sites, findings=findings))
         else:
-            is_site = _is_site(_read_beginning(path, root))
+            is_site = _is_site(_read_beginning(path, root, texts))
             spec_files = [] if is_site else [path]
             sites.update({real_path(path): path} if is_site else {})
         for file in spec_files:
@@ -90,7 +90,13 @@ def _sorted_files(files: Mapping[Path, Path]) -> tuple[Path, ...]:
 
 
 def _specs_below(
-    folder: Path, root: Path, parts: dict[Path, Place], sites: dict[Path, Path], findings: Findings
+    folder: Path,
+    root: Path,
+    texts: Mapping[str, bytes],
+    *,
+    parts: dict[Path, Place],
+    sites: dict[Path, Path],
+    findings: Findings,
 ) -> Iterator[Path]:
     """Yield the specs below a folder, and add its parts and sites to `parts` and `sites`."""
     name, has_spec_or_error = _relative_name(folder, root), False
@@ -100,7 +106,7 @@ def _specs_below(
             message = f"cannot read the folder {shown(place.span.file)}"
             findings.add("cannot-read", message, place, help="check its permissions")
             has_spec_or_error = True
-        elif _is_site(data := _read_beginning(file, root)):
+        elif _is_site(data := _read_beginning(file, root, texts)):
             has_spec_or_error = True
             sites.setdefault(real_path(file), file)
         elif _is_spec(data):
@@ -123,13 +129,20 @@ def _relative_name(path: Path, root: Path) -> str:
         return path.as_posix()
 
 
-def _read_beginning(file: Path, root: Path) -> bytes | None:
+def is_of_language(file: Path, root: Path, texts: Mapping[str, bytes]) -> bool:
+    """Return whether a file is a spec, a part or a site, as a file below a folder would be judged."""
+    data = _read_beginning(file, root, texts)
+    return _is_site(data) or _is_spec(data) or bool(data and _VERSION_KEY_PATTERN.search(data))
+
+
+def _read_beginning(file: Path, root: Path, texts: Mapping[str, bytes]) -> bytes | None:
     """Return the first MAX_BYTES + 1 of a file in UTF-8, or no bytes for a pipe or device.
 
     Return None if the file cannot be read or is a link that leads out of the project.
     """
     try:
-        data = read_beginning(file, MAX_BYTES + 1, within=root)
+        data = texts.get(_relative_name(file, root)) if texts else None
+        data = read_beginning(file, MAX_BYTES + 1, within=root) if data is None else data
     except OutsideError:
         return None
     except UnsuitableFileError:

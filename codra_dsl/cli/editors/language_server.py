@@ -1,0 +1,18 @@
+"""`codra language-server`: serve an editor over standard input and output."""
+
+from __future__ import annotations
+
+import typer
+
+from codra_dsl.cli.console import ExitCode, pip_install, say
+from codra_dsl.tooling.installation import DSL
+
+
+def language_server_command() -> None:
+    """Serve an editor over standard input and output, with the Language Server Protocol. Editors start this command."""
+    try:
+        from codra_dsl.tooling.language_server.server import serve
+    except ModuleNotFoundError as error:
+        say(f"codra: 'codra language-server' needs {error.name}: {pip_install(DSL, 'editor')}")
+        raise typer.Exit(ExitCode.FAILED) from error
+    raise typer.Exit(ExitCode.CLEAN if serve() else ExitCode.FAILED)
