@@ -156,6 +156,11 @@ vscode:
 	cd build/vscode && npm ci --omit=dev --ignore-scripts --no-audit --no-fund && \
 	    npx --yes $(VSCE) package --allow-missing-repository --out ..
 
+# Does Neovim show findings and follow definitions, with the settings of the guide? NVIM=PATH chooses another version.
+NVIM ?= nvim
+neovim: $(READY)
+	$(BIN)/python -m tests.campaigns.neovim $(NVIM)
+
 # Source distributions and wheels of the tagged commit, what they contain (SBOM), and checksums, in dist/. The wheels are
 # built from the source distributions, and the tests of the source distribution can be collected.
 release: | tagged $(READY)
