@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from lsprotocol import converters, types
@@ -18,23 +18,23 @@ class Answers:
 
     Args:
         texts: the texts of all files, by URI.
-        names: how the files are shown, by URI.
+        shown_name: returns how a file is shown, from its URI.
         legend: the types and modifiers of semantic tokens.
     """
 
     def __init__(
         self,
         texts: Mapping[str, Buffer],
-        names: Mapping[str, str],
+        shown_name: Callable[[str], str],
         legend: types.SemanticTokensLegend | None,
     ) -> None:
-        self._texts, self._names, self._legend = texts, names, legend
+        self._texts, self._shown_name, self._legend = texts, shown_name, legend
 
     def findings(self, published: Iterable[types.PublishDiagnosticsParams]) -> str:
         """Show findings, file by file."""
         lines = [
             line
-            for params in sorted(published, key=lambda params: self._name(params.uri))
+            for params in sorted(published, key=lambda params: self._shown_name(params.uri))
             for diagnostic in params.diagnostics
             for line in self._finding(params.uri, diagnostic)
         ]
@@ -134,15 +134,12 @@ class Answers:
         return self._place(location.uri, location.range)
 
     def _place(self, uri: str, place: types.Range) -> str:
-        return f"{self._name(uri)}:{self._range(uri, place)}"
+        return f"{self._shown_name(uri)}:{self._range(uri, place)}"
 
     def _range(self, uri: str, place: types.Range) -> str:
         end = str(place.end.character + 1) if place.end.line == place.start.line else _number(place.end)
         numbers = f"{_number(place.start)}-{end}"
         return f"{numbers} {self._texts[uri].quoted(place)!r}" if uri in self._texts else numbers
-
-    def _name(self, uri: str) -> str:
-        return self._names.get(uri, uri)
 
 
 def _number(position: types.Position) -> str:

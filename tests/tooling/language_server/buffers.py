@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 from lsprotocol.types import Position, Range, TextEdit
 
 _LINE_END = re.compile("\r\n|\n|\r")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Buffer:
     """A text and its version. It is independent of the server's code, so that it shows wrong positions."""
 
@@ -20,9 +22,8 @@ class Buffer:
 
     def position(self, offset: int) -> Position:
         """Return the position of an offset."""
-        starts = self._line_starts()
-        line = sum(start <= offset for start in starts) - 1
-        return Position(line, len(self.text[starts[line] : offset].encode("utf-16-le")) // 2)
+        line = bisect_right(self._line_starts, offset) - 1
+        return Position(line, len(self.text[self._line_starts[line] : offset].encode("utf-16-le")) // 2)
 
     def offset(self, position: Position) -> int:
         """Return the offset of a position.
@@ -30,7 +31,7 @@ class Buffer:
         Raises:
             ValueError: if the text has no such position.
         """
-        starts = self._line_starts()
+        starts = self._line_starts
         if position.line >= len(starts):
             raise ValueError(f"there is no line {position.line + 1}")
         start = starts[position.line]
@@ -39,6 +40,10 @@ class Buffer:
         if position.character * 2 > len(units):
             raise ValueError(f"line {position.line + 1} has no column {position.character + 1}")
         return start + len(units[: position.character * 2].decode("utf-16-le"))
+
+    def line_and_column(self, position: Position) -> tuple[int, int]:
+        """Return a position as codra counts: lines and code points, both from 1."""
+        return position.line + 1, self.offset(position) - self._line_starts[position.line] + 1
 
     def quoted(self, place: Range) -> str:
         """Return the text of a range."""
@@ -65,5 +70,6 @@ class Buffer:
             text, previous_start = f"{text[:start]}{new_text}{text[end:]}", start
         return Buffer(text, self.version + 1)
 
+    @cached_property
     def _line_starts(self) -> list[int]:
         return [0, *(match.end() for match in _LINE_END.finditer(self.text))]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sys
+from collections import Counter
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -64,6 +65,7 @@ class Editor:
         self.published_count = 0
         self.client = client or BaseLanguageClient("sessions", "1")
         self.client.feature(types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(partial(Editor._on_published, self))
+        self._barriers: Counter[str] = Counter()
         self._loop = asyncio.new_event_loop()
         self._errors = bytearray()
 
@@ -177,19 +179,38 @@ class Editor:
         while self.published_count == count:
             await asyncio.sleep(0.002)
 
+    def settle_project(self, folder: Path) -> None:
+        """Wait until the server has linted a project after everything that it was told, also about files on disk.
+
+        A document that is not a spec is changed: the findings about this version of it are part of such a result.
+        """
+        uri = str(from_fs_path(str(folder / "barrier.yaml")))
+        self._barriers[uri] += 1
+        version = self._barriers[uri]
+        if version == 1:
+            self.client.text_document_did_open(
+                types.DidOpenTextDocumentParams(types.TextDocumentItem(uri, "yaml", version, ""))
+            )
+        else:
+            document = types.VersionedTextDocumentIdentifier(version=version, uri=uri)
+            changes = [types.TextDocumentContentChangeWholeDocument("")]
+            self.client.text_document_did_change(types.DidChangeTextDocumentParams(document, changes))
+        self.wait(self._published_version(uri, version))
+        self.settle()
+
+    async def _published_version(self, uri: str, version: int) -> None:
+        while (published := self.published.get(uri)) is None or published.version != version:
+            await asyncio.sleep(0.002)
+
     def settle(self, uri: str | None = None) -> None:
         """Wait until all messages are handled, and findings about the present version of a document are published."""
         self.wait(self._settled(uri))
 
     async def _settled(self, uri: str | None) -> None:
-        while uri is not None and not self._is_current(uri):
-            await asyncio.sleep(0.002)
+        if uri is not None and uri.startswith("file:"):
+            await self._published_version(uri, self.buffers[uri].version)
         with contextlib.suppress(JsonRpcMethodNotFound):  # the answer shows that the messages before it are handled
             await self.client.protocol.send_request_async("codra/nothing", None)
-
-    def _is_current(self, uri: str) -> bool:
-        published = self.published.get(uri)
-        return published is not None and published.version == self.buffers[uri].version
 
     def _on_published(self, params: types.PublishDiagnosticsParams) -> None:
         self.published[params.uri] = params

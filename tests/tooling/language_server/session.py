@@ -1,8 +1,8 @@
 """Sessions of an editor as text files: what a person does, and the complete answer of the server.
 
 The first lines of a file state the behaviour. Then come steps: a line `--- COMMAND ARGUMENTS`, the lines of its input,
-and after a line `=>` the complete answer. A step about a place quotes the text there, with `|` at the cursor, or at both
-ends of a selection. A step that changes files or texts is answered by the findings about all files.
+and after a line `=>` the complete answer. A step about a place quotes the text there, with `|` at the cursor, or at
+both ends of a selection. A step that changes files or texts is answered by the findings about all files.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ class Session:
         """Rename, and apply the edits; `codra lint` may then find nothing new."""
         path, new_name = arguments.rsplit(" ", 1)
         document, position = self._cursor(path, body)
-        edit = self._ask("rename", types.RenameParams(document, new_name, position))
+        edit = self._ask("rename", types.RenameParams(text_document=document, position=position, new_name=new_name))
         shown = self._answers().edits(edit)
         before = self._lint()
         self._apply_edit(edit)
@@ -225,6 +225,8 @@ class Session:
     def _request(self, method: str, body: str) -> str:
         """Send any request."""
         params = json.loads(body) if body else None
+        if method in types.METHOD_TO_TYPES:
+            params = self._editor.client.protocol._converter.structure(params, types.METHOD_TO_TYPES[method][2])
         return self._answers().any(self._editor.wait(self._editor.client.protocol.send_request_async(method, params)))
 
     # Helpers
@@ -265,14 +267,15 @@ class Session:
 
     def _answers(self) -> Answers:
         paths = [path for path in self._folder.rglob("*") if path.is_file()]
-        uris = {str(from_fs_path(str(path))): path.relative_to(self._folder).as_posix() for path in paths}
-        uris |= {uri: self._shown_path(uri) for uri in self._editor.buffers}
-        texts = {uri: self._buffer(uri) for uri in uris}
+        texts = {
+            uri: self._buffer(uri) for uri in {*self._editor.buffers, *(str(from_fs_path(str(path))) for path in paths)}
+        }
         provider = self._editor.capabilities.semantic_tokens_provider
-        return Answers(texts, uris, None if provider is None else provider.legend)
+        return Answers(texts, self._shown_path, None if provider is None else provider.legend)
 
     def _shown_path(self, uri: str) -> str:
-        return uri if uri.startswith("untitled:") else path_of(uri).relative_to(self._folder).as_posix()
+        path = None if uri.startswith("untitled:") else path_of(uri)
+        return path.relative_to(self._folder).as_posix() if path and path.is_relative_to(self._folder) else uri
 
     def _cursor(self, path: str, body: str) -> tuple[types.TextDocumentIdentifier, types.Position]:
         return self._document(path), self._buffer(self._uri(path)).place_of(body.rstrip("\n")).start

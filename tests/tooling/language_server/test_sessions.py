@@ -30,10 +30,8 @@ def editor() -> Iterator[Editor]:
 def test_a_session_has_exactly_the_expected_answers(
     path: Path, editor: Editor, tmp_path: Path, renew_cases: bool
 ) -> None:
-    text = path.read_text("utf-8")
-    played = Session(editor, tmp_path).play(Script.read(text))
+    played = Session(editor, tmp_path / "workspace").play(Script.read(path.read_text("utf-8")))
     if renew_cases:
         path.write_text(played, "utf-8")
-        text = played
 
-    assert played == text
+    assert played == path.read_text("utf-8")
