@@ -84,10 +84,10 @@ def covers(paths: Iterable[str], file: str) -> bool:
     return any(path in (".", file) or file.startswith(f"{path}/") for path in paths)
 
 
-def yaml_files(folder: Path) -> Iterator[Path]:
+def yaml_files(folder: Path, *, are_timelines: bool = False) -> Iterator[Path]:
     """Yield the YAML files in or below a folder, sorted, then each folder that cannot be read.
 
-    Timelines are left out. Hidden folders and links to folders are not entered.
+    They are the timelines, or all other files. Hidden folders and links to folders are not entered.
     """
     unreadable_folders: list[str] = []
     pending_folders = [os.fspath(folder)]  # not a recursion: there may be more folders in folders than Python can call
@@ -95,7 +95,7 @@ def yaml_files(folder: Path) -> Iterator[Path]:
         parent = pending_folders.pop()
         try:
             with os.scandir(parent) as entries:
-                folders, files = _folders_and_specs(entries)
+                folders, files = _folders_and_files(entries, are_timelines=are_timelines)
         except OSError:
             unreadable_folders.append(parent)
             continue
@@ -104,14 +104,14 @@ def yaml_files(folder: Path) -> Iterator[Path]:
     yield from map(Path, unreadable_folders)
 
 
-def _folders_and_specs(entries: Iterable[os.DirEntry[str]]) -> tuple[list[str], list[str]]:
-    """Return the names of the folders to enter, and the names of the YAML files other than timelines."""
+def _folders_and_files(entries: Iterable[os.DirEntry[str]], *, are_timelines: bool) -> tuple[list[str], list[str]]:
+    """Return the names of the folders to enter, and the names of the YAML files: the timelines, or all others."""
     folders: list[str] = []
     files: list[str] = []
     for entry in entries:
         if entry.is_dir(follow_symlinks=False):
             folders += [] if entry.name.startswith(".") else [entry.name]
-        elif entry.name.endswith(_SPEC_ENDINGS) and not entry.name.endswith(_TIMELINE_ENDINGS):
+        elif entry.name.endswith(_SPEC_ENDINGS) and entry.name.endswith(_TIMELINE_ENDINGS) is are_timelines:
             files += [] if entry.is_symlink() and os.path.isdir(entry.path) else [entry.name]  # noqa: PTH112
     return folders, files
 

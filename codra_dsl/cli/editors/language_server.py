@@ -11,7 +11,7 @@ from codra_dsl.tooling.installation import DSL
 def language_server_command() -> None:
     """Serve an editor over standard input and output, with the Language Server Protocol. Editors start this command."""
     try:
-        from codra_dsl.tooling.language_server.server import serve
+        from codra_dsl.tooling.language_server.methods import serve
     except ModuleNotFoundError as error:
         say(f"codra: 'codra language-server' needs {error.name}: {pip_install(DSL, 'editor')}")
         raise typer.Exit(ExitCode.FAILED) from error

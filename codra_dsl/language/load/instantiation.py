@@ -124,7 +124,7 @@ class Uses:
             _record_lost_names(template, arguments, elements)
             return
         self._used_templates.add(template.name)
-        self.valid_uses.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
+        self.valid_uses.append(_use(subject, node, template))
         key = subject.origin.source.span(subject.key.start, subject.key.end)
         self._fill(template, arguments, Origin(template.origin.source, key, template.name, module), elements)
 
@@ -220,6 +220,16 @@ class Uses:
                 name: keys for (section_name, name), keys in template.damaged.items() if section_name == section
             }
             elements.add(section, mapping, origin, wrong_keys)
+
+
+def _use(subject: Subject, node: YamlNode, template: Template) -> Use:
+    name = node.value("template") if isinstance(node, MappingNode) else None
+    return Use(
+        instance=subject.name,
+        template=template.name,
+        place=subject.origin.of(subject.key),
+        template_place=subject.origin.of(name or subject.key),
+    )
 
 
 class _UsedNames:

@@ -22,11 +22,17 @@ from codra_dsl.language.model.site import Site
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Use:
-    """One use of a template."""
+    """One use of a template.
+
+    Attributes:
+        place: the place of the name of the use.
+        template_place: the place of the template's name in the use.
+    """
 
     instance: str
     template: str
     place: Place
+    template_place: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,22 +6,24 @@ of projects is linted alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
-from lsprotocol import types
-
-from codra_dsl.compiler import lint_paths
-from codra_dsl.language.diagnostics import Diagnostic, Span
+from codra_dsl.compiler import Inspection, lint_paths
+from codra_dsl.language.check import CheckedSpec
+from codra_dsl.language.diagnostics import Diagnostic
 from codra_dsl.language.load.discover import is_of_language
-from codra_dsl.language.load.yaml.source import MAX_BYTES
-from codra_dsl.language.project import is_timeline, project_of, relative_path
-from codra_dsl.regular_files import read_regular_file
-from codra_dsl.tooling.language_server.documents import Document, Encoding
+from codra_dsl.language.model import Spec
+from codra_dsl.language.project import is_timeline, project_of, relative_path, yaml_files
+from codra_dsl.tooling.language_server.documents import Document, Texts
+from codra_dsl.tooling.language_server.index import SpecNames
 from codra_dsl.workspace.cache import SpecResults
-from codra_dsl.workspace.timings import Timings
+from codra_dsl.workspace.cache.spec_results import is_outdated as is_outdated_key
+from codra_dsl.workspace.timings import UNTIMED, Timings
 
 Documents = Mapping[str, Document]
 """Open documents by their files, relative to the root."""
@@ -34,10 +36,22 @@ class Checked:
     Attributes:
         documents: the open documents, with the texts that were linted.
         findings: the findings of each file that has findings, and of each open document.
+        specs: the names of each spec, and of each spec with the values of a site.
     """
 
     documents: Documents = field(default_factory=dict)
     findings: Mapping[str, tuple[Diagnostic, ...]] = field(default_factory=dict)
+    specs: tuple[SpecNames, ...] = ()
+
+    def build_tables(self) -> None:
+        """Build the tables of names before the first request needs them."""
+        for names in self.specs:
+            assert names.ranges is not None
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """All findings."""
+        return tuple(chain.from_iterable(self.findings.values()))
 
 
 class OutdatedError(Exception):
@@ -72,6 +86,7 @@ class Project:
         self.checked = Checked()
         self._file = file
         self._results: SpecResults = {}
+        self._specs: dict[str, SpecNames] = {}
 
     def lint(self, documents: Documents, is_outdated: Callable[[], bool] = lambda: False) -> Checked:
         """Lint the project with the texts of open documents. Results of unchanged specs are used again.
@@ -79,14 +94,38 @@ class Project:
         Raises:
             OutdatedError: if `is_outdated` returns true; it is called before each spec is read.
         """
-        texts = {file: document.data for file, document in documents.items()}
         findings: dict[str, list[Diagnostic]] = {file: [] for file in documents}
+        inspect = partial(self._keep_names, Texts(self.root, documents))
+        for diagnostic in self._lint(documents, self._results, _Stages(is_outdated), inspect):
+            findings.setdefault(diagnostic.place.span.file, []).append(diagnostic)
+        return Checked(
+            documents=documents,
+            findings={file: tuple(of_file) for file, of_file in findings.items()},
+            specs=tuple(
+                names for key, names in self._specs.items() if names.spec.file in documents or not is_outdated_key(key)
+            ),
+        )
+
+    def findings_with(self, documents: Documents) -> Sequence[Diagnostic]:
+        """Return the findings of the project with some other texts, in addition to those that were linted last."""
+        return self._lint({**self.checked.documents, **documents}, dict(self._results))
+
+    def _lint(
+        self,
+        documents: Documents,
+        results: SpecResults,
+        timings: Timings = UNTIMED,
+        inspect: Inspection | None = None,
+    ) -> Sequence[Diagnostic]:
+        texts = {file: document.data for file, document in documents.items()}
         paths = [path for path in self._paths(documents) if path == self.root or is_of_language(path, self.root, texts)]
-        if paths:
-            planned = lint_paths(paths, self.root, texts, _Stages(is_outdated), self._results)
-            for diagnostic in planned.diagnostics:
-                findings.setdefault(diagnostic.place.span.file, []).append(diagnostic)
-        return Checked(documents=documents, findings={file: tuple(of_file) for file, of_file in findings.items()})
+        return lint_paths(paths, self.root, texts, timings, results, inspect=inspect).diagnostics if paths else ()
+
+    def _keep_names(self, texts: Texts, key: str, spec: Spec, checked: CheckedSpec | None) -> None:
+        """Keep the names of a spec. While its text is broken, those of the last text that was not are kept."""
+        names = SpecNames(spec, checked, texts)
+        if names.is_whole or key not in self._specs or not self._specs[key].is_whole:
+            self._specs[key] = names
 
     def _paths(self, documents: Documents) -> Iterable[Path]:
         """Return the paths to lint: the project with documents that were never saved, or the one document."""
@@ -95,31 +134,20 @@ class Project:
         files = (self.root / file for file in documents)
         return (self.root, *(file for file in files if not file.exists() and not is_timeline(file)))
 
+    def other_files(self) -> list[str]:
+        """Return the sites that were linted, and the timelines of the project."""
+        sites = [names.spec.site.file for names in self.checked.specs if names.spec.site is not None]
+        folder = self.root if self._file is None else None
+        timelines = () if folder is None else yaml_files(folder, are_timelines=True)
+        return [*sites, *map(self.file_of, timelines)]
+
+    def is_checked(self, texts: Texts) -> bool:
+        """Return whether open documents have the texts that were linted."""
+        return texts.opened == self.checked.documents
+
     def file_of(self, path: Path) -> str:
         """Return the name of a file in findings."""
         return relative_path(path, self.root)
-
-
-class Texts:
-    """The texts of the files of a project: open documents, and files on disk, each of which is read once."""
-
-    def __init__(self, project: Project, documents: Documents, encoding: Encoding) -> None:
-        self._root, self._encoding = project.root, encoding
-        self._documents = dict(documents)
-
-    def document(self, file: str) -> Document:
-        """Return the text of a file; an empty text if the file cannot be read."""
-        if file not in self._documents:
-            try:
-                data = read_regular_file(self._root / file, MAX_BYTES, within=self._root)
-            except OSError:
-                data = b""
-            self._documents[file] = Document(data.decode("utf-8", "replace"), self._encoding)
-        return self._documents[file]
-
-    def range_of(self, span: Span) -> types.Range:
-        """Return the range of a span in its file."""
-        return self.document(span.file).range_of(span)
 
 
 class Projects:

@@ -36,7 +36,7 @@ def _parser_finding(spec_index: SpecIndex, rule: ParsedRule, problem: Diagnostic
 
 def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """All names in adaptations, trees and loops are declared."""
-    for section, noun, reference, path in _references(spec_index):
+    for section, noun, reference, path in references_in_loops(spec_index):
         if spec_index.declares(section, reference.name) or not reference.name or spec_index.has_damage(section):
             continue
         path_parts = path.split(".")
@@ -50,7 +50,7 @@ def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
 _NOUNS = {"adaptation": "adaptation", "trees": "tree", "loops": "loop"}
 
 
-def _references(spec_index: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
+def references_in_loops(spec_index: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
     """Yield, for each reference in loops and their parts: the section, its noun, the reference, and the path."""
     for adaptation in spec_index.spec.adaptation:
         path, does = f"adaptation.{adaptation.name}", adaptation.does

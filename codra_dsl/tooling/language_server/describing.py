@@ -1,0 +1,174 @@
+"""What an editor shows about a name, the symbols of a file, and the colours of conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lsprotocol import types
+
+from codra_dsl.language.check.conditions.conditions import RESULT_ROLES
+from codra_dsl.language.check.index.spec_index import OBSERVER
+from codra_dsl.language.check.index.words import USERS
+from codra_dsl.language.expression import FUNCTIONS
+from codra_dsl.language.expression.tokens import ExpressionError, TokenKind, tokens
+from codra_dsl.language.model import FOREVER_S, Condition, ValueType, Variable, WhenUnobservable
+from codra_dsl.tooling.language_server.index import RETURNS, Cursor, Index, SpecNames, Symbol
+
+_MAX_SHOWN_NAMES = 3
+
+
+def hover(cursor: Cursor) -> types.Hover | None:
+    """Return what is known about the name at a cursor."""
+    found = cursor.index.at(cursor)
+    texts = dict.fromkeys(_description(names, name_range.symbol) for names, name_range in found)
+    if not texts:
+        return None
+    document = cursor.document
+    text = "\n\n---\n\n".join(list(texts)[:_MAX_SHOWN_NAMES])
+    return types.Hover(
+        types.MarkupContent(types.MarkupKind.Markdown, text),
+        document.range_between(found[0][1].start, found[0][1].end),
+    )
+
+
+def _description(names: SpecNames, symbol: Symbol) -> str:
+    tables = names.tables
+    if symbol.section == "context" and symbol.name in tables.variables:
+        return "\n".join(_variable_lines(names, tables.variables[symbol.name]))
+    if symbol.section == RETURNS:
+        algorithm = tables.algorithms.get(symbol.owner)
+        value = next((value for value in algorithm.returns if value.name == symbol.name), None) if algorithm else None
+        type_text = "" if value is None else f": {_type_text(value.type)}{', optional' if value.optional else ''}"
+        return f"`{symbol.name}`{type_text}\n\nreturned by algorithm `{symbol.owner}`"
+    noun = USERS.get(symbol.section, symbol.section.removesuffix("s"))
+    elements = getattr(names.spec, symbol.section, ())
+    labels = (getattr(element, "label", "") for element in elements if getattr(element, "name", "") == symbol.name)
+    label = next(labels, "")
+    return f"{noun} `{symbol.name}`{f': {label}' if label else ''}"
+
+
+def _variable_lines(names: SpecNames, variable: Variable) -> Iterator[str]:
+    yield f"context-variable `{variable.name}`: {_type_text(variable.type)}"
+    label = "" if variable.label == variable.name else variable.label
+    if label or variable.description:
+        yield f"\n{' - '.join(filter(None, (label, variable.description)))}"
+    yield ""
+    tables = names.tables
+    producers = tables.producers.get(variable.name, ())
+    for name in producers:
+        conditions = tables.algorithms[name].observable_when
+        texts = " and ".join(f"`{condition.text}`" for condition in conditions)
+        yield f"- identified by algorithm `{name}`{f', when {texts}' if texts else ''}"
+    if variable.name in tables.claims:
+        yield f"- in observer `{tables.claims[variable.name][0].name}`"
+    if variable.derived is not None:
+        yield f"- derived: `{variable.derived.text}`"
+    sources = () if variable.is_computed else variable.sources
+    writers = [source.name for source in sources if source.name != OBSERVER]
+    if writers:
+        yield f"- written by {', '.join(f'`{writer}`' for writer in writers)}"
+    yield f"- unknown {'; '.join(_reasons(names, variable))}"
+    bound_s = names.worst_cases.get(variable.name)
+    if bound_s is not None:
+        yield f"- known at most {bound_s:g} s after its declaration"
+
+
+def _reasons(names: SpecNames, variable: Variable) -> Iterator[str]:
+    """Yield the reasons why a variable can be unknown."""
+    tables = names.tables
+    producers = [tables.algorithms[name] for name in tables.producers.get(variable.name, ())]
+    if variable.is_computed:
+        inputs = ", ".join(f"`{name}`" for name in tables.derived_inputs.get(variable.name, ()))
+        yield f"while {inputs or 'what it is computed from'} is unknown and decides the value"
+        return
+    yield "until it is identified for the first time" if producers else "until it is written for the first time"
+    if variable.valid_for_s < FOREVER_S:
+        yield f"when its evidence is older than {variable.valid_for_s:g} s"
+    if producers and variable.when_unobservable is WhenUnobservable.FORGET:
+        yield "as soon as a precondition fails or a result is rejected"
+    changes = ((skill.name, change.name) for skill in names.spec.skills for change in skill.changes)
+    skills = [f"`{skill}`" for skill, name in changes if name == variable.name]
+    if skills:
+        yield f"after {', '.join(skills)} has changed it"
+
+
+def _type_text(value_type: ValueType) -> str:
+    """Return a type with its unit, range and members."""
+    members = f" of {', '.join(value_type.values)}" if value_type.values else ""
+    unit = f" in {value_type.unit}" if value_type.unit else ""
+    limits = value_type.range
+    return f"{value_type.kind}{members}{unit}{f' from {limits[0]:g} to {limits[1]:g}' if limits else ''}"
+
+
+_SYMBOL_KINDS = {
+    "context": types.SymbolKind.Variable,
+    "perception": types.SymbolKind.Function,
+    "skills": types.SymbolKind.Event,
+    "agents": types.SymbolKind.Interface,
+    "types": types.SymbolKind.Class,
+    "nodes": types.SymbolKind.Object,
+    "templates": types.SymbolKind.Module,
+    "use": types.SymbolKind.Object,
+}
+
+
+def symbols(cursor: Cursor) -> list[types.DocumentSymbol]:
+    """Return the declarations in a file; those in a template are shown as the template writes them."""
+    document = cursor.document
+    found: dict[tuple[int, int], types.DocumentSymbol] = {}
+    for name_range in cursor.index.in_file(cursor.file):
+        section, start, end = name_range.symbol.section, name_range.start, name_range.end
+        if name_range.is_declaration and section not in (RETURNS, "spec"):
+            selection = document.range_between(start, end)
+            extent = types.Range(selection.start, document.position_at(document.end_of_entry(start)))
+            kind = _SYMBOL_KINDS.get(section, types.SymbolKind.Object)
+            found[start, end] = types.DocumentSymbol(document.text[start:end], kind, extent, selection, section)
+    return list(found.values())
+
+
+TOKEN_TYPES = ("variable", "parameter", "number", "string", "keyword", "operator", "function")
+"""The types of semantic tokens: names of context, returned values, numbers, texts, words, symbols and functions."""
+
+_TOKEN_TYPES = {TokenKind.NUMBER: 2, TokenKind.TEXT: 3, TokenKind.WORD: 4, TokenKind.SYMBOL: 5}
+
+
+def semantic_tokens(cursor: Cursor) -> types.SemanticTokens:
+    """Return the types of the words in the conditions of a file."""
+    index, file = cursor.index, cursor.file
+    document = cursor.document
+    found: dict[tuple[int, int], int] = {}
+    for names in index.specs:
+        for site in names.tables.sites:
+            if site.condition.place.span.file == file:
+                is_result = site.role in RESULT_ROLES
+                for start, end, token_type in _tokens(site.condition, index, names, file, is_result=is_result):
+                    found.setdefault((start, end), token_type)
+    data: list[int] = []
+    last, last_end = types.Position(0, 0), 0
+    for (start, end), token_type in sorted(found.items()):
+        position, after = document.position_at(start), document.position_at(end)
+        if position.line == after.line and start >= last_end:
+            is_same_line = position.line == last.line
+            column = position.character - (last.character if is_same_line else 0)
+            data += [position.line - last.line, column, after.character - position.character, token_type, 0]
+            last, last_end = position, end
+    return types.SemanticTokens(data)
+
+
+def _tokens(
+    condition: Condition, index: Index, names: SpecNames, file: str, *, is_result: bool
+) -> Iterator[tuple[int, int, int]]:
+    """Yield the ranges of the words of a condition in the newest text, with their types."""
+    try:
+        found = tokens(condition.text)
+    except ExpressionError:  # patterns and poses have another grammar
+        return
+    document, move = names.texts.document(file), index.move(names, file)
+    for token in found[:-1]:
+        place = condition.place_between(token.start, token.end)
+        if place.span == condition.place.span and len(found) > 2:
+            continue  # the letters of the condition cannot be matched with its text
+        token_range = move.range(*document.offsets_of(place.span)) if place.span.file == file else None
+        if token_range is not None:
+            name_type = 6 if token.text in FUNCTIONS else int(is_result)
+            yield *token_range, _TOKEN_TYPES.get(token.kind, name_type)
