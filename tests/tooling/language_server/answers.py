@@ -112,7 +112,7 @@ class Answers:
             yield f"  {self._location(related.location)}: {related.message}"
 
     def _item(self, uri: str, item: types.CompletionItem) -> str:
-        kind = item.kind.name if item.kind else "-"
+        kind = types.CompletionItemKind(item.kind).name if item.kind else "-"
         text = f"{item.label} ({kind})" + (f": {item.detail}" if item.detail else "")
         if isinstance(item.text_edit, types.TextEdit):
             text += f" | {self._place(uri, item.text_edit.range)} -> {item.text_edit.new_text!r}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sys
-from collections import Counter
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -27,6 +26,7 @@ PATIENCE_S = 60.0
 
 CAPABILITIES = types.ClientCapabilities(
     workspace=types.WorkspaceClientCapabilities(
+        did_change_watched_files=types.DidChangeWatchedFilesClientCapabilities(dynamic_registration=True),
         workspace_edit=types.WorkspaceEditClientCapabilities(document_changes=True),
         workspace_folders=True,
     ),
@@ -65,7 +65,7 @@ class Editor:
         self.published_count = 0
         self.client = client or BaseLanguageClient("sessions", "1")
         self.client.feature(types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(partial(Editor._on_published, self))
-        self._barriers: Counter[str] = Counter()
+        self._barrier_count = 0
         self._loop = asyncio.new_event_loop()
         self._errors = bytearray()
 
@@ -118,6 +118,14 @@ class Editor:
             TimeoutError: if there is none within PATIENCE_S.
         """
         return self._loop.run_until_complete(asyncio.wait_for(coroutine, PATIENCE_S))
+
+    def request(self, method: str, params: object) -> Any:
+        """Return the answer to any request."""
+
+        async def answer() -> Any:
+            return await self.client.protocol.send_request_async(method, params)
+
+        return self.wait(answer())
 
     def open(self, uri: str, text: str) -> None:
         """Open a document with a text that may not be saved, and wait for its findings."""
@@ -180,23 +188,15 @@ class Editor:
             await asyncio.sleep(0.002)
 
     def settle_project(self, folder: Path) -> None:
-        """Wait until the server has linted a project after everything that it was told, also about files on disk.
+        """Wait until the server has linted the project of a folder after everything that it was told, also about files.
 
-        A document that is not a spec is changed: the findings about this version of it are part of such a result.
+        A document that is not a spec is opened: the findings about it are part of such a result.
         """
-        uri = str(from_fs_path(str(folder / "barrier.yaml")))
-        self._barriers[uri] += 1
-        version = self._barriers[uri]
-        if version == 1:
-            self.client.text_document_did_open(
-                types.DidOpenTextDocumentParams(types.TextDocumentItem(uri, "yaml", version, ""))
-            )
-        else:
-            document = types.VersionedTextDocumentIdentifier(version=version, uri=uri)
-            changes = [types.TextDocumentContentChangeWholeDocument("")]
-            self.client.text_document_did_change(types.DidChangeTextDocumentParams(document, changes))
-        self.wait(self._published_version(uri, version))
-        self.settle()
+        self._barrier_count += 1
+        uri = str(from_fs_path(str(folder / f"barrier-{self._barrier_count}.yaml")))
+        self.open(uri, "")
+        self.close(uri)
+        del self.published[uri]
 
     async def _published_version(self, uri: str, version: int) -> None:
         while (published := self.published.get(uri)) is None or published.version != version:

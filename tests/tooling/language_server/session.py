@@ -83,7 +83,7 @@ class Session:
         finally:
             for uri in list(self._editor.buffers):
                 self._editor.close(uri)
-            self._editor.settle()
+                self._editor.settle_project(self._folder_of(uri))
             self._editor.published.clear()
 
     def _answer(self, step: Step) -> str | None:
@@ -227,7 +227,7 @@ class Session:
         params = json.loads(body) if body else None
         if method in types.METHOD_TO_TYPES:
             params = self._editor.client.protocol._converter.structure(params, types.METHOD_TO_TYPES[method][2])
-        return self._answers().any(self._editor.wait(self._editor.client.protocol.send_request_async(method, params)))
+        return self._answers().any(self._editor.request(method, params))
 
     # Helpers
 
@@ -242,6 +242,7 @@ class Session:
             else:
                 path_of(uri).write_bytes(self._buffer(uri).edited(text_edits).text.encode())
                 self._editor.report_files((path_of(uri), types.FileChangeType.Changed))
+                self._editor.settle_project(self._folder_of(uri))
 
     def _lint(self) -> Counter[tuple[str, str, int]]:
         """Return how often `codra lint` reports each rule in each line, with the texts of the buffers."""
@@ -276,6 +277,9 @@ class Session:
     def _shown_path(self, uri: str) -> str:
         path = None if uri.startswith("untitled:") else path_of(uri)
         return path.relative_to(self._folder).as_posix() if path and path.is_relative_to(self._folder) else uri
+
+    def _folder_of(self, uri: str) -> Path:
+        return self._folder if uri.startswith("untitled:") else path_of(uri).parent
 
     def _cursor(self, path: str, body: str) -> tuple[types.TextDocumentIdentifier, types.Position]:
         return self._document(path), self._buffer(self._uri(path)).place_of(body.rstrip("\n")).start
