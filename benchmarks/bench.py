@@ -14,6 +14,7 @@ from pathlib import Path
 
 import adapting
 import compiling
+import editing
 import fuzzy
 import isolation
 import knowledge
@@ -23,6 +24,7 @@ from rows import PeerMissingError, Row
 GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
     "adapting": adapting.rows,
     "compiling": compiling.rows,
+    "editing": editing.rows,
     "fuzzy": fuzzy.rows,
     "isolation": isolation.rows,
     "knowledge": knowledge.rows,

@@ -20,7 +20,8 @@ _MAX_SHOWN_NAMES = 3
 def hover(cursor: Cursor) -> types.Hover | None:
     """Return what is known about the name at a cursor."""
     found = cursor.index.at(cursor)
-    texts = dict.fromkeys(_description(names, name_range.symbol) for names, name_range in found)
+    site = cursor.file if any(_site(names) == cursor.file for names, _ in found) else ""
+    texts = dict.fromkeys(_description(names, name_range.symbol) for names, name_range in found if _site(names) == site)
     if not texts:
         return None
     document = cursor.document
@@ -29,6 +30,11 @@ def hover(cursor: Cursor) -> types.Hover | None:
         types.MarkupContent(types.MarkupKind.Markdown, text),
         document.range_between(found[0][1].start, found[0][1].end),
     )
+
+
+def _site(names: SpecNames) -> str:
+    """Return the file of the site whose values a spec has; empty without a site."""
+    return "" if names.spec.site is None else names.spec.site.file
 
 
 def _description(names: SpecNames, symbol: Symbol) -> str:
@@ -165,10 +171,10 @@ def _tokens(
         return
     document, move = names.texts.document(file), index.move(names, file)
     for token in found[:-1]:
-        place = condition.place_between(token.start, token.end)
-        if place.span == condition.place.span and len(found) > 2:
-            continue  # the letters of the condition cannot be matched with its text
-        token_range = move.range(*document.offsets_of(place.span)) if place.span.file == file else None
-        if token_range is not None:
+        span = condition.place_between(token.start, token.end).span
+        start, end = document.offsets_of(span)
+        written = document.text[start:end] if span.file == file else ""
+        token_range = move.range(start, end) if written == token.text or "$(" in written else None
+        if token_range is not None:  # `x stays 1` is the condition `x == 1`, of which `==` is not written
             name_type = 6 if token.text in FUNCTIONS else int(is_result)
             yield *token_range, _TOKEN_TYPES.get(token.kind, name_type)

@@ -106,6 +106,10 @@ class SpecNames:
         """The place of each declaration."""
         return {symbol: place for symbol, place, is_declaration in self.occurrences if is_declaration}
 
+    def declares_same(self, symbol: Symbol, other: SpecNames) -> bool:
+        """Return whether a symbol has one declaration in two specs."""
+        return symbol in self.declarations and self.declarations[symbol] == other.declarations.get(symbol)
+
     def _declarations(self) -> Iterator[Occurrence]:
         spec = self.spec
         yield Occurrence(Symbol("spec", spec.name), spec.place, is_declaration=True)
@@ -160,7 +164,7 @@ class SpecNames:
 
     def _in_conditions(self) -> Iterator[Occurrence]:
         for site in self.tables.sites:
-            for name in site.names:
+            for name in (name for name in site.names if name.pose_comparison is None):
                 symbol = self.symbol("context", name.name)
                 if site.role in RESULT_ROLES:
                     symbol = Symbol(RETURNS, name.name, site.owner[1])
@@ -249,11 +253,14 @@ class Index:
 
     def symbols(self, cursor: Cursor) -> list[tuple[SpecNames, Symbol]]:
         """Return the symbols at a cursor, and those of other specs with the same declarations, in shared parts."""
-        symbols = dict.fromkeys((names, name_range.symbol) for names, name_range in self.at(cursor))
-        spans = {place.span for names, symbol in symbols if (place := names.declarations.get(symbol))}
-        for names in self.specs:
-            symbols |= {(names, symbol): None for symbol, place in names.declarations.items() if place.span in spans}
-        return list(symbols)
+        return list(
+            dict.fromkeys(
+                (names, name_range.symbol)
+                for found_names, name_range in self.at(cursor)
+                for names in self.specs
+                if names is found_names or names.declares_same(name_range.symbol, found_names)
+            )
+        )
 
     def ranges(self, symbols: Iterable[tuple[SpecNames, Symbol]], other_files: Iterable[str] = ()) -> list[Range]:
         """Return every occurrence of symbols in specs, and in those of other files that are sites or timelines."""
