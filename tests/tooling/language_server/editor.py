@@ -171,17 +171,18 @@ class Editor:
         changes = [types.FileEvent(from_fs_path(str(path)) or "", kind) for path, kind in events]
         self.client.workspace_did_change_watched_files(types.DidChangeWatchedFilesParams(changes))
 
-    def wait_for_lint(self, act: Callable[[], None]) -> None:
-        """Do something that changes the version of no document, and wait for the findings that follow.
+    def wait_for_lint(self, act: Callable[[], None], folder: Path) -> None:
+        """Do something in a folder that changes the version of no document, and wait for the findings that follow.
 
-        The server publishes the findings about an open document whenever it has linted its project. If no document is
-        open, the end of another lint shows that this one has ended.
+        The server publishes the findings about an open document whenever it has linted its project.
         """
         before = self.published_count
         act()
         if self.buffers:
             self.wait(self._published_after(before))
-        self.settle()
+            self.settle()
+        else:
+            self.settle_project(folder)
 
     async def _published_after(self, count: int) -> None:
         while self.published_count == count:

@@ -260,7 +260,7 @@ class Session:
 
     def _findings_after(self, act: Callable[[], None]) -> str:
         """Return the findings after something that changes the version of no document."""
-        self._editor.wait_for_lint(act)
+        self._editor.wait_for_lint(act, self._folder)
         return self._findings()
 
     def _findings(self) -> str:
