@@ -63,7 +63,6 @@ def make_server() -> CodraServer:
         _add_answer(server, method, function, options)
 
     notifications: Mapping[str, Callable[[Any], None]] = {
-        types.INITIALIZE: lambda params: server.set_options(params.initialization_options),
         types.INITIALIZED: lambda _: _watch_files(server),
         types.TEXT_DOCUMENT_DID_OPEN: lambda params: server.open(params.text_document),
         types.TEXT_DOCUMENT_DID_CLOSE: lambda params: server.close(params.text_document.uri),

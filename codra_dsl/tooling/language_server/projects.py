@@ -6,7 +6,7 @@ of projects is linted alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -84,7 +84,7 @@ class Project:
         """Initialize. `file` is the document, if it is outside of projects."""
         self.root = root
         self.checked = Checked()
-        self._file = file
+        self._file, self._is_spec = file, False
         self._results: SpecResults = {}
         self._specs: dict[str, SpecNames] = {}
 
@@ -118,7 +118,7 @@ class Project:
         inspect: Inspection | None = None,
     ) -> Sequence[Diagnostic]:
         texts = {file: document.data for file, document in documents.items()}
-        paths = [path for path in self._paths(documents) if path == self.root or is_of_language(path, self.root, texts)]
+        paths = self._paths(texts)
         return lint_paths(paths, self.root, texts, timings, results, inspect=inspect).diagnostics if paths else ()
 
     def _keep_names(self, texts: Texts, key: str, spec: Spec, checked: CheckedSpec | None) -> None:
@@ -127,12 +127,17 @@ class Project:
         if names.is_whole or key not in self._specs or not self._specs[key].is_whole:
             self._specs[key] = names
 
-    def _paths(self, documents: Documents) -> Iterable[Path]:
-        """Return the paths to lint: the project with documents that were never saved, or the one document."""
-        if self._file is not None:
-            return () if is_timeline(self._file) else (self._file,)
-        files = (self.root / file for file in documents)
-        return (self.root, *(file for file in files if not file.exists() and not is_timeline(file)))
+    def _paths(self, texts: Mapping[str, bytes]) -> list[Path]:
+        """Return the paths to lint: the project with documents that were never saved, or the one document.
+
+        A document outside of projects is linted from the moment when it is a spec, so that no keystroke ends this.
+        """
+        files = [self.root / file for file in texts] if self._file is None else [self._file]
+        unsaved = [file for file in files if not is_timeline(file) and is_of_language(file, self.root, texts)]
+        if self._file is None:
+            return [self.root, *(file for file in unsaved if not file.exists())]
+        self._is_spec |= bool(unsaved)
+        return [self._file] if self._is_spec else []
 
     def other_files(self) -> list[str]:
         """Return the sites that were linted, and the timelines of the project."""

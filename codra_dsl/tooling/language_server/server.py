@@ -27,10 +27,7 @@ from codra_dsl.tooling.language_server.projects import Checked, OutdatedError, P
 from codra_dsl.tooling.language_server.renaming import RefusedError, rename
 
 DEBOUNCE_S = 0.15
-"""How long the server waits after a change before it lints: most keystrokes follow each other faster.
-
-A client that waits itself sends another time in seconds in `initialize`, as `initializationOptions.debounce_s`.
-"""
+"""How long the server waits after a change before it lints: most keystrokes follow each other faster."""
 
 _ENDINGS = (".yaml", ".yml")
 _SEVERITIES = {
@@ -60,13 +57,11 @@ class CodraServer(LanguageServer):
     Attributes:
         worker: the thread that lints.
         is_shut_down: whether the client has asked the server to shut down.
-        debounce_s: how long the server waits after a change before it lints.
     """
 
     def __init__(self) -> None:
         super().__init__("codra", codra_dsl.__version__)
         self.is_shut_down = False
-        self.debounce_s = DEBOUNCE_S
         self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="lint")
         self._open_documents: dict[str, OpenDocument] = {}
         self._uris: dict[tuple[Project, str], str] = {}
@@ -77,12 +72,6 @@ class CodraServer(LanguageServer):
     def encoding(self) -> Encoding:
         """The encoding of positions that the client has chosen."""
         return self.workspace.position_encoding or UTF16
-
-    def set_options(self, options: object) -> None:
-        """Set the options that a client sent in `initialize`; values of other types and names are ignored."""
-        debounce_s = options.get("debounce_s") if isinstance(options, Mapping) else None
-        if isinstance(debounce_s, int | float):
-            self.debounce_s = max(0.0, debounce_s)
 
     # Documents
 
@@ -108,7 +97,7 @@ class CodraServer(LanguageServer):
                 document = document.after(change)
             changed = replace(opened, version=params.text_document.version, document=document)
             self._open_documents[opened.uri] = changed
-            self.schedule(opened.project, self.debounce_s)
+            self.schedule(opened.project, DEBOUNCE_S)
 
     def close(self, uri: str) -> None:
         """Remove a document; from now on, the file on disk is linted."""
@@ -131,7 +120,7 @@ class CodraServer(LanguageServer):
     def schedule_all(self) -> None:
         """Lint all projects, because files on disk may have changed."""
         for project in self._linters:
-            self.schedule(project, self.debounce_s)
+            self.schedule(project, DEBOUNCE_S)
 
     def publish(self, project: Project, before: Checked, versions: Mapping[str, int | None]) -> None:
         """Send the findings about open documents, and those about other files that have changed."""

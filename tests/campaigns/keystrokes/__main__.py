@@ -11,12 +11,12 @@ from pathlib import Path
 
 from tests.campaigns.edits.project import large_project
 from tests.campaigns.keystrokes.comparison import Comparison, DifferenceError
-from tests.tooling.language_server.editor import Editor
+from tests.tooling.language_server.editor import SERVER_WITHOUT_PAUSE, Editor
 
 
 def main(count: int = 2000, seed: int = 1) -> int:
     """Print the figures and return the exit code."""
-    editor = Editor()
+    editor = Editor(SERVER_WITHOUT_PAUSE)
     editor.start()
     with tempfile.TemporaryDirectory(prefix="keystrokes-") as folder:
         comparison = Comparison(editor, large_project(), Path(folder).resolve(), seed)

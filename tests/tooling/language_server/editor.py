@@ -21,6 +21,13 @@ from tests.tooling.language_server.buffers import Buffer
 Result = TypeVar("Result")
 
 SERVER = (sys.executable, "-m", "codra_dsl", "language-server")
+SERVER_WITHOUT_PAUSE = (
+    sys.executable,
+    "-c",
+    "from codra_dsl.tooling.language_server import methods, server; server.DEBOUNCE_S = 0.0; methods.serve()",
+)
+"""The server, without its pause after a keystroke."""
+
 PATIENCE_S = 60.0
 """A request that needs more time hangs."""
 
@@ -59,25 +66,25 @@ class Editor:
 
     capabilities: types.ServerCapabilities
 
-    def __init__(self, client: BaseLanguageClient | None = None) -> None:
+    def __init__(self, command: Sequence[str] = SERVER, client: BaseLanguageClient | None = None) -> None:
         self.buffers: dict[str, Buffer] = {}
         self.published: dict[str, types.PublishDiagnosticsParams] = {}
         self.published_count = 0
         self.client = client or BaseLanguageClient("sessions", "1")
         self.client.feature(types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(partial(Editor._on_published, self))
         self._barrier_count = 0
+        self._command = command
         self._loop = asyncio.new_event_loop()
         self._errors = bytearray()
 
     def start(self, *folders: Path, encodings: Sequence[types.PositionEncodingKind] = ()) -> None:
-        """Start a server for some folders of the workspace, without a pause after keystrokes."""
-        self.wait(self.client.start_io(*SERVER))
+        """Start a server for some folders of the workspace."""
+        self.wait(self.client.start_io(*self._command))
         self._reading_errors = self._loop.create_task(self._read_errors())
         general = types.GeneralClientCapabilities(position_encodings=encodings or None)
         params = types.InitializeParams(
             capabilities=replace_general(CAPABILITIES, general),
             process_id=None,
-            initialization_options={"debounce_s": 0},
             workspace_folders=[types.WorkspaceFolder(from_fs_path(str(path)) or "", path.name) for path in folders],
         )
         self.capabilities = self.wait(self.client.initialize_async(params)).capabilities

@@ -80,7 +80,7 @@ def test_a_server_ends_if_its_client_is_killed(editor: Editor, uri: str) -> None
 def test_a_client_that_answers_nothing_sends_nonsense_and_cancels_requests_is_served_all_the_same(uri: str) -> None:
     client = BaseLanguageClient("silent", "1")
     client.feature(types.CLIENT_REGISTER_CAPABILITY)(_never_answer)
-    editor = Editor(client)
+    editor = Editor(client=client)
     editor.start()
     assert editor.process.stdin is not None
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tooling.language_server.editor import Editor
+from tests.tooling.language_server.editor import SERVER_WITHOUT_PAUSE, Editor
 from tests.tooling.language_server.session import Script, Session
 
 SESSIONS = sorted(Path(__file__).with_name("sessions").glob("*.txt"))
@@ -19,7 +19,7 @@ SESSIONS = sorted(Path(__file__).with_name("sessions").glob("*.txt"))
 @pytest.fixture(scope="module")
 def editor() -> Iterator[Editor]:
     """An editor whose server serves all sessions."""
-    editor = Editor()
+    editor = Editor(SERVER_WITHOUT_PAUSE)
     editor.start()
     yield editor
     assert editor.stop() == 0
