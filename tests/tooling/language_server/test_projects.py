@@ -108,6 +108,7 @@ def test_outside_of_projects_only_the_document_is_linted_and_only_if_it_is_a_spe
     checked = spec.lint({"a.yaml": Document("codra: 1\nname: a\nskills: {go: {preview: [x]}}\n")})
     assert [finding.code for finding in checked.diagnostics] == ["CDR3101"]
     assert foreign.lint({"compose.yaml": Document("services: {web: {}}\n")}).diagnostics == ()
+    assert [finding.code for finding in spec.lint({"a.yaml": Document("")}).diagnostics] == ["CDR2001"]
 
 
 def test_linting_ends_early_if_its_result_is_outdated(tmp_path: Path) -> None:
