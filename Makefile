@@ -54,7 +54,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits fuzz kills signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -82,7 +82,8 @@ check: browser lint
 
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
 cases: $(READY)
-	$(BIN)/pytest tests/test_cases.py tests/tooling/report/test_explain.py --renew-cases
+	$(BIN)/pytest tests/test_cases.py tests/tooling/report/test_explain.py \
+	    tests/tooling/language_server/test_sessions.py --renew-cases
 
 # Property tests alone, with new examples for each seed: what fails is printed, and kept as an @example of its test.
 SEEDS ?= $(shell seq 1 20)
@@ -106,6 +107,11 @@ mutants: $(READY)
 EDITS ?= 2000
 edits: $(READY)
 	$(BIN)/python -m tests.campaigns.edits $(EDITS) $(SEED)
+
+# Two thousand random edits in an editor: are the findings always those of `codra lint` on the same texts, does no request fail?
+KEYSTROKES ?= 2000
+keystrokes: $(READY)
+	$(BIN)/python -m tests.campaigns.keystrokes $(KEYSTROKES) $(SEED)
 
 # Ten thousand hostile inputs of each kind, under an audit hook and limits: nothing may crash, hang, be run, or be written elsewhere.
 fuzz: $(READY)

@@ -1,6 +1,7 @@
 """`python -m tests.campaigns.keystrokes [COUNT [SEED]]`: compare an editor with `codra lint` after COUNT random edits.
 
-It prints the kinds of edits and requests, and the memory of the server. It exits with 1 at the first difference.
+Nine of ten edits are made in a small project. It prints the kinds of edits and requests, and exits with 1 at the first
+difference, or if a request fails.
 """
 
 from __future__ import annotations
@@ -9,30 +10,43 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.campaigns.edits.project import large_project
+from tests.campaigns.edits.project import large_project, small_project
 from tests.campaigns.keystrokes.comparison import Comparison, DifferenceError
 from tests.tooling.language_server.editor import SERVER_WITHOUT_PAUSE, Editor
+
+LARGE_SHARE = 0.1
+"""The share of the edits that are made in the large project, which takes five times as long to lint."""
 
 
 def main(count: int = 2000, seed: int = 1) -> int:
     """Print the figures and return the exit code."""
     editor = Editor(SERVER_WITHOUT_PAUSE)
     editor.start()
-    with tempfile.TemporaryDirectory(prefix="keystrokes-") as folder:
-        comparison = Comparison(editor, large_project(), Path(folder).resolve(), seed)
-        for number in range(1, count + 1):
+    large_count = round(count * LARGE_SHARE)
+    for files, edit_count in ((small_project(), count - large_count), (large_project(), large_count)):
+        with tempfile.TemporaryDirectory(prefix="keystrokes-") as folder:
+            comparison = Comparison(editor, files, Path(folder).resolve(), seed)
             try:
-                comparison.step()
+                _edit(comparison, edit_count)
             except DifferenceError as difference:
-                print(f"seed {seed}, edit {number}: {difference}")
+                print(f"seed {seed}: {difference}")
                 return 1
-            if sys.stderr.isatty():
-                print(f"\r{number} of {count}", end="", file=sys.stderr)
-        for name, step_count in sorted(comparison.counts.items()):
-            print(f"{step_count:6} {name}")
+            finally:
+                editor.buffers.clear()
+                editor.published.clear()
     exit_code = editor.stop()
     print(f"{count} edits, seed {seed}: no difference; the server ended with {exit_code}")
     return exit_code
+
+
+def _edit(comparison: Comparison, count: int) -> None:
+    """Make edits, and print how many there were of each kind."""
+    for number in range(1, count + 1):
+        comparison.step()
+        if sys.stderr.isatty():
+            print(f"\r{number} of {count}", end="", file=sys.stderr)
+    for name, step_count in sorted(comparison.counts.items()):
+        print(f"{step_count:6} {name}")
 
 
 if __name__ == "__main__":

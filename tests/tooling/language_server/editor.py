@@ -70,7 +70,7 @@ class Editor:
         self.buffers: dict[str, Buffer] = {}
         self.published: dict[str, types.PublishDiagnosticsParams] = {}
         self.published_count = 0
-        self.client = client or BaseLanguageClient("sessions", "1")
+        self.client = client or _new_client()
         self.client.feature(types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(partial(Editor._on_published, self))
         self._barrier_count = 0
         self._command = command
@@ -230,6 +230,13 @@ class Editor:
         assert stream is not None
         while data := await stream.read(65536):
             self._errors += data
+
+
+def _new_client() -> BaseLanguageClient:
+    """Return a client that answers the requests of servers."""
+    client = BaseLanguageClient("sessions", "1")
+    client.feature(types.CLIENT_REGISTER_CAPABILITY)(lambda _: None)
+    return client
 
 
 def replace_general(
