@@ -10,6 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from pygls.exceptions import JsonRpcException
+
 from tests.campaigns.edits.project import large_project, small_project
 from tests.campaigns.keystrokes.comparison import Comparison, DifferenceError
 from tests.tooling.language_server.editor import SERVER_WITHOUT_PAUSE, Editor
@@ -20,23 +22,19 @@ LARGE_SHARE = 0.1
 
 def main(count: int = 2000, seed: int = 1) -> int:
     """Print the figures and return the exit code."""
-    editor = Editor(SERVER_WITHOUT_PAUSE)
-    editor.start()
     large_count = round(count * LARGE_SHARE)
     for files, edit_count in ((small_project(), count - large_count), (large_project(), large_count)):
+        editor = Editor(SERVER_WITHOUT_PAUSE)
+        editor.start()
         with tempfile.TemporaryDirectory(prefix="keystrokes-") as folder:
             comparison = Comparison(editor, files, Path(folder).resolve(), seed)
             try:
                 _edit(comparison, edit_count)
-            except DifferenceError as difference:
-                print(f"seed {seed}: {difference}")
+            except (DifferenceError, JsonRpcException) as error:
+                print(f"seed {seed}: {error}")
                 return 1
-            finally:
-                editor.buffers.clear()
-                editor.published.clear()
-    exit_code = editor.stop()
-    print(f"{count} edits, seed {seed}: no difference; the server ended with {exit_code}")
-    return exit_code
+        print(f"{edit_count} edits, seed {seed}: no difference; the server ended with {editor.stop()}\n")
+    return 0
 
 
 def _edit(comparison: Comparison, count: int) -> None:
