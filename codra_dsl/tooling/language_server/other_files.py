@@ -58,7 +58,6 @@ def names_in(document: Document, file: str) -> tuple[str, tuple[NameInFile, ...]
     names_in_nodes = _names_in_site if key == SITE_KEY else _names_in_timeline
     mark = document.offset_of(1, 1)  # the nodes do not count a byte order mark
     found = (("spec", spec), *names_in_nodes(root))
-    found = (("spec", spec), *names_in_nodes(root))
     return spec.text, tuple(
         NameInFile(section, node.text, node.start + mark, node.end + mark) for section, node in found
     )

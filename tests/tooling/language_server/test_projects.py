@@ -40,7 +40,7 @@ _edits = st.tuples(
 def linted(files: dict[str, str]) -> list[Diagnostic]:
     """Return the findings of a project that has these texts on disk."""
     with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder)
+        root = Path(folder) / "project"  # a finding about a folder without a spec has the name of the folder
         for file, text in files.items():
             (root / file).parent.mkdir(parents=True, exist_ok=True)
             (root / file).write_bytes(text.encode())
@@ -51,7 +51,7 @@ def linted(files: dict[str, str]) -> list[Diagnostic]:
 @given(st.lists(_edits, min_size=1, max_size=4))
 def test_after_every_edit_the_findings_are_those_of_lint(edits: list[tuple[str, float, int, str, bool]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        workspace = Workspace(Path(folder))
+        workspace = Workspace(Path(folder) / "project")
         for file, where, length, snippet, is_restored in edits:
             text = FILES[file] if is_restored else workspace.texts[file]
             start = int(where * len(text))
