@@ -115,8 +115,7 @@ class SpecNames:
         yield Occurrence(Symbol("spec", spec.name), spec.place, is_declaration=True)
         for section in SECTIONS:
             for element in getattr(spec, section):
-                is_implicit = getattr(element, "is_derived", False) or element.place == spec.place
-                if not is_implicit:
+                if not getattr(element, "is_derived", False) and element.place != spec.place:  # else it is implicit
                     yield Occurrence(Symbol(section, element.name), element.place, is_declaration=True)
         for algorithm in spec.perception:
             for value in algorithm.returns:

@@ -68,21 +68,13 @@ def _names_in_site(root: MappingNode) -> Iterator[tuple[str, ScalarNode]]:
         yield from ((section, key) for key, _ in entries(section_of(root, section)))
 
 
-def _names_in_timeline(root: MappingNode) -> Iterator[tuple[str, ScalarNode]]:
-    yield from _names_in_moment(root.value("start"))
-    yield from _names_below("resources", root.value("resources"))
-    yield from _names_below("agents", root.value("agents"))
-    for _, story in entries(root.value("stories")):
-        for _, moment in entries(story):
-            yield from _names_in_moment(moment)
-
-
-def _names_in_moment(moment: YamlNode | None) -> Iterator[tuple[str, ScalarNode]]:
-    for key, value in entries(moment):
-        if key.text == "main_execution":
-            yield from _names_in_moment(value)
-        elif key.text in _SECTIONS_BY_KEY:
+def _names_in_timeline(node: YamlNode | None) -> Iterator[tuple[str, ScalarNode]]:
+    """Yield the names below the keys of a timeline, of its moments, and of the main execution."""
+    for key, value in entries(node):
+        if key.text in _SECTIONS_BY_KEY:
             yield from _names_below(key.text, value)
+        else:
+            yield from _names_in_timeline(value)
 
 
 def _names_below(key: str, value: YamlNode | None) -> Iterator[tuple[str, ScalarNode]]:

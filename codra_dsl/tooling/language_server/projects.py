@@ -44,9 +44,10 @@ class Checked:
     specs: tuple[SpecNames, ...] = ()
 
     def build_tables(self) -> None:
-        """Build the tables of names before the first request needs them."""
+        """Build the tables of names before the first request needs them; each of them is built once."""
         for names in self.specs:
             assert names.ranges is not None
+            assert names.worst_cases is not None
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:

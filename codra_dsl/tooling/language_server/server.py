@@ -207,6 +207,7 @@ class CodraServer(LanguageServer):
         opened = self._open_documents.get(params.text_document.uri)
         if opened is None:
             return None
+        self.schedule(opened.project, 0.0)  # files on disk may have changed
         await self._linters[opened.project].settle()
         located = self.cursor(opened.uri, params.position)
         if located is None or self._open_documents.get(opened.uri) is not opened:
@@ -298,4 +299,9 @@ class _Linter:
             if not self._is_outdated:
                 before, project.checked = project.checked, checked
                 server.publish(project, before, {file: document.version for file, document in opened.items()})
-                server.worker.submit(checked.build_tables)
+                asyncio.get_running_loop().call_later(DEBOUNCE_S, self._prepare_answers, checked)
+
+    def _prepare_answers(self, checked: Checked) -> None:
+        """Build tables for the next requests, unless there is a newer text, which is linted first."""
+        if not self._is_outdated:
+            self._server.worker.submit(checked.build_tables)

@@ -191,6 +191,19 @@ def test_a_rename_waits_for_the_newest_text(tmp_path: Path) -> None:
     session(tmp_path, play)
 
 
+def test_a_rename_reads_files_that_have_changed_on_disk(tmp_path: Path) -> None:
+    async def play(client: Client) -> None:
+        client.open("hall.yaml")
+        await client.findings("hall.yaml", 1)
+        (tmp_path / "parts/lights.yaml").write_text(f"# New.\n{FILES['parts/lights.yaml']}", "utf-8")
+        document, position = {"uri": client.uri("hall.yaml")}, {"line": 6, "character": 40}
+        params = {"textDocument": document, "position": position, "newName": "sun"}
+        changes = (await client.request("textDocument/rename", params))["result"]["changes"]
+        assert [edit["range"]["start"]["line"] for edit in changes[client.uri("parts/lights.yaml")]] == [3]
+
+    session(tmp_path, play)
+
+
 def test_a_refused_rename_states_the_reason(tmp_path: Path) -> None:
     async def play(client: Client) -> None:
         client.open("parts/lights.yaml")
