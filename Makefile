@@ -54,7 +54,7 @@ define install
     $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
 endef
 
-.PHONY: demo rafcon test lint cases explore mutation mutants edits fuzz kills signals whys crowd clients stores bench release tagged sbom docs lock pythons clean check prerequisites browser
+.PHONY: demo rafcon test lint cases explore mutation mutants edits keystrokes fuzz kills signals whys crowd clients stores bench release tagged sbom docs vscode neovim lock pythons clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -82,7 +82,8 @@ check: browser lint
 
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
 cases: $(READY)
-	$(BIN)/pytest tests/test_cases.py tests/tooling/report/test_explain.py --renew-cases
+	$(BIN)/pytest tests/test_cases.py tests/tooling/report/test_explain.py \
+	    tests/tooling/language_server/test_sessions.py --renew-cases
 
 # Property tests alone, with new examples for each seed: what fails is printed, and kept as an @example of its test.
 SEEDS ?= $(shell seq 1 20)
@@ -106,6 +107,11 @@ mutants: $(READY)
 EDITS ?= 2000
 edits: $(READY)
 	$(BIN)/python -m tests.campaigns.edits $(EDITS) $(SEED)
+
+# Two thousand random edits in an editor: are the findings always those of `codra lint` on the same texts, does no request fail?
+KEYSTROKES ?= 2000
+keystrokes: $(READY)
+	$(BIN)/python -m tests.campaigns.keystrokes $(KEYSTROKES) $(SEED)
 
 # Ten thousand hostile inputs of each kind, under an audit hook and limits: nothing may crash, hang, be run, or be written elsewhere.
 fuzz: $(READY)
@@ -145,6 +151,21 @@ docs: $(READY)
 	rm -rf build/docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --conf-dir docs . build/docs
 	cp build/docs/README.html build/docs/index.html
+
+# The extension for Visual Studio Code as a file that it installs: build/codra-VERSION.vsix. Needs npm of Node.js 20.
+VSCE := @vscode/vsce@3.9.2
+vscode:
+	rm -rf build/vscode
+	mkdir -p build
+	cp -r editors/vscode build/vscode
+	cp LICENSE build/vscode
+	cd build/vscode && npm ci --omit=dev --ignore-scripts --no-audit --no-fund && \
+	    npx --yes $(VSCE) package --allow-missing-repository --out ..
+
+# Does Neovim show findings and follow definitions, with the settings of the guide? NVIM=PATH chooses another version.
+NVIM ?= nvim
+neovim: $(READY)
+	$(BIN)/python -m tests.campaigns.neovim $(NVIM)
 
 # Source distributions and wheels of the tagged commit, what they contain (SBOM), and checksums, in dist/. The wheels are
 # built from the source distributions, and the tests of the source distribution can be collected.

@@ -35,7 +35,7 @@ LINK = re.compile(r"\]\((?!\w+:)(?P<path>[^)\s#]*)(?:#(?P<anchor>[^)\s]+))?\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 RULE_ROW = re.compile(r"^\| (CDR\d+) \| `([\w-]+)`", re.MULTILINE)
 RULE_ENTRY = re.compile(r"^\*\*(CDR\d+) `([\w-]+)`\.\*\*$(?:(?!^\*\*CDR|^## ).)+?^\*Help:\* ", re.MULTILINE | re.DOTALL)
-KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "mermaid"}
+KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml", "lua", "mermaid"}
 
 
 @dataclass(frozen=True)

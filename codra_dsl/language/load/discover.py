@@ -136,6 +136,12 @@ def is_of_language(file: Path, root: Path, texts: Mapping[str, bytes]) -> bool:
     return _is_site(data) or _is_spec(data) or bool(data and _VERSION_KEY_PATTERN.search(data))
 
 
+def is_spec_or_site(file: Path, root: Path, texts: Mapping[str, bytes]) -> bool:
+    """Return whether a file is a spec or a site, as a file below a folder would be judged."""
+    data = _read_beginning(file, root, texts)
+    return _is_site(data) or _is_spec(data)
+
+
 def _read_beginning(file: Path, root: Path, texts: Mapping[str, bytes]) -> bytes | None:
     """Return the first MAX_BYTES + 1 of a file in UTF-8, or no bytes for a pipe or device.
 

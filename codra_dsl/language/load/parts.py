@@ -140,7 +140,7 @@ class Parts:
             return None
         try:
             path = real_path(open_file.path.parent / text)
-            is_inside, is_readable = path.is_relative_to(self._root), is_file(path)
+            is_inside, is_readable = path.is_relative_to(self._root), is_file(path) or self._is_unsaved(path)
         except (OSError, RuntimeError, ValueError):
             is_inside, is_readable, path = True, False, open_file.path
         if not is_inside:
@@ -156,6 +156,10 @@ class Parts:
                 "part-not-found", f"there is no file {shown(text)}", place, self._suggestion_help(open_file.path, text)
             )
         return path if is_inside and is_readable else None
+
+    def _is_unsaved(self, path: Path) -> bool:
+        """Return whether a part is only in `texts`. An earlier result depends on this by the part's size."""
+        return path.is_relative_to(self._root) and path.relative_to(self._root).as_posix() in self._texts
 
     def _is_first(self, path: Path, node: ScalarNode, open_file: _IncludingFile, place: Place) -> bool:
         first = self._first_places.get(path)

@@ -21,6 +21,7 @@ from codra_dsl.tooling.language_server.other_files import names_in
 _BLOCK_ENTRY = re.compile(r"(?P<indent> *)(?P<dashes>(?:- +)*)(?:(?P<key>[^\s#:{}\[\],][^#:{}\[\],]*?) *:(?:\s+|$))?")
 _FLOW_PART = re.compile(r"""(?P<text>"(?:[^"\\]|\\.)*"|'[^']*')|(?P<mark>[{}\[\],]|:(?=\s|$))""")
 _WORD = re.compile(r"[\w$()]*$")
+_REST_OF_KEY = re.compile(r"[\w$()]* *:")
 _AFTER_NUMBER = re.compile(r"\d\s+[A-Za-z/*]*$|\d[A-Za-z/*]+$")
 _BEFORE_MEMBER = re.compile(
     r"""(?P<name>[\w$()]+)\s*(?:==|!=|(?:not\s+)?in\s*\((?:[^)]*,)?|becomes|stays)\s*(?P<quote>["']?)\w*$"""
@@ -141,7 +142,8 @@ def completions(cursor: Cursor) -> list[types.CompletionItem]:
     slot = slot_at(document, offset)
     word = _WORD.search(slot.before)
     replaced = document.range_between(offset - (len(word[0]) if word else 0), offset)
-    keys = {text: (": ", kind, detail) for text, kind, detail in _keys(cursor, slot)}
+    key_ending = "" if _REST_OF_KEY.match(document.text, offset) else ": "
+    keys = {text: (key_ending, kind, detail) for text, kind, detail in _keys(cursor, slot)}
     values = {} if slot.is_key else {text: ("", kind, detail) for text, kind, detail in _values(cursor, slot)}
     return [
         types.CompletionItem(
@@ -221,6 +223,8 @@ def _in_condition(cursor: Cursor, slot: Slot, *, reads_results: bool) -> Iterato
     member = _BEFORE_MEMBER.search(slot.before)
     if member is not None:
         yield from _members(cursor, member["name"], "" if member["quote"] else '"')
+        if member["quote"]:
+            return
     if _AFTER_NUMBER.search(slot.before):
         yield from _units()
     elif reads_results:

@@ -16,7 +16,7 @@ from pathlib import Path
 from codra_dsl.compiler import Inspection, lint_paths
 from codra_dsl.language.check import CheckedSpec
 from codra_dsl.language.diagnostics import Diagnostic
-from codra_dsl.language.load.discover import is_of_language
+from codra_dsl.language.load.discover import is_of_language, is_spec_or_site
 from codra_dsl.language.model import Spec
 from codra_dsl.language.project import is_timeline, project_of, relative_path, yaml_files
 from codra_dsl.tooling.language_server.documents import Document, Texts
@@ -129,17 +129,15 @@ class Project:
             self._specs[key] = names
 
     def _paths(self, texts: Mapping[str, bytes]) -> list[Path]:
-        """Return the paths to lint: the project with documents that were never saved, or the one document.
+        """Return the paths to lint: the project with specs and sites that were never saved, or the one document.
 
         A document outside of projects is linted from the moment when it is a spec, so that no keystroke ends this.
         """
-        files = [self._file] if self._file is not None else [self.root / file for file in texts]
-        unsaved = (file for file in files if self._file is not None or not file.exists())
-        specs = [file for file in unsaved if not is_timeline(file) and is_of_language(file, self.root, texts)]
         if self._file is None:
-            return [self.root, *specs]
-        self._is_spec |= bool(specs)
-        return files if self._is_spec else []
+            unsaved = (file for file in map(self.root.joinpath, texts) if not file.exists() and not is_timeline(file))
+            return [self.root, *(file for file in unsaved if is_spec_or_site(file, self.root, texts))]
+        self._is_spec |= not is_timeline(self._file) and is_of_language(self._file, self.root, texts)
+        return [self._file] if self._is_spec else []
 
     def other_files(self) -> list[str]:
         """Return the sites that were linted, and the timelines of the project."""

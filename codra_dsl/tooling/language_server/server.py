@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from lsprotocol import types
 from pygls import uris
 from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
+from pygls.protocol import LanguageServerProtocol
 
 import codra_dsl
 from codra_dsl.isolation.error_text import described
@@ -51,6 +53,15 @@ class OpenDocument:
     document: Document
 
 
+class _Protocol(LanguageServerProtocol):
+    """The protocol without a leak of pygls 2.1.1, which keeps a future for each notification that it has handled."""
+
+    def _check_handler_result(self, future: Future[Any]) -> None:
+        super()._check_handler_result(future)
+        for message_id in [number for number, handled in self._request_futures.items() if handled is future]:
+            del self._request_futures[message_id]
+
+
 class CodraServer(LanguageServer):
     """A language server for specs.
 
@@ -60,7 +71,7 @@ class CodraServer(LanguageServer):
     """
 
     def __init__(self) -> None:
-        super().__init__("codra", codra_dsl.__version__)
+        super().__init__("codra", codra_dsl.__version__, protocol_cls=_Protocol)
         self.is_shut_down = False
         self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="lint")
         self._open_documents: dict[str, OpenDocument] = {}

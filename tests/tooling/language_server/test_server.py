@@ -243,3 +243,19 @@ def test_a_bug_is_reported_and_the_next_text_is_linted(tmp_path: Path, monkeypat
         assert await client.findings("hall.yaml", 2) == []
 
     session(tmp_path, play)
+
+
+def test_a_handled_notification_leaves_nothing_behind(tmp_path: Path) -> None:
+    server = make_server()
+
+    async def play() -> None:
+        client = Client(server, tmp_path)
+        await client.request("initialize", {"processId": None, "rootUri": None, "capabilities": {}})
+        client.notify("initialized", {})
+        client.open("hall.yaml", "")
+        for number in range(20):
+            client.change("hall.yaml", f"# {number}\n")
+        await client.findings("hall.yaml", 21)
+
+    asyncio.run(play())
+    assert server.protocol._request_futures == {}

@@ -1,0 +1,1 @@
+"""Neovim, with the settings of the docs, shows a finding and follows a definition."""
