@@ -457,6 +457,12 @@ class Skill:
     changes: tuple[Reference, ...] = ()
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 
+    @property
+    def watched_variables(self) -> tuple[str, ...]:
+        """The variables that the skill previews, then the variables that it monitors."""
+        monitored = (expectation.variable for expectation in self.monitor)
+        return tuple(reference.name for reference in (*self.preview, *monitored))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverSetting:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -242,7 +242,7 @@ class SpecIndex:
         references += [reference for setting in self.spec.observers for reference in setting.identifies]
         references += [variable.rate.of for variable in self.spec.context if variable.rate is not None]
         referenced_names = {reference.name for reference in references}
-        referenced_names.update(name for skill in self.spec.skills for name in watched_variables(skill))
+        referenced_names.update(name for skill in self.spec.skills for name in skill.watched_variables)
         referenced_names.update(name for names in self.needs.values() for name in names)
         return frozenset(
             name for name in referenced_names if name not in self.variables and not self.declares("context", name)
@@ -359,7 +359,7 @@ class SpecIndex:
         observed_names = self.producers.keys() | self.derived_inputs.keys()
         if not self.spec.skills:
             return tuple(name for name in self.variables if name in observed_names)
-        names = [name for skill in self.spec.skills for name in watched_variables(skill)]
+        names = [name for skill in self.spec.skills for name in skill.watched_variables]
         names += sorted((self.variables_read_by_loops | self.waking_variables) & observed_names)
         return tuple(name for name in dict.fromkeys(names) if name in self.variables)
 
@@ -393,7 +393,7 @@ class SpecIndex:
             cases = (entry.by.cases for entry in algorithm.identifies if isinstance(entry.by, Members))
             mentioned_words.update(member.name for members in cases for member, _ in members)
         for skill in self.spec.skills:
-            mentioned_words.update(name for name in watched_variables(skill))
+            mentioned_words.update(skill.watched_variables)
             mentioned_words.update(reference.name for reference in skill.changes)
         for observer in self.spec.observers:
             mentioned_words.update(reference.name for reference in observer.identifies)
@@ -489,12 +489,6 @@ class SpecIndex:
         if not judgement.problems:
             sound_judgements[key] = judgement
         return judgement
-
-
-def watched_variables(skill: Skill) -> Iterator[str]:
-    """Yield the variables that a skill previews, then the variables that the skill monitors."""
-    yield from (reference.name for reference in skill.preview)
-    yield from (expectation.variable.name for expectation in skill.monitor)
 
 
 def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
-from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, Group, SpecIndex, watched_variables
+from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, Group, SpecIndex
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.model import (
@@ -105,7 +105,7 @@ def oversubscribed_slots(spec_index: SpecIndex, faults: FaultyElements) -> Itera
     visits_left = MAX_VISITS
     for skill in (spec_index.spec.skills or (None,)) if shares_by_resource else ():
         needed_names = graph.closure(
-            spec_index.tree_variables, spec_index.decisions if skill is None else watched_variables(skill)
+            spec_index.tree_variables, spec_index.decisions if skill is None else skill.watched_variables
         )
         visits_left -= len(needed_names)
         if visits_left < 0:
