@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from codra_dsl.language.expression.tokens import SyntaxProblem
+from codra_dsl.language.expression.tokens import MAX_LENGTH, SyntaxProblem
 
 _NAME = "[A-Za-z][A-Za-z0-9_]*"
 _TERM = rf"(?:some\s+)?{_NAME}(?:\s+as\s+{_NAME})?"
@@ -17,7 +17,7 @@ def bare_path_problem(text: str, help_template: str) -> SyntaxProblem | None:
 
     `help_template` has the field `call`, the path as an argument of `exists`.
     """
-    match = _PATH.search(text)
+    match = _PATH.search(text) if len(text) <= MAX_LENGTH else None
     if match is None:
         return None
     negation, path = (match["negation"] or "").strip(), match["path"]

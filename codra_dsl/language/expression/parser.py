@@ -113,7 +113,9 @@ def parse(text: str, *, allows_fallback: bool = False, reads_context: bool = Fal
         tree = _Parser(tokens(text)).parse()
     except ExpressionError as error:
         return error.problem
-    start, end = (0, 0) if allows_fallback else next(meant_fallbacks(tree), (0, 0))
+    if allows_fallback or "else" not in text:
+        return tree
+    start, end = next(meant_fallbacks(tree), (0, 0))
     return tree if start == end else _misplaced_fallback(text, start, end, reads_context)
 
 

@@ -282,6 +282,8 @@ def _unescape(text: str, start: int) -> str:
 def _unsupported_symbol_error(condition_text: str, text: str, start: int, end: int) -> ExpressionError:
     if text == "." and condition_text[:start][-1:].isidentifier():
         return ExpressionError("'.' is not an operator", start, end, "names have no parts: write a name without '.'")
+    if text == "%" and not condition_text[:start].rstrip()[-1:].isdigit():
+        return ExpressionError("'%' is not an operator", start, end, "there is no remainder: use '+', '-', '*' and '/'")
     if condition_text.startswith("??", start):
         return ExpressionError("'??' is not an operator", start, end + 1, "write x else y")
     noun = "a unit" if text in "%°" else "an operator" if text in _SYMBOL_HELP else "part of a condition"

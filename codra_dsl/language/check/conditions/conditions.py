@@ -18,6 +18,7 @@ from codra_dsl.language.expression import (
     walk,
 )
 from codra_dsl.language.expression.fallbacks import meant_fallbacks
+from codra_dsl.language.expression.tokens import with_escapes
 from codra_dsl.language.model import (
     Adaptation,
     Agent,
@@ -259,7 +260,7 @@ def judge(site: Site, tree: Node, readable_types: Types, wanted_type: Type | Non
         problems = tuple(fit(typed, wanted_type, site.variable or "", may_map=site.role is Role.IDENTIFIES))
     meant_text = _with_parentheses(site, tree, readable_types) if problems and site.role is Role.DERIVED else None
     if meant_text is not None:
-        problems = (replace(problems[0], help=f"write {meant_text}"),)
+        problems = (replace(problems[0], help=f"write {with_escapes(meant_text)}"),)
     return Judgement(site, typed, problems)
 
 

@@ -476,7 +476,7 @@ def _mismatch_help(left: Typed, right: Typed) -> str:
         if isinstance(side.node, Text) and other.type is not None:
             if other.type.kind is Kind.BOOL and side.node.value in ("true", "false"):
                 return f"write {side.node.value} without quotes"
-            if other.type.is_number:
+            if other.type.is_number and side.node.value.lstrip("-")[:1].isdigit():
                 return "write the number without quotes"
     return "use values of one type"
 

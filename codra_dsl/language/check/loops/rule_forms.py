@@ -13,8 +13,11 @@ from dataclasses import dataclass
 from codra_dsl.language.load.yaml.traps import quote_text
 from codra_dsl.language.model import Kind, Variable
 
+MAX_WORD_LENGTH = 200
+"""The maximum length of the words of a rule that are read."""
+
 _OPERATORS = "<=|>=|==|!=|<|>|="
-_OPERAND = r"(?P<operand>[^()]+?)(?=\s+(?:and|or|then|for)\b|\s*\)|$)"
+_OPERAND = r"(?P<operand>[^()]{1,200}?)(?=\s+(?:and|or|then|for)\b|\s*\)|$)"
 _CALL = re.compile(r"(?P<function>distance|in_view|count|exists|known|age|abs|min|max)\s*\([^()]*\)", re.ASCII)
 _COMPARED = re.compile(rf"\s*(?P<operator>{_OPERATORS})\s*{_OPERAND}", re.ASCII)
 _COMPARISON = re.compile(
@@ -71,18 +74,22 @@ class RuleText:
         """Return the form of another language that explains why the rule cannot be read at an offset, or None."""
         if _THEN.search(self.text[:offset]):
             return self._conclusion(offset)
-        last_word = _LAST_WORD.search(self.text[:offset])
+        last_word = self._before(_LAST_WORD, offset)
         starts = [offset] if last_word is None else [offset, last_word.start()]
         finders = (self._call, self._comparison, self._choice, self._negation)
         forms = [find(start) for start in starts for find in finders]
         forms += [find(offset) for find in (self._opening, self._duration, self._operation, self._bare_name)]
         return next((form for form in forms if form is not None), None)
 
+    def _before(self, pattern: re.Pattern[str], offset: int) -> re.Match[str] | None:
+        """Return the match of a pattern that ends at an offset; longer words than MAX_WORD_LENGTH are cut."""
+        return pattern.search(self.text, max(0, offset - MAX_WORD_LENGTH), offset)
+
     def _word(self, offset: int) -> str:
-        return (self.text[offset:].split(maxsplit=1) or [""])[0]
+        return (self.text[offset : offset + MAX_WORD_LENGTH].split(maxsplit=1) or [""])[0]
 
     def _conclusion(self, offset: int) -> OtherForm | None:
-        word, last_word = self._word(offset), _LAST_WORD.search(self.text[:offset])
+        word, last_word = self._word(offset), self._before(_LAST_WORD, offset)
         start = offset if last_word is None or last_word[0].split()[0] == "then" else last_word.start()
         conclusion = _CONCLUSION.match(self.text, start)
         if word in ("and", "else") or word.endswith(","):
@@ -139,7 +146,7 @@ class RuleText:
 
     def _negation(self, start: int) -> OtherForm | None:
         negation = _NEGATION.match(self.text, start)
-        if negation is None or _IS.search(self.text[:start]):
+        if negation is None or self._before(_IS, start):
             return None
         name, term = negation["name"] or "VARIABLE", negation["term"]
         is_bool = name in self.variables and self.variables[name].type.kind is Kind.BOOL
@@ -158,7 +165,7 @@ class RuleText:
     def _duration(self, offset: int) -> OtherForm | None:
         if self._word(offset) != "for":
             return None
-        duration, described = _DURATION.match(self.text, offset), _DESCRIPTION.search(self.text[:offset])
+        duration, described = _DURATION.match(self.text, offset), self._before(_DESCRIPTION, offset)
         variable = None if described is None else self.variables.get(described["name"])
         is_bool = variable is not None and variable.type.kind is Kind.BOOL
         held = variable.name if variable is not None and is_bool else "BOOL"
@@ -184,7 +191,7 @@ class RuleText:
         return OtherForm(start, end, "a rule reads variables, not expressions", help)
 
     def _bare_name(self, offset: int) -> OtherForm | None:
-        word = _LAST_WORD.search(self.text[:offset])
+        word = self._before(_LAST_WORD, offset)
         name = "" if word is None else word[0].strip()
         if word is None or name not in self.variables or self._word(offset) not in _WORDS_AFTER_CONDITION:
             return None

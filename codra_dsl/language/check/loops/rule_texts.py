@@ -12,9 +12,10 @@ from codra_dsl.language.check.index.parsed_rules import ParsedRule, output_terms
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.check.index.words import USERS
-from codra_dsl.language.check.loops.rule_forms import OtherForm, RuleText
+from codra_dsl.language.check.loops.rule_forms import MAX_WORD_LENGTH, OtherForm, RuleText
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression import is_name
+from codra_dsl.language.expression.tokens import with_escapes
 from codra_dsl.language.fuzzy.source import MAX_LISTED, shown
 from codra_dsl.language.fuzzy.words import Hedge
 from codra_dsl.language.model import Kind, Output, Variable
@@ -71,7 +72,8 @@ def wrong_rules(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic
                 yield finding("fuzzy-rule-syntax", problem.message, rule.place_of(problem), path=path, help=help)
             if form is not None:
                 place = rule.phrase.place_between(form.start, form.end)
-                yield finding("fuzzy-rule-syntax", form.message, place, path=path, help=form.help)
+                message, help = with_escapes(form.message), with_escapes(form.help)
+                yield finding("fuzzy-rule-syntax", message, place, path=path, help=help)
     for name, places_and_paths in mentions.items():
         yield _unknown_name_finding(spec_index, name, places_and_paths)
 
@@ -130,7 +132,7 @@ class _RuleReader:
         before, name = rule.phrase.text[: span.column - 1], rule.phrase.text[span.column - 1 : span.end_column - 1]
         if _THEN.search(before):
             return _UnknownName(name, _Kind.CONCLUSION, (self.section, self.output.name))
-        described = _BEFORE_TERM.search(before)
+        described = _BEFORE_TERM.search(before, max(0, len(before) - MAX_WORD_LENGTH))
         if described is None:
             return _UnknownName(name, _Kind.VARIABLE, (self.section,))
         return _UnknownName(name, _Kind.TERM, (described["name"],))

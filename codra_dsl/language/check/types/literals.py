@@ -104,8 +104,10 @@ def compared_literal_help(spec_index: SpecIndex, mention: Mention) -> str | None
         if isinstance(one, Name) and isinstance(other, Name) and one.name == mention.name
     ]
     kinds = {value_type.kind for name in opposite_names if (value_type := readable_types.get(name)) is not None}
-    if opposite_names and reads_context and mention.name.lower() in _WORDS_FOR_UNKNOWN:
-        return f"write not known({opposite_names[0]})"
+    if reads_context and mention.name.lower() in _WORDS_FOR_UNKNOWN:
+        if opposite_names:
+            return f"write not known({opposite_names[0]})"
+        return "remove it: a value that no known input determines is unknown anyway"
     if kinds == {Kind.BOOL}:
         return "write true or false"
     return f'put the text in quotes: "{mention.name}"' if kinds == {Kind.STR} else None

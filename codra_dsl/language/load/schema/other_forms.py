@@ -25,6 +25,9 @@ _MEANT_KEYS = {
 }
 """A mapping from keys of other languages to keys of this language."""
 
+MAX_ENTRIES = 20
+"""The maximum number of entries of a mapping or a list that the help repeats."""
+
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
 
@@ -33,6 +36,8 @@ def other_form_help(subject: Subject, error: Error, node: YamlNode, holder: Yaml
 
     `holder` contains the value, and `title` is what its key needs.
     """
+    if isinstance(node, MappingNode | SequenceNode) and len(node.data) > MAX_ENTRIES:
+        return None
     if not error.path and subject.section == "context" and isinstance(node, ScalarNode):
         is_truth = isinstance(parse_derivation(node.text), And | Or | Not | Compare | In)
         return f"write '{subject.key.written}: {{type: bool, derived: {node.text}}}'" if is_truth else None
