@@ -8,7 +8,7 @@ from codra_dsl.language.check.index.spec_index import NEED_KEYS, SpecIndex
 from codra_dsl.language.model import ObserverSetting
 
 _KEYS_OF_NEEDS = {
-    "context": ("rate_of", "share_of"),
+    "context": ("rate_of", "share_of", "held"),
     "skills": ("preview", "monitor"),
     "perception": (*NEED_KEYS, "identifies"),
     "observers": ("identifies",),
