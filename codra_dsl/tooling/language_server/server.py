@@ -138,6 +138,8 @@ class CodraServer(LanguageServer):
         texts = Texts(project.root, project.checked.documents, self.encoding)
         for file in sorted({*before.findings, *project.checked.findings}):
             findings = project.checked.findings.get(file, ())
+            if findings and file not in versions and not (project.root / file).is_file():
+                continue  # a finding about a folder has no text in which an editor could show it
             if file in versions or findings != before.findings.get(file, ()):
                 diagnostics = [self._diagnostic(project, finding, texts) for finding in findings]
                 params = types.PublishDiagnosticsParams(self._uri(project, file), diagnostics, versions.get(file))
