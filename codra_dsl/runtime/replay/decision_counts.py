@@ -66,6 +66,7 @@ class DecisionComparison:
         self._recorded: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
         self._replayed: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
         self._ended_keys: set[_DecisionKey] = set()
+        self._doubtful_keys: set[_DecisionKey] = set()
         self._counts: dict[str, Counter[str]] = defaultdict(Counter)
 
     def add_recorded(self, event: Event) -> None:
@@ -82,14 +83,20 @@ class DecisionComparison:
         """Add a decision of the replay that context has answered, or for which the main execution begins to look."""
         if isinstance(decision, Preview):
             return
-        if decision.name in undetermined.variables:
+        key = (decision.name, decision.asked_s)
+        if decision.name in undetermined.variables or key in self._doubtful_keys:
             answer = _Answer(None)
         else:
             value = decision.reading.content if decision.is_decided else None
             answer = _Answer(decision.is_decided, value, decision.name in undetermined.assumed_variables)
-        key = (decision.name, decision.asked_s)
         self._replayed[key].append(answer)
         self._match(key)
+
+    def doubt_if_ended(self, decision: Decision) -> None:
+        """Count a decision of the replay as unknown, if the run has ended it already."""
+        key = (decision.name, decision.asked_s)
+        if key in self._ended_keys:
+            self._doubtful_keys.add(key)
 
     def take_recorded_end(self, decision: Decision) -> bool:
         """Return whether the run, as far as it was read, ended a decision without a further look; forget this."""

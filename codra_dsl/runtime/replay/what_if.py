@@ -18,6 +18,7 @@ from codra_dsl.runtime.replay.decision_counts import DecisionComparison
 from codra_dsl.runtime.replay.jobs import DivergedError
 from codra_dsl.runtime.replay.player import Player
 from codra_dsl.runtime.replay.undetermined import NOT_RECORDED, Undetermined
+from codra_dsl.runtime.values.declarations import MAIN
 
 MAX_STEPS_BETWEEN_INPUTS = 50_000
 """A replay ends after this many steps without an input, because a forged journal could let it run forever."""
@@ -100,6 +101,7 @@ class WhatIf:
             case "found" | "looked":
                 self._pass_look(event, number)
             case what if what not in _FOLLOWED_ELSEWHERE:
+                self._doubt_overtaken_decisions(event)
                 self._pass_to_player(event)
         if event.what in ("decide", "preview", "waited", "looked"):
             self._miss_looks_if_ended(number)
@@ -119,6 +121,16 @@ class WhatIf:
             self.skipped_inputs[event.what] += 1
 
     # Decisions
+
+    def _doubt_overtaken_decisions(self, event: Event) -> None:
+        """Doubt the decisions that wait only in the replay, if the main execution changes something.
+
+        It would not change this before the end of the wait.
+        """
+        if event.name == MAIN and event.what in ("act", "write"):
+            for number in self._player.waiting_numbers():
+                if self._player.decisions[number].until_s > event.instant_s:
+                    self._decisions.doubt_if_ended(self._player.decisions[number])
 
     def _resume_waiting_decisions(self, until_s: float) -> None:
         """Resume the decisions that context can answer now, and those whose waits have ended by an instant."""

@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
+from hypothesis import example, settings
 from hypothesis import given as given_examples
-from hypothesis import settings
 from hypothesis import strategies as st
 
 from codra_dsl.logic import Term, known, value
@@ -109,9 +109,9 @@ def run(path: Path, thresholds: Thresholds, seed: int, *, has_previews: bool = F
             manager.set("light", chance.choice([2, 5, 8]))
             clock.sleep(chance.choice([0.3, 0.45, 0.7]))
             if has_previews:
-                results, wait_up_to_s = chance.choices([True, False, None], k=2), chance.choice([0.0, 0.3])
+                results = chance.choices([True, False, None], k=2)
                 look = dict(zip(PASS.preview, results, strict=True)).get if chance.random() < 0.7 else None
-                manager.preview("pass", look, max_age_s=max_age_s, wait_up_to_s=wait_up_to_s)
+                manager.preview("pass", look, max_age_s=max_age_s)
             found, wait_up_to_s = chance.choice([True, False, None]), chance.choice([0.0, 0.4])
             manager.decide(name, lambda: found, max_age_s=max_age_s, wait_up_to_s=wait_up_to_s)  # noqa: B023
             if chance.random() < 0.3:
@@ -152,6 +152,12 @@ THRESHOLDS = st.builds(
 
 
 @pytest.mark.parametrize("has_previews", [False, True])
+@example(
+    before=Thresholds(near=1, open=6, quality=2, light=3, has_spare=True),
+    after=Thresholds(near=0, open=4, quality=5, light=3),
+    seed=338,
+    index=0,
+)
 @given_examples(before=THRESHOLDS, after=THRESHOLDS, seed=st.integers(0, 10_000), index=st.integers(0, DECISIONS - 1))
 @settings(max_examples=5)
 def test_a_claim_without_an_assumption_is_what_the_changed_package_does(
