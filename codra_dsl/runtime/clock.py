@@ -115,14 +115,19 @@ class TimerQueue:
         entries = self._entries
         while entries:
             instant_s, _, timer = entries[0]
-            if not timer.is_cancelled:
+            if timer._callback is not None:  # not a property: every event takes this way
                 return instant_s
             heapq.heappop(entries)
         return math.inf
 
-    def pop(self) -> Timer:
-        """Remove the first event, whose instant `next_s` has returned, and return it."""
-        return heapq.heappop(self._entries)[2]
+    def pop_due(self, until_s: float) -> Timer | None:
+        """Remove the first event and return it; None if no event is due up to an instant."""
+        entries = self._entries
+        while entries and entries[0][0] <= until_s:
+            timer = heapq.heappop(entries)[2]
+            if timer._callback is not None:
+                return timer
+        return None
 
 
 class Work(ABC):
@@ -264,13 +269,13 @@ class SimClock(Clock):
             raise RuntimeError("an event (a perception function, a callback) must not wait on the clock: use job.sleep")
         end_s = self._now_s + _checked_duration(timeout_s)
         while not is_ready():
-            next_s = self._events.next_s()
-            if next_s > end_s or next_s == math.inf:
+            timer = self._events.pop_due(end_s)
+            if timer is None:
                 if end_s == math.inf:
                     raise RuntimeError("this would wait forever: no event is left that could end it")
                 self._now_s = end_s
                 return is_ready()
-            self._run_next_event()
+            self._run(timer)
         return True
 
     def notify(self) -> None:
@@ -287,8 +292,7 @@ class SimClock(Clock):
         work.deliver(lambda: deliver(outcome))
         return work
 
-    def _run_next_event(self) -> None:
-        timer = self._events.pop()
+    def _run(self, timer: Timer) -> None:
         self._now_s, self._is_inside_event = timer.instant_s, True
         try:
             timer.fire()
@@ -421,11 +425,12 @@ class WallClock(Clock):
     def _next_due_timer(self) -> Timer | None:
         with self._condition:
             while not self._is_closed:
+                now_s = self.now_s()
+                timer = self._events.pop_due(now_s)
+                if timer is not None:
+                    return timer
                 next_s = self._events.next_s()
-                wait_s = next_s - self.now_s()
-                if wait_s <= 0:
-                    return self._events.pop()
-                self._condition.wait(None if next_s == math.inf else min(wait_s, _LONGEST_WAIT_S))
+                self._condition.wait(None if next_s == math.inf else min(next_s - now_s, _LONGEST_WAIT_S))
         return None
 
 

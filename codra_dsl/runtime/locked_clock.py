@@ -135,10 +135,11 @@ class LockedClock(Clock):
         The event counts as happening at its time, unless this time is over by more than `PUNCTUALITY_TOLERANCE_S`.
         """
         with self._lock:
-            now_s, instant_s = self._outer_clock.now_s(), self._timers.next_s()
-            if instant_s > max(now_s, due_s):
+            now_s = self._outer_clock.now_s()
+            timer = self._timers.pop_due(max(now_s, due_s))
+            if timer is None:
                 return
-            timer = self._timers.pop()
+            instant_s = timer.instant_s
             is_late = now_s > instant_s + PUNCTUALITY_TOLERANCE_S
             self._step_instant_s = max(self._step_instant_s, now_s if is_late else instant_s)
             self._is_step = True

@@ -274,9 +274,9 @@ class ReplayedClock(Clock):
 
     def step(self) -> None:
         """Execute the next event."""
-        if self._events.next_s() == math.inf:
+        timer = self._events.pop_due(math.inf)
+        if timer is None:
             raise DivergedError
-        timer = self._events.pop()
         self.advance(timer.instant_s)
         self.step_count += 1
         timer.fire()
