@@ -77,9 +77,7 @@ def slot_at(document: Document, offset: int) -> Slot:
     line = document.text[document.line_starts[number] : offset].lstrip("\N{ZERO WIDTH NO-BREAK SPACE}")
     entry = _BLOCK_ENTRY.match(line)
     assert entry is not None  # the pattern matches any text
-    parents = _parents(
-        document, number, entry.start("dashes") if entry["dashes"] else len(entry["indent"]), entry["dashes"]
-    )
+    parents = _parents(document, number, len(entry["indent"]), entry["dashes"])
     keys = [*parents, *([_unquoted(entry["key"])] if entry["key"] else [])]
     rest = line[entry.end() :]
     path, is_key, before = _in_flow(keys, rest)

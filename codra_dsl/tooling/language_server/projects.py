@@ -150,8 +150,7 @@ class Project:
     def other_files(self) -> list[str]:
         """Return the sites that were linted, and the timelines of the project."""
         sites = [names.spec.site.file for names in self.checked.specs if names.spec.site is not None]
-        folder = self.root if self._file is None else None
-        timelines = () if folder is None else yaml_files(folder, are_timelines=True)
+        timelines = yaml_files(self.root, are_timelines=True) if self._file is None else ()
         return [*sites, *map(self.file_of, timelines)]
 
     def is_checked(self, texts: Texts) -> bool:

@@ -14,6 +14,7 @@ from tests.tooling.language_server.editor import SERVER_WITHOUT_PAUSE, Editor
 from tests.tooling.language_server.session import Script, Session
 
 SESSIONS = sorted(Path(__file__).with_name("sessions").glob("*.txt"))
+assert SESSIONS
 
 
 @pytest.fixture(scope="module")
