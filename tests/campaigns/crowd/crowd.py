@@ -156,7 +156,7 @@ class Crowd:
             member.leave()
         manager.expect()
         judge_life(self.model, manager, set())
-        require(eventually(lambda: self.perception.at_work == 0), "a perception function runs forever")
+        require(eventually(self._is_idle), "a perception function runs forever")
         calls = self.perception.calls
         for number in range(SILENT_WAITS):
             self._wait_for(manager, "mail8", lambda: manager.agent("post").set("mail8", number), chance)  # noqa: B023
@@ -164,6 +164,10 @@ class Crowd:
         for _ in range(SILENT_WAITS):
             self._wait_for(manager, BEACON, lambda: manager.declare(BEACON), chance)
             manager.withdraw(BEACON)
+
+    def _is_idle(self) -> bool:
+        """Return whether no perception function runs, or is about to run in a thread that has just begun."""
+        return self.perception.at_work == 0 and "codra-work" not in {thread.name for thread in threading.enumerate()}
 
     def _wait_for(self, manager: Manager, name: str, give: Callable[[], None], chance: random.Random) -> None:
         answers: list[object] = []
