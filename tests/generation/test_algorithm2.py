@@ -284,7 +284,7 @@ def test_edges_read_as_sentences() -> None:
 
 
 def test_every_use_and_every_file_with_elements_has_a_module() -> None:
-    use = Use(instance="centrifuge", template="tended_machine", place=place(27))
+    use = Use(instance="centrifuge", template="tended_machine", place=place(27), template_place=place(27))
     made_by_use = replace(place(12, "specs/parts/machine.yaml"), use=use.place.span)
     made = plan(
         checked_spec(

@@ -78,6 +78,17 @@ class Crowd:
         self.figures.jobs = self.perception.calls
         if not self.figures.mistakes:
             self._blaming(self._judge_the_end)
+            return
+        end = threading.Thread(target=self._end_after_mistakes, args=(workers,), daemon=True)
+        end.start()
+        end.join(self.patience_s)
+
+    def _end_after_mistakes(self, workers: list[threading.Thread]) -> None:
+        """End the context manager, so that no observer runs on beside other tests. This can hang after a mistake."""
+        for worker in workers:
+            worker.join()
+        self.life.close()
+        self.clock.close()
 
     def restart(self) -> None:
         """Start a new context manager, and close the old one while others use it."""

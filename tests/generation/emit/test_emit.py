@@ -341,7 +341,7 @@ def test_no_text_of_a_spec_becomes_code(label: str, hostile_text: str, member: s
             )
         ],
         variables=[variable("x", label=label, type=ValueType(kind=Kind.ENUM, values=(member,)), sources=main())],
-        uses=[Use(instance="lab", template="t", place=place())],
+        uses=[Use(instance="lab", template="t", place=place(), template_place=place())],
     )
 
     for path, text in emit(plan(spec)).items():
