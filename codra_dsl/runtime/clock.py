@@ -9,8 +9,8 @@ sleeps of the work add to its duration. The outcome is delivered at the end of t
 cancelled, at the time of the cancellation, as in real time. So blocking code is written once and runs in both kinds of
 time, and the same program gives the same events.
 
-In real time a dispatcher thread runs the events. Each piece of work has a separate daemon thread, so that work that
-hangs delays neither the dispatcher nor the end of the process.
+In real time a dispatcher thread runs the events. While a piece of work runs, it has a daemon thread to itself, so that
+work that hangs delays neither the dispatcher, nor other work, nor the end of the process.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import TypeVar
 
 from codra_dsl.isolation.error_text import loggable
 from codra_dsl.runtime.forks import new_lock
+from codra_dsl.runtime.worker_threads import WorkerThreads
 
 __all__ = [
     "Cancelled",
@@ -341,6 +342,7 @@ class WallClock(Clock):
         self._event_count = 0
         self._waiter_count = 0
         self._is_closed = False
+        self._worker_threads = WorkerThreads("codra-work")
         self._dispatcher = threading.Thread(target=self._dispatch, name="codra-clock", daemon=True)
         self._dispatcher.start()
 
@@ -355,6 +357,7 @@ class WallClock(Clock):
         with self._condition:
             self._is_closed = True
             self._condition.notify_all()
+        self._worker_threads.close()
 
     def now_s(self) -> float:
         """Return the present instant."""
@@ -401,14 +404,14 @@ class WallClock(Clock):
                 self._condition.notify_all()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Run the work in a separate daemon thread."""
+        """Run the work in a daemon thread that runs nothing else meanwhile."""
         work = _RealWork(self)
 
         def run_and_deliver() -> None:
             outcome = run(work)
             self.call_at(self.now_s(), lambda: deliver(outcome))
 
-        threading.Thread(target=run_and_deliver, name="codra-work", daemon=True).start()
+        self._worker_threads.run(run_and_deliver)
         return work
 
     def _dispatch(self) -> None:

@@ -11,7 +11,7 @@ from py_trees.common import Status
 
 from codra_dsl.logic import Term
 from codra_dsl.runtime.observers.observer import Branch, Observer
-from codra_dsl.runtime.observers.ticking import leaf_stop, leaf_tick
+from codra_dsl.runtime.observers.ticking import FAILURE, INVALID, RUNNING, SUCCESS, leaf_stop, leaf_tick
 
 
 class ControlFlag(Behaviour):
@@ -25,7 +25,7 @@ class ControlFlag(Behaviour):
 
     def update(self) -> Status:
         """Fail when the observer is to stop; the tree then cancels the running nodes that follow this node."""
-        return Status.SUCCESS if self._observer.is_wanted else Status.FAILURE
+        return SUCCESS if self._observer.is_wanted else FAILURE
 
 
 class Precondition(Behaviour):
@@ -49,7 +49,7 @@ class Precondition(Behaviour):
         truth = self._term.evaluate(self._branches[0].observer.context_now())
         self.feedback_message = "" if truth is True else "unknown" if truth is None else "does not hold"
         is_waiting = truth is not True and any(branch.is_evidence_taken for branch in self._branches)
-        return Status.SUCCESS if truth is True or is_waiting else Status.FAILURE
+        return SUCCESS if truth is True or is_waiting else FAILURE
 
 
 class DueOrRunning(Behaviour):
@@ -68,12 +68,12 @@ class DueOrRunning(Behaviour):
     def update(self) -> Status:
         """Succeed if the branch is due or busy; otherwise wait, or give way to an alternative by FAILURE."""
         if self._branch.is_busy:
-            return Status.SUCCESS
+            return SUCCESS
         next_branch = self._branch.observer.next_branch_in_turn(self._branch)
         if next_branch is self._branch:
-            return Status.SUCCESS
-        is_idle = next_branch is None and not any(rival.is_busy for rival in self._branch.rivals)
-        return Status.RUNNING if is_idle else Status.FAILURE
+            return SUCCESS
+        is_idle = next_branch is None and not self._branch.is_rival_busy
+        return RUNNING if is_idle else FAILURE
 
 
 class Perceive(Behaviour):
@@ -90,18 +90,18 @@ class Perceive(Behaviour):
         branch = self._branch
         if not branch.is_busy:
             branch.start()
-            return Status.RUNNING
+            return RUNNING
         violated_condition = branch.violated_condition()
         if violated_condition is not None:
             branch.void(violated_condition)
-            return Status.FAILURE
+            return FAILURE
         if not branch.is_finished:
-            return Status.RUNNING
-        return Status.SUCCESS if branch.take_outcome() else Status.FAILURE
+            return RUNNING
+        return SUCCESS if branch.take_outcome() else FAILURE
 
     def terminate(self, new_status: Status) -> None:
         """Cancel the job if the tree stops this node: the observer stops, or the evidence can no longer count."""
-        if new_status is Status.INVALID:
+        if new_status is INVALID:
             self._branch.cancel()
 
 
@@ -119,9 +119,9 @@ class Accept(Behaviour):
     def update(self) -> Status:
         """Fail unless the condition is known to hold for the result."""
         if self._branch.result is not None and self._term.holds(self._branch.result):
-            return Status.SUCCESS
+            return SUCCESS
         self._branch.reject(self.name)
-        return Status.FAILURE
+        return FAILURE
 
 
 class Identify(Behaviour):
@@ -140,4 +140,4 @@ class Identify(Behaviour):
         """Succeed in any case: if the result has no value for the variable, only this variable receives no value."""
         is_identified = self._branch.identify(self._variable, self._term)
         self.feedback_message = "" if is_identified else "the result does not count or has no value"
-        return Status.SUCCESS
+        return SUCCESS

@@ -100,6 +100,8 @@ class Branch:
         self._votes: dict[str, Votes] = {}
         self.acceptance_conditions: list[tuple[str, Term]] = []
         self.conditions: list[tuple[str, Term]] = []
+        self._judged_context: ContextNow | None = None
+        self._blocking_condition: str | None = None
         self.rivals: tuple[Branch, ...] = (self,)
         self.result: Result | None = None
         self._job_run: JobRun | None = None
@@ -108,6 +110,7 @@ class Branch:
         self._job_index = 0
         self.last_start_s = BEFORE_ALL_S
         self._is_fresh = True
+        self._period_s = max(observer.model.period_s, SHORTEST_PERIOD_S, algorithm.min_interval_s)
         self.is_on_event = False
         self._is_accepted = False
         self._variables_without_value: set[str] = set()
@@ -123,8 +126,14 @@ class Branch:
             self.conditions.append((name, term))
 
     def blocking_condition(self, context: ContextNow) -> str | None:
-        """Return the first precondition that does not hold; None if all hold."""
-        return next((name for name, term in self.conditions if not term.holds(context)), None)
+        """Return the first precondition that does not hold; None if all hold.
+
+        During a tick the context does not change, so the conditions are judged once for each context.
+        """
+        if context is not self._judged_context:
+            self._judged_context = context
+            self._blocking_condition = next((name for name, term in self.conditions if not term.holds(context)), None)
+        return self._blocking_condition
 
     def add_variable(self, variable: str, term: Term) -> None:
         """Add a variable, with the term that computes its value from a result."""
@@ -155,15 +164,14 @@ class Branch:
         """
         has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.last_acting_end_s
         is_at_once = self._is_fresh or has_new_cause
-        period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
-        return self.last_start_s + max(period_s, self.algorithm.min_interval_s)
+        return self.last_start_s + (self.algorithm.min_interval_s if is_at_once else self._period_s)
 
     @property
     def would_look(self) -> bool:
         """Return whether the branch needs its preconditions now: it looks, or its pause is over and no rival looks."""
         if self.is_busy:
             return True
-        if any(rival.is_busy for rival in self.rivals):
+        if self.is_rival_busy:
             return False
         return self._next_in_period_s() <= self.observer.services.now_s()
 
@@ -191,6 +199,14 @@ class Branch:
     def is_busy(self) -> bool:
         """Return whether a job was requested and its outcome was not processed yet."""
         return self._job_run is not None
+
+    @property
+    def is_rival_busy(self) -> bool:
+        """Return whether the branch or one of its rivals is busy."""
+        for rival in self.rivals:  # noqa: SIM110 - every tick asks this, and `any` takes longer
+            if rival._job_run is not None:
+                return True
+        return False
 
     @property
     def is_finished(self) -> bool:

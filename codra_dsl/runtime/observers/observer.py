@@ -172,7 +172,7 @@ class Observer:
         needed algorithms, the one that has not run for the longest time goes first, so that no algorithm starves
         another one. Among algorithms with equal times, the one with the best rank goes first.
         """
-        if any(rival.is_busy for rival in branch.rivals):
+        if branch.is_rival_busy:
             return None
         ready_branches = [
             rival for rival in branch.rivals if rival.next_start_s() <= self.now_s and self._may_run(rival)
@@ -229,7 +229,7 @@ class Observer:
         instants = [self.now_s + wait_s for wait_s in waits_s if wait_s]
         for branch in self._branches:
             start_s = branch.next_start_s()
-            if not self.now_s < start_s < math.inf or any(rival.is_busy for rival in branch.rivals):
+            if not self.now_s < start_s < math.inf or branch.is_rival_busy:
                 continue
             if self.on_event_needs or self._may_run(branch):
                 instants.append(start_s)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import random
+import threading
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 from codra_dsl.runtime.clock import Work
-from codra_dsl.runtime.forks import new_lock
 
 
 class Job(Protocol):
@@ -61,12 +61,13 @@ class RunningJob:
         random_seed: the seed of `random`.
     """
 
-    def __init__(self, work: Work, random_seed: str, index: int) -> None:
+    def __init__(self, work: Work, random_seed: str, index: int, lock: threading.RLock) -> None:
+        """Create the argument of one call; jobs may share the lock, which is held only for an instant."""
         self.random_seed = random_seed
         self.index = index
         self._work = work
         self._reports: list[tuple[float, Interval]] = []
-        self._lock = new_lock()
+        self._lock = lock
 
     @cached_property
     def random(self) -> random.Random:

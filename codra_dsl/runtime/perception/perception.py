@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from codra_dsl.isolation.error_text import described, message_of
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Cancelled, Clock, is_interrupt
+from codra_dsl.runtime.forks import new_lock
 from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.perception.cost import Cost, CostMeter
 from codra_dsl.runtime.perception.executors import Executors
@@ -62,6 +63,7 @@ class Perception:
         self._cost_meters: dict[str, CostMeter] = {}
         self._request_counts: Counter[str] = Counter()
         self._working_jobs: dict[str, JobRun] = {}
+        self._reports_lock = new_lock()
 
     def prepare(self, algorithms: Iterable[Algorithm]) -> None:
         """Find the functions, handles and slots of all algorithms; start the processes of isolated algorithms.
@@ -164,7 +166,9 @@ class Perception:
         self._write_job_event(job_run, "started")
         try:
             job_run.work = self._clock.start(
-                lambda work: self._run_job(job_run, RunningJob(work, random_seed, job_run.index), arguments),
+                lambda work: self._run_job(
+                    job_run, RunningJob(work, random_seed, job_run.index, self._reports_lock), arguments
+                ),
                 lambda outcome: self._deliver_outcome(job_run, outcome),
             )
         except RuntimeError as error:  # no thread could be started

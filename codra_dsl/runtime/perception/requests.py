@@ -84,14 +84,16 @@ class Lane:
 
     Attributes:
         slots: the resources of which each request needs one slot.
+        limited_slots: those of these resources that have a number of slots.
         elapsed_s: the time that counts for the age of these requests.
         waiting_count: the number of tickets that are waiting.
     """
 
-    __slots__ = ("_heap", "elapsed_s", "slots", "waiting_count")
+    __slots__ = ("_heap", "elapsed_s", "limited_slots", "slots", "waiting_count")
 
-    def __init__(self, slots: tuple[str, ...]) -> None:
+    def __init__(self, slots: tuple[str, ...], limited_slots: tuple[str, ...]) -> None:
         self.slots = slots
+        self.limited_slots = limited_slots
         self.elapsed_s = 0.0
         self.waiting_count = 0
         self._heap: list[tuple[Rank, Ticket]] = []  # may contain tickets that no longer wait

@@ -89,7 +89,8 @@ class Slots:
 
     def _lane(self, slots: tuple[str, ...]) -> Lane:
         if slots not in self._lanes:
-            self._lanes[slots] = Lane(slots)
+            limited_slots = tuple(slot for slot in slots if self._slot_counts[slot] < math.inf)
+            self._lanes[slots] = Lane(slots, limited_slots)
         return self._lanes[slots]
 
     def _remove(self, ticket: Ticket) -> None:
@@ -171,9 +172,8 @@ class Slots:
 
     def _can_matter(self, lane: Lane, reserved_slot_counts: Mapping[str, int]) -> bool:
         """Return whether a ticket of a lane could be granted, or could reserve a slot that is free."""
-        limited_slots = [slot for slot in lane.slots if self._slot_counts[slot] < math.inf]
-        return not limited_slots or any(
-            self._free_slot_counts[slot] > reserved_slot_counts[slot] for slot in limited_slots
+        return not lane.limited_slots or any(
+            self._free_slot_counts[slot] > reserved_slot_counts[slot] for slot in lane.limited_slots
         )
 
     def _admits(self, slot: str, ticket: Ticket) -> bool:

@@ -51,7 +51,10 @@ def _reads(term: Term, cells: Mapping[str, Cell]) -> tuple[frozenset[str], bool]
     variable that was overridden is returned as well.
     """
     names, has_ages = term.reads
-    if not any(isinstance(cells[name], DerivedCell) for name in names):  # most conditions
+    for name in names:
+        if isinstance(cells[name], DerivedCell):
+            break
+    else:  # most conditions
         return names, has_ages
     derived_cells = derived_cells_among(names, cells)
     derived_names = {cell.reading.name for cell in derived_cells if not cell.was_overridden}

@@ -177,8 +177,9 @@ class Crowd:
             manager.withdraw(BEACON)
 
     def _is_idle(self) -> bool:
-        """Return whether no perception function runs, or is about to run in a thread that has just begun."""
-        return self.perception.at_work == 0 and "codra-work" not in {thread.name for thread in threading.enumerate()}
+        """Return whether no perception function runs, or is about to run."""
+        worker_count = sum(thread.name == "codra-work" for thread in threading.enumerate())
+        return self.perception.at_work == 0 and worker_count == self.clock._worker_threads.idle_count
 
     def _wait_for(self, manager: Manager, name: str, give: Callable[[], None], chance: random.Random) -> None:
         answers: list[object] = []
