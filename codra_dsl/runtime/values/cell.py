@@ -262,10 +262,16 @@ class Cell:
             Whether the added reading is now the present reading of the sources.
         """
         self._append(reading)
-        if reading.evidence_s < self.observed.evidence_s:
-            return False
-        self.replace_observed(reading)
-        return True
+        present_reading = self.reading
+        if isinstance(present_reading, Override):
+            is_present = reading.evidence_s >= present_reading.beneath.evidence_s
+            if is_present:
+                self.reading = replace(present_reading, beneath=reading)
+        else:
+            is_present = reading.evidence_s >= present_reading.evidence_s
+            if is_present:
+                self.reading = reading
+        return is_present
 
     def replace_observed(self, reading: Reading[Value]) -> None:
         """Replace the present reading of the sources; an override goes on to hide it."""
