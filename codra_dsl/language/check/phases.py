@@ -47,7 +47,7 @@ from codra_dsl.language.check.types.condition_types import TYPE_CHECKS
 from codra_dsl.language.check.types.members import wrong_member_findings
 from codra_dsl.language.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
 from codra_dsl.language.expression import Name
-from codra_dsl.language.model import Algorithm, Condition, Expectation, Hysteresis, Identification, Members, Skill, Spec
+from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Members, Skill, Spec
 
 Rule = Callable[[SpecIndex, FaultyElements], Iterator[Diagnostic]]
 
@@ -183,7 +183,7 @@ def _checked_derivations(spec_index: SpecIndex) -> dict[str, CheckedCondition]:
 def _checked_expectations(spec_index: SpecIndex, skill: Skill) -> tuple[CheckedExpectation, ...]:
     return tuple(
         CheckedExpectation(
-            text=_expectation_text(expectation, expectation.condition),
+            text=expectation.text,
             python=spec_index.python(expectation.condition, None),
             within_s=expectation.within_s,
         )
@@ -206,14 +206,6 @@ def _checked_preview(spec_index: SpecIndex, skill: Skill) -> tuple[CheckedCondit
         if reference.name in names_in_conditions
     ]
     return (*conditions, *names_alone)
-
-
-def _expectation_text(expectation: Expectation, condition: Condition) -> str:
-    """Return an expectation as it is written in a spec."""
-    name = expectation.variable.name
-    value = condition.text.removeprefix(name).strip().removeprefix("==").strip()
-    within = "" if expectation.within_s is None else f" within {expectation.within_s:g} s"
-    return f"{name} {expectation.expected} {value}{within}"
 
 
 def _checked_algorithm(spec_index: SpecIndex, algorithm: Algorithm, feedback_names: Sequence[str]) -> CheckedAlgorithm:

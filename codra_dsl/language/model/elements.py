@@ -437,6 +437,16 @@ class Expectation:
     within_s: float | None = None
     place: Place
 
+    @property
+    def text(self) -> str:
+        """The entry as people read it, e.g. `door_open becomes true within 20 s`."""
+        name = self.variable.name
+        if self.condition is None:
+            return name
+        value = self.condition.text.removeprefix(name).strip().removeprefix("==").strip()
+        within = "" if self.within_s is None else f" within {self.within_s:g} s"
+        return f"{name} {self.expected} {value}{within}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skill:

@@ -198,14 +198,15 @@ class _Explanation:
         )
 
     def preview(self, skill: SkillModel, at_s: float) -> Why:
-        """Explain the preview of a skill: what it lacks, or which condition is violated, with the causes."""
+        """Explain the preview of a skill: why it holds, what it lacks, or which condition is violated."""
         context, rules = self._context_at(at_s), [*self._summary.previews.get(skill.name, ())]
         conditions = tuple(PreviewCondition(text=rule.text, condition=rule.term) for rule in rules)
         answer = evaluate(replace(skill, preview_conditions=conditions), context)
+        names_in_conditions = {name for rule in rules for name in rule.term.variables()}
         rules += [
             Rule(source_text=name, python_text=f'value("{name}") == value("{name}")')  # holds if the variable is known
-            for name in answer.undecided
-            if name in self._summary.variables and name not in {rule.source_text for rule in rules}
+            for name in (skill.preview if answer.holds else answer.undecided)
+            if name in self._summary.variables and name not in names_in_conditions
         ]
         first_unknown = answer.unknown[0].reason if answer.unknown else Reason.NEVER_OBSERVED
         is_decided = answer.outcome is not PreviewOutcome.UNKNOWN
@@ -218,7 +219,9 @@ class _Explanation:
             ),
             place=self._summary.places.get(f"skill/{skill.name}"),
             story=() if answer.holds else (f"the preview is {answer}",),
-            conditions=tuple(self._condition(rule, context, ()) for rule in rules if not rule.term.holds(context)),
+            conditions=tuple(
+                self._condition(rule, context, ()) for rule in rules if answer.holds or not rule.term.holds(context)
+            ),
         )
 
     def _context_at(self, at_s: float) -> _PastContext:

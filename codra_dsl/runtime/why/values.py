@@ -136,7 +136,8 @@ class Why:
         unit: the unit of the variable's value.
         place: the place of the variable's declaration in the spec.
         story: the history of the reading, in sentences.
-        conditions: for the preview of a skill, the conditions that do not hold, and the variables that are unknown.
+        conditions: for the preview of a skill, the conditions that do not hold, and the variables that are unknown; if
+            the preview holds, all its conditions, and the variables that are named alone.
         look: the job that produced the value; None if no job did.
         derivation: the expression and the inputs of a derived variable; None for other variables.
         poses: the explanations of the edges whose poses determine the value; empty if there are none.

@@ -13,7 +13,7 @@ from codra_dsl.language.model import Agent, Condition, Expectation, Expected, Mo
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.comparers import GUARD_WORDINGS, growth_comparer, name_comparer, show_nothing, show_pose
 from codra_dsl.tooling.diff.guards import Relation, find_relation, joined_types
-from codra_dsl.tooling.diff.version import Pair, Side, duration_text
+from codra_dsl.tooling.diff.version import Pair, Side
 from codra_dsl.tooling.diff.walk import Scope, element_comparer, equality_comparer, set_comparer
 
 _MONITOR_COMPARER = name_comparer(
@@ -61,9 +61,8 @@ def _compare_expectation(scope: Scope, key: str, old: Expectation | None, new: E
         category, verb_phrase = (
             (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
         )
-        yield scope.make_change(
-            category, key, f"{_expectation_text(old or new)} {verb_phrase}", changed_parts=(old, new)
-        )
+        for expectation in filter(None, (old, new)):  # one of them
+            yield scope.make_change(category, key, f"'{expectation.text}' {verb_phrase}", changed_parts=(old, new))
         return
     guard_relation = _expectation_relation(scope.pair, old, new)
     if guard_relation is not Relation.SAME:
@@ -72,8 +71,8 @@ def _compare_expectation(scope: Scope, key: str, old: Expectation | None, new: E
             category,
             key,
             f"an expectation {message}",
-            _expectation_text(old),
-            _expectation_text(new),
+            f"'{old.text}'",
+            f"'{new.text}'",
             changed_parts=(old, new),
         )
     yield from scope.inner_scope(key, old, new).changes()
@@ -94,13 +93,6 @@ def _expectation_relation(pair: Pair, old: Expectation, new: Expectation) -> Rel
         return condition_relation
     time_relation = Relation.WEAKER if after_s > before_s else Relation.STRONGER
     return time_relation if condition_relation in (Relation.SAME, time_relation) else Relation.OTHER
-
-
-def _expectation_text(expectation: Expectation | None) -> str:
-    assert expectation is not None
-    within_text = "" if expectation.within_s is None else f" within {duration_text(expectation.within_s)}"
-    condition_text = "" if expectation.condition is None else f": {expectation.condition.text}"
-    return f"'{expectation.variable.name} {expectation.expected}{within_text}{condition_text}'"
 
 
 # Knowledge

@@ -381,8 +381,6 @@ def test_why_explains_a_preview_at_any_instant_of_a_journal(tmp_path: Path) -> N
         clock.sleep(5.0)
         manager.set("battery", 60.0)
         unknown = manager.why("open_cycler")
-        manager.set("tube", True)
-        assert str(manager.why("open_cycler")) == "open_cycler is 'holds' at 5 s"
     header, _ = read(tmp_path / "run.mcap")
 
     assert violated.splitlines()[:4] == [
@@ -394,6 +392,22 @@ def test_why_explains_a_preview_at_any_instant_of_a_journal(tmp_path: Path) -> N
     assert not unknown.known
     assert "  tube is unknown (never_observed) at 5 s" in str(unknown).splitlines()
     assert str(explain(header.summary, journal.latest_events, "open_cycler", 0.0)) == violated
+
+
+def test_why_explains_every_condition_of_a_preview_that_holds_and_the_variables_named_alone() -> None:
+    with cycler() as (manager, clock):
+        manager.override("battery", 60.0, for_s=600.0, reason="gauge broken")
+        clock.sleep(5.0)
+        why = manager.why("open_cycler")
+    assert [(condition.text, condition.holds) for condition in why.conditions] == [
+        *((condition.text, True) for condition in OPEN_CYCLER.preview_conditions),
+        ("tube", True),
+    ]
+    lines = str(why).splitlines()
+    assert lines[0] == "open_cycler is 'holds' at 5 s"
+    assert "    battery is 60 percent at 5 s" in lines
+    assert "      overridden by the operator since 0 s until 600 s: gauge broken" in lines
+    assert "  tube is false at 5 s" in lines
 
 
 def test_why_names_a_variable_once_and_finds_a_preview_whose_skill_shares_its_name() -> None:

@@ -163,6 +163,28 @@ def test_a_preview_that_no_longer_needs_a_variable_to_be_known_holds_more_often(
     assert change_texts(review_edits(before, (f"preview: [{old},", f"preview: [{new},"))) == expected
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        (
+            "within 5 min",
+            "within 4 min",
+            "an expectation holds less often: was 'heat becomes > 80 percent within 300 s', "
+            "is 'heat becomes > 80 percent within 240 s'",
+        ),
+        (
+            'mode stays "bake"',
+            'mode stays "grill"',
+            "an expectation holds in other situations: was 'mode stays \"bake\"', is 'mode stays \"grill\"'",
+        ),
+        (', mode stays "bake"', ", mode", "'mode stays \"bake\"' is no longer expected"),
+    ],
+)
+def test_a_changed_expectation_is_shown_as_a_spec_states_it(old: str, new: str, text: str) -> None:
+    (change,) = review_edits(BASE, (old, new)).changes
+    assert change.text == text
+
+
 def test_a_renamed_algorithm_does_not_rename_its_observer_as_well() -> None:
     """The name of the observer follows from that of the algorithm."""
     result = review_edits(BASE, ("  watch:\n", "  look:\n"))
