@@ -7,7 +7,9 @@ from elsewhere, a module with `__getattr__` or a star import, a function with a 
 from __future__ import annotations
 
 import ast
+import re
 import warnings
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,6 +30,7 @@ _ENTRY = r"__init__\.py"
 _MODULE = r".*\.py"
 _VISIBLE = r"(?!\.|__pycache__$).*"
 _OPAQUE_SUFFIXES = (".so", ".pyd", ".pyc", ".pyx", ".zip")
+_SPECIAL_FIELD = re.compile(r"ClassVar|InitVar|KW_ONLY|init=")
 _BINDING_FUNCTIONS = frozenset({"globals", "locals", "vars", "exec", "eval", "setattr"})
 
 
@@ -53,17 +56,20 @@ class Module:
     """The definitions of a module.
 
     Attributes:
-        names: each name that the module defines, with the signature of the function or class, or None if unknown.
+        names: each name that the module defines, with the signature of the function, or of the method `perceive` of the
+            class, or None if unknown.
+        makers: the functions and classes whose arguments are known, with the arguments of the function or class itself.
         functions: the names with a known signature, up to a maximum number.
         is_open: whether the module may define other names as well.
     """
 
     names: Mapping[str, Signature | None]
+    makers: Mapping[str, Signature]
     functions: tuple[str, ...]
     is_open: bool
 
 
-OPEN_MODULE = Module({}, (), is_open=True)
+OPEN_MODULE = Module({}, {}, (), is_open=True)
 """A module with unknown definitions."""
 
 
@@ -226,7 +232,15 @@ def _parse_module(data: bytes) -> Module:
         names[name] = None if name in names else signature
     is_open = "__getattr__" in names or "*" in names or any(map(_may_bind_names, ast.walk(tree)))
     functions = [name for name, signature in names.items() if signature is not None]
-    return Module(names, tuple(functions[:_MAX_FUNCTIONS]), is_open=is_open)
+    return Module(names, _makers(tree.body, names), tuple(functions[:_MAX_FUNCTIONS]), is_open=is_open)
+
+
+def _makers(body: Sequence[ast.stmt], names: Mapping[str, Signature | None]) -> Mapping[str, Signature]:
+    """Return the functions and classes that are certain, with the arguments with which each is called."""
+    counts = Counter(name for name, _ in _definitions(body, is_top_level=True))
+    classes = {statement.name: statement for statement in body if isinstance(statement, ast.ClassDef)}
+    signatures = {name: _constructor(classes[name]) if name in classes else names[name] for name in names}
+    return {name: signature for name, signature in signatures.items() if signature is not None and counts[name] == 1}
 
 
 def _definitions(body: Sequence[ast.stmt], *, is_top_level: bool) -> Iterator[tuple[str, Signature | None]]:
@@ -280,6 +294,33 @@ def _signature_of_class(statement: ast.ClassDef) -> Signature | None:
     if len(perceive_definitions) > 1 or len(methods) != 1 or methods[0].decorator_list:
         return None
     return _signature(methods[0].args, 1)
+
+
+def _constructor(statement: ast.ClassDef) -> Signature | None:
+    """Return the arguments with which a class makes an instance, or None if they are uncertain."""
+    names = [name for name, _ in _definitions(statement.body, is_top_level=False)]
+    if statement.bases or statement.keywords or "__new__" in names:
+        return None
+    if statement.decorator_list:
+        is_plain = [ast.unparse(decorator) for decorator in statement.decorator_list] == ["dataclass"]
+        return _fields(statement) if is_plain and "__init__" not in names else None
+    methods = [method for method in statement.body if isinstance(method, ast.FunctionDef) and method.name == "__init__"]
+    if len(methods) != names.count("__init__") or len(methods) > 1:
+        return None
+    if not methods:
+        return Signature(frozenset(), (), accepts_any_name=False)
+    return None if methods[0].decorator_list else _signature(methods[0].args, 1)
+
+
+def _fields(statement: ast.ClassDef) -> Signature | None:
+    """Return the fields of a dataclass as arguments, or None if one of them may be special."""
+    fields = [field for field in statement.body if isinstance(field, ast.AnnAssign)]
+    texts = [ast.unparse(field) for field in fields]
+    if not all(isinstance(field.target, ast.Name) for field in fields) or any(map(_SPECIAL_FIELD.search, texts)):
+        return None
+    names = {ast.unparse(field.target): field.value is None for field in fields}
+    required_names = tuple(name for name, is_required in names.items() if is_required)
+    return Signature(frozenset(names), required_names, accepts_any_name=False)
 
 
 def _signature(arguments: ast.arguments, implicit_count: int) -> Signature:

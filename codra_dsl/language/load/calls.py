@@ -3,12 +3,13 @@
 Modules of the project are read, never imported.
 
 The runtime calls a perception function with keyword arguments only: the arguments under `with`, the handle of each
-resource that it reads, the values of `given` variables, and `job`.
+resource that it reads, the values of `given` variables, and `job`. It makes the handle of a site with the arguments
+under `with`, and with `clock` if there is a parameter of this name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,10 +17,13 @@ from codra_dsl.language.diagnostics import Place, Related, replacement_fix
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.called_modules import MissingModule, Module, ProjectModules, Signature
 from codra_dsl.language.load.yaml.findings import Findings, list_names
-from codra_dsl.language.model import Access, Algorithm
+from codra_dsl.language.model import Access, Algorithm, Handle
 
 JOB = "job"
 """The argument that every perception function gets."""
+
+CLOCK = "clock"
+"""The argument that what makes a handle gets, if it takes it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,17 +34,77 @@ class DeclaredNames:
     context: frozenset[str]
     damaged_keys: Mapping[tuple[str, str], frozenset[str]]
 
+    def has_call(self, algorithm: Algorithm) -> bool:
+        """Return whether the call of an algorithm could be read."""
+        return "call" not in self._damaged(algorithm)
+
     def has_all_arguments(self, algorithm: Algorithm) -> bool:
         """Return whether all arguments of an algorithm's function are known."""
-        damaged = self.damaged_keys.get(("perception", algorithm.name), frozenset())
-        if not damaged.isdisjoint({"with", "uses", "given"}):
+        if not self._damaged(algorithm).isdisjoint({"with", "uses", "given"}):
             return False
         used_resources = {usage.resource.name for usage in algorithm.uses}
         return used_resources <= self.resources and {reference.name for reference in algorithm.given} <= self.context
 
+    def _damaged(self, algorithm: Algorithm) -> frozenset[str]:
+        return self.damaged_keys.get(("perception", algorithm.name), frozenset())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Caller:
+    """An element that calls a function or a class.
+
+    Attributes:
+        text: the element in messages.
+        path: the path of the key `call`; `place` is the place of its value.
+        arguments: the arguments that are given by name, each with its place; None if they are not all known.
+        argument_keys: the keys under which arguments can be given, for help texts.
+        is_maker: whether it makes a handle.
+    """
+
+    text: str
+    call: str
+    path: str
+    place: Place
+    arguments: Mapping[str, Place] | None
+    argument_keys: str
+    is_maker: bool = False
+
+
+def _caller_of_algorithm(algorithm: Algorithm, declared_names: DeclaredNames) -> _Caller:
+    place = algorithm.places.get("call", algorithm.place)
+    arguments = {name: algorithm.places.get(f"with.{name}", place) for name, _ in algorithm.parameters}
+    resources = (usage.resource for usage in algorithm.uses if usage.access is Access.READ)
+    for reference in (*resources, *algorithm.given):
+        arguments.setdefault(reference.name, reference.place)
+    return _Caller(
+        text=f"algorithm '{algorithm.name}'",
+        call=algorithm.call,
+        path=f"perception.{algorithm.name}.call",
+        place=place,
+        arguments={**arguments, JOB: place} if declared_names.has_all_arguments(algorithm) else None,
+        argument_keys="'with', 'uses' or 'given'",
+    )
+
+
+def _caller_of_handle(handle: Handle) -> _Caller:
+    names = (name for name, _ in handle.arguments)
+    return _Caller(
+        text=f"resource '{handle.resource}'",
+        call=handle.call,
+        path=f"resources.{handle.resource}.call",
+        place=handle.place,
+        arguments=dict(zip(names, handle.argument_places, strict=True)),
+        argument_keys="'with'",
+        is_maker=True,
+    )
+
 
 def check_calls(
-    algorithms: Iterable[Algorithm], declared_names: DeclaredNames, root: Path, findings: Findings
+    algorithms: Iterable[Algorithm],
+    handles: Iterable[Handle],
+    declared_names: DeclaredNames,
+    root: Path,
+    findings: Findings,
 ) -> tuple[str, ...]:
     """Report calls of missing functions, arguments that a function does not accept, and arguments that are missing.
 
@@ -48,15 +112,19 @@ def check_calls(
         The files, relative to `root`, on which the result depends.
     """
     checker = _Checker(root, findings)
-    algorithms_by_call: dict[str, list[Algorithm]] = {}
-    for algorithm in algorithms:
-        if "call" not in declared_names.damaged_keys.get(("perception", algorithm.name), ()):
-            algorithms_by_call.setdefault(algorithm.call, []).append(algorithm)
-    for call, callers in algorithms_by_call.items():
-        signature = checker.signature(call, callers)
+    callers_by_call: dict[tuple[str, bool], list[_Caller]] = {}
+    callers = [
+        _caller_of_algorithm(algorithm, declared_names)
+        for algorithm in algorithms
+        if declared_names.has_call(algorithm)
+    ]
+    for caller in (*callers, *map(_caller_of_handle, handles)):
+        callers_by_call.setdefault((caller.call, caller.is_maker), []).append(caller)
+    for callers in callers_by_call.values():
+        signature = checker.signature(callers)
         for caller in callers if signature is not None else ():
-            if signature is not None and declared_names.has_all_arguments(caller):
-                checker.check_arguments(caller, signature)
+            if signature is not None and caller.arguments is not None:
+                checker.check_arguments(caller, caller.arguments, signature)
     checker.report_modules()
     return tuple(checker.modules.consulted_files)
 
@@ -67,11 +135,12 @@ class _Checker:
     def __init__(self, root: Path, findings: Findings) -> None:
         self.modules = ProjectModules(root)
         self._findings = findings
-        self._missing_modules: dict[str, tuple[str, list[Algorithm]]] = {}
+        self._missing_modules: dict[str, tuple[str, list[_Caller]]] = {}
 
-    def signature(self, call: str, callers: list[Algorithm]) -> Signature | None:
-        """Return the signature of a called function, or None if the signature is unknown or the function is missing."""
-        name, _, function = call.partition(":")
+    def signature(self, callers: Sequence[_Caller]) -> Signature | None:
+        """Return the signature of what callers call, or None if the signature is unknown or the function is missing."""
+        name, _, function = callers[0].call.partition(":")
+        function, _, attribute = function.partition(".") if callers[0].is_maker else (function, "", "")
         module = self.modules.find(name)
         if isinstance(module, MissingModule):
             suggestion = self._suggestion(name, function, module)
@@ -83,11 +152,13 @@ class _Checker:
             return None
         if function not in module.names:
             if not module.is_open:
-                self._report_function(call, callers, module)
+                self._report_function(callers, module)
             return None
+        if callers[0].is_maker:
+            return None if attribute else module.makers.get(function)
         signature = module.names[function]
         if signature is not None and signature.is_unfit:
-            self._report_class(call, callers)
+            self._report_class(callers)
             return None
         return signature
 
@@ -95,7 +166,7 @@ class _Checker:
         """Report each missing module once."""
         for name, (suggestion, callers) in self._missing_modules.items():
             first, *others = callers
-            message = f"module {shown(name)}, which algorithm '{first.name}' calls, is not in this project"
+            message = f"module {shown(name)}, which {first.text} calls, is not in this project"
             help_text = (
                 f"did you mean '{suggestion}'?"
                 if suggestion
@@ -105,33 +176,31 @@ class _Checker:
                 first, message, help_text, suggestion and f"{suggestion}:{first.call.partition(':')[2]}", others
             )
 
-    def _report_function(self, call: str, callers: list[Algorithm], module: Module) -> None:
-        name, _, function = call.partition(":")
+    def _report_function(self, callers: Sequence[_Caller], module: Module) -> None:
+        name, _, function = callers[0].call.partition(":")
         suggestion = self._findings.nearest(function, module.names)
         functions_text = (
             f"the module has {list_names(module.functions)}" if module.functions else "the module has no functions"
         )
         help_text = f"did you mean '{suggestion}'?" if suggestion else functions_text
         first, *others = callers
-        message = f"module {shown(name)} has no function {shown(function)}, but algorithm '{first.name}' calls it"
+        message = f"module {shown(name)} has no function {shown(function)}, but {first.text} calls it"
         self._report(first, message, help_text, suggestion and f"{name}:{suggestion}", others)
 
-    def _report_class(self, call: str, callers: list[Algorithm]) -> None:
-        name, _, function = call.partition(":")
+    def _report_class(self, callers: Sequence[_Caller]) -> None:
         first, *others = callers
-        message = (
-            f"class {shown(function)} of module {shown(name)}, which algorithm '{first.name}' calls, has no 'perceive'"
-        )
+        name, _, function = first.call.partition(":")
+        message = f"class {shown(function)} of module {shown(name)}, which {first.text} calls, has no 'perceive'"
         self._report(first, message, "add a method 'perceive', or use the name of a function", None, others)
 
     def _report(
-        self, first: Algorithm, message: str, help_text: str, replacement: str | None, others: Iterable[Algorithm]
+        self, first: _Caller, message: str, help_text: str, replacement: str | None, others: Iterable[_Caller]
     ) -> None:
-        place = _place(first, "call")
-        related = [Related(f"also in algorithm '{algorithm.name}'", _place(algorithm, "call")) for algorithm in others]
-        fix = replacement_fix(place, first.call, replacement, safe=False) if replacement else None
-        path = f"perception.{first.name}.call"
-        self._findings.add("call-not-found", message, place, help=help_text, path=path, related=related, fix=fix)
+        related = [Related(f"also in {caller.text}", caller.place) for caller in others]
+        fix = replacement_fix(first.place, first.call, replacement, safe=False) if replacement else None
+        self._findings.add(
+            "call-not-found", message, first.place, help=help_text, path=first.path, related=related, fix=fix
+        )
 
     def _suggestion(self, name: str, function: str, missing: MissingModule) -> str | None:
         """Return the module that an unknown name probably means, preferably one that has the function, or None."""
@@ -155,9 +224,11 @@ class _Checker:
                 return dotted_name
         return ".".join((*before, nearest_name, *after)) if nearest_name and missing.part_index > 0 else None
 
-    def check_arguments(self, algorithm: Algorithm, signature: Signature) -> None:
+    def check_arguments(self, caller: _Caller, arguments: Mapping[str, Place], signature: Signature) -> None:
         """Report passed arguments that a function does not take, and required arguments that are not passed."""
-        given_arguments = _argument_names(algorithm)
+        given_arguments = [*arguments]
+        if caller.is_maker and CLOCK in signature.accepted_names:
+            given_arguments.append(CLOCK)
         missing_arguments = [
             name
             for name in signature.required_names
@@ -181,60 +252,44 @@ class _Checker:
             ]
             if similar_argument is not None:
                 self._report_unaccepted_arguments(
-                    algorithm, [name], f"did you mean '{similar_argument}'?", similar_argument
+                    caller, arguments, [name], f"did you mean '{similar_argument}'?", similar_argument
                 )
             elif only_missing_argument is not None:
                 self._report_unaccepted_arguments(
-                    algorithm, [name], f"did you mean '{only_missing_argument}', which is missing?"
+                    caller, arguments, [name], f"did you mean '{only_missing_argument}', which is missing?"
                 )
             elif name == JOB:
                 self._report_unaccepted_arguments(
-                    algorithm, [name], "add the parameter 'job': every perception function gets it"
+                    caller, arguments, [name], "add the parameter 'job': every perception function gets it"
                 )
             else:
                 others.append(name)
         if others:
             accepted_text = list_names(sorted(signature.accepted_names)) if signature.accepted_names else "no arguments"
-            self._report_unaccepted_arguments(algorithm, others, f"the function takes {accepted_text}")
+            self._report_unaccepted_arguments(caller, arguments, others, f"the function takes {accepted_text}")
         for name in missing_arguments:
-            self._report_missing(algorithm, name)
+            self._report_missing(caller, arguments, name)
 
     def _report_unaccepted_arguments(
-        self, algorithm: Algorithm, names: list[str], help_text: str, replacement: str | None = None
+        self,
+        caller: _Caller,
+        arguments: Mapping[str, Place],
+        names: list[str],
+        help_text: str,
+        replacement: str | None = None,
     ) -> None:
-        call, place = shown(algorithm.call), _place_of_argument(algorithm, names[0])
+        place = arguments[names[0]]
         noun, pronoun = ("argument", "it") if len(names) == 1 else ("arguments", "them")
-        fault_text = f"function {call} does not take the {noun} {list_names(names)}"
-        message = f"{fault_text}, but algorithm '{algorithm.name}' gives {pronoun}"
+        message = (
+            f"function {shown(caller.call)} does not take the {noun} {list_names(names)}, "
+            f"but {caller.text} gives {pronoun}"
+        )
         fix = replacement_fix(place, names[0], replacement, safe=False) if replacement is not None else None
-        path = f"perception.{algorithm.name}.call"
-        self._findings.add("call-arguments", message, place, help=help_text, path=path, fix=fix)
+        self._findings.add("call-arguments", message, place, help=help_text, path=caller.path, fix=fix)
 
-    def _report_missing(self, algorithm: Algorithm, name: str) -> None:
-        call = shown(algorithm.call)
-        message = f"function {call} needs an argument {shown(name)}, but algorithm '{algorithm.name}' does not give it"
-        help_text = f"add {shown(name)} under 'with', 'uses' or 'given', or give the parameter a default value"
-        if name in _argument_names(algorithm):
+    def _report_missing(self, caller: _Caller, arguments: Mapping[str, Place], name: str) -> None:
+        message = f"function {shown(caller.call)} needs an argument {shown(name)}, but {caller.text} does not give it"
+        help_text = f"add {shown(name)} under {caller.argument_keys}, or give the parameter a default value"
+        if name in arguments:
             help_text = "make it a keyword argument: arguments are passed only by name"
-        path = f"perception.{algorithm.name}.call"
-        self._findings.add("call-arguments", message, _place(algorithm, "call"), help=help_text, path=path)
-
-
-def _place(algorithm: Algorithm, key: str) -> Place:
-    return algorithm.places.get(key) or algorithm.places.get("call", algorithm.place)
-
-
-def _argument_names(algorithm: Algorithm) -> list[str]:
-    """Return the names of the arguments that a function gets."""
-    names = [name for name, _ in algorithm.parameters]
-    names += [usage.resource.name for usage in algorithm.uses if usage.access is Access.READ]
-    names += [reference.name for reference in algorithm.given]
-    return [*names, JOB]
-
-
-def _place_of_argument(algorithm: Algorithm, argument: str) -> Place:
-    """Return the place at which an algorithm gives an argument."""
-    references = [usage.resource for usage in algorithm.uses] + list(algorithm.given)
-    places = [reference.place for reference in references if reference.name == argument]
-    is_literal = any(name == argument for name, _ in algorithm.parameters)
-    return _place(algorithm, f"with.{argument}") if is_literal or not places else places[0]
+        self._findings.add("call-arguments", message, caller.place, help=help_text, path=caller.path)

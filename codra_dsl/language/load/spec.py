@@ -127,11 +127,16 @@ def _read_spec(
     uses.create_elements(parts.documents, module_names, elements)
     uses.try_unused_templates()
     elements.report_comments()
-    report_handles_of_slots(handles, elements.elements_by_section["resources"], findings)
+    resources = elements.elements_by_section["resources"]
+    report_handles_of_slots(handles, resources, findings)
     if name is None:
         return None
     module_files = check_calls(
-        elements.elements_by_section["perception"].values(), _declared_names(elements), root, findings
+        elements.elements_by_section["perception"].values(),
+        [handle for handle in handles if handle.resource in resources and resources[handle.resource].slots is None],
+        _declared_names(elements),
+        root,
+        findings,
     )
     damaged_names = _damaged_names(
         elements, lost_sections if uses.is_complete and parts.is_complete else frozenset(SECTIONS)

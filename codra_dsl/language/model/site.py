@@ -40,12 +40,14 @@ class Handle:
     Attributes:
         call: `module:name` of a class or function.
         arguments: the arguments and their literals.
+        argument_places: the places of the names of these arguments.
     """
 
     resource: str
     call: str
     arguments: tuple[tuple[str, Literal], ...]
     place: Place
+    argument_places: tuple[Place, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.call}({', '.join(f'{name}={value!r}' for name, value in self.arguments)})"

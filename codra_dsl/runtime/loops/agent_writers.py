@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import MutableMapping
 from typing import Any
+from weakref import WeakValueDictionary
 
 from codra_dsl.runtime.context.agents import Agent
 from codra_dsl.runtime.context.context import ContextManager
@@ -16,7 +18,10 @@ Manager = ContextManager[Any, Any]
 
 
 class AgentWriters:
-    """The agents that write for the loops; only the handles that the loops need are opened."""
+    """The agents that write for the loops; only the handles that the loops need are opened.
+
+    Only one object opens an agent of a context manager. With a knowledge graph, no other handle of this agent is open.
+    """
 
     def __init__(self, codra: Manager, model: MapeModel) -> None:
         """Open the handles.
@@ -36,6 +41,8 @@ class AgentWriters:
 
     def _open(self, agent: str) -> None:
         try:
+            if _OPEN_WRITERS.setdefault((id(self._codra), agent), self) is not self:
+                raise AgentTakenError(agent)
             self._agents[agent] = self._codra.agent(agent)
         except AgentTakenError:
             self.close()
@@ -68,3 +75,9 @@ class AgentWriters:
         """Close the handles."""
         for agent in self._agents.values():
             agent.close()
+        for key in [key for key, writers in _OPEN_WRITERS.items() if writers is self]:
+            del _OPEN_WRITERS[key]
+
+
+_OPEN_WRITERS: MutableMapping[tuple[int, str], AgentWriters] = WeakValueDictionary()
+"""The open writers, by the `id` of their context manager, which lives as long as they do, and the name of the agent."""

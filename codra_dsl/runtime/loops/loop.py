@@ -87,10 +87,14 @@ class Mape:
         self._writers = AgentWriters(codra, model)
         leaves = _robots_of_trees(model, Robot() if robot is None else robot)
         types = {variable.name: variable.type for variable in codra.model.variables}
-        self._loops = {
-            loop.name: Loop(codra, model, loop, clock, leaves, self._writers, planner(model, loop, types))
-            for loop in model.loops
-        }
+        try:
+            self._loops = {
+                loop.name: Loop(codra, model, loop, clock, leaves, self._writers, planner(model, loop, types))
+                for loop in model.loops
+            }
+        except BaseException:
+            self._writers.close()  # the exception can keep this object alive
+            raise
 
     def __enter__(self) -> Self:
         self.start()

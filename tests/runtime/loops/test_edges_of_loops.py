@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from codra_dsl.runtime import WallClock
-from codra_dsl.runtime.behavior_trees import Entry, Leaf, Node, Result, Robot, Switch, Timeout
-from codra_dsl.runtime.knowledge import Stage
+from codra_dsl.runtime import ContextManager, SimClock, WallClock
+from codra_dsl.runtime.behavior_trees import Entry, Leaf, Node, Result, Robot, Switch, Timeout, TreeError
+from codra_dsl.runtime.knowledge import AgentTakenError, KnowledgeModel, Stage
 from codra_dsl.runtime.loops.counterfactual import Counterfactual
 from codra_dsl.runtime.loops.courses import Decision
 from codra_dsl.runtime.loops.declarations import HardRuleModel, MapeModel, Repeat
@@ -17,7 +17,7 @@ from codra_dsl.runtime.loops.loop import Mape
 from codra_dsl.runtime.loops.planning import Planning
 from codra_dsl.runtime.values.conditions import choose, known, value
 from codra_dsl.runtime.values.declarations import DERIVED
-from tests.runtime.loops.shop import BUMPED, CHOICES, COURSE, MAPE, MISSION, MODEL, SPEED, UNFILTERED, Shop
+from tests.runtime.loops.shop import BUMPED, CHOICES, COURSE, KNOWLEDGE, MAPE, MISSION, MODEL, SPEED, UNFILTERED, Shop
 from tests.runtime.loops.test_loop import CLOSE_M, robot_that, stubborn, wait
 
 
@@ -170,3 +170,19 @@ def test_a_long_explanation_does_not_delay_decisions() -> None:
             assert wait(lambda: mape.course_state("course").state.action == "start")
             may_go_on.set()
         shop.codra.close()
+
+
+@pytest.mark.parametrize("knowledge", [None, KNOWLEDGE], ids=["without a knowledge graph", "with a knowledge graph"])
+def test_a_context_manager_has_one_set_of_loops_at_a_time(knowledge: KnowledgeModel | None) -> None:
+    clock, robot = SimClock(), robot_that()
+    with ContextManager(MODEL, clock=clock, resources={}, knowledge=knowledge) as codra:
+        with pytest.raises(TreeError) as error_info:
+            Mape(codra, MAPE, clock=clock, robot=Robot())
+        with Mape(codra, MAPE, clock=clock, robot=robot) as mape:
+            with pytest.raises(AgentTakenError, match="the loops cannot write as agent 'analysis'"):
+                Mape(codra, MAPE, clock=clock, robot=robot)
+        with Mape(codra, MAPE, clock=clock, robot=robot):
+            mape.close()  # a second time: the loops that are open now stay open
+            with pytest.raises(AgentTakenError):
+                Mape(codra, MAPE, clock=clock, robot=robot)
+    assert error_info.value.__traceback__ is not None  # keeps the loops that could not be made alive

@@ -107,22 +107,19 @@ def tree_files(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]
 
 def unmatched_branches(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """Every action of a course has a branch, every branch has an action, and one entry selects all of them."""
-    courses = [
-        (adaptation.name, adaptation.does)
-        for adaptation in spec_index.spec.adaptation
-        if isinstance(adaptation.does, Course)
-    ]
+    courses: dict[str, dict[str, Course]] = {}
+    for adaptation in spec_index.spec.adaptation:
+        if isinstance(adaptation.does, Course):
+            courses.setdefault(adaptation.does.within.name, {})[adaptation.name] = adaptation.does
     for tree in spec_index.spec.trees:
         forest = _sound_forest(spec_index, faults, tree)
         if forest is None or not spec_index.is_readable("trees", tree.name, "course"):
             continue
         yield from _wrong_branch_findings(tree, forest.forest)
-        yield from _findings_of_branches_without_action(
-            tree, [course for _, course in courses if course.within.name == tree.name]
-        )
-        for name, course in courses:
-            if course.within.name == tree.name:
-                yield from _findings_of_actions_without_branch(tree, name, course)
+        courses_of_tree = courses.get(tree.name, {})
+        yield from _findings_of_branches_without_action(tree, [*courses_of_tree.values()])
+        for name, course in courses_of_tree.items():
+            yield from _findings_of_actions_without_branch(tree, name, course)
 
 
 def _sound_forest(spec_index: SpecIndex, faults: FaultyElements, tree: TreeElement) -> CheckedForest | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from codra_dsl.language.check.checked.loops import (
@@ -16,6 +16,7 @@ from codra_dsl.language.check.checked.loops import (
     CheckedStage,
     CheckedTree,
 )
+from codra_dsl.language.check.conditions.conditions import LOOP_ROLES
 from codra_dsl.language.check.index.parsed_rules import ParsedRules, defuzzifier_of, members, output_terms, range_of
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.loops.branches import chosen_values
@@ -32,7 +33,7 @@ from codra_dsl.language.fuzzy.model import (
 )
 from codra_dsl.language.fuzzy.words import Method
 from codra_dsl.language.fuzzy.write import rule_text
-from codra_dsl.language.model import Adaptation, Course, Loop, Output, Parameter, TreeElement, Variable, weight_name
+from codra_dsl.language.model import Adaptation, Course, Output, Parameter, Spec, TreeElement, Variable, weight_name
 
 
 def checked_mape(spec_index: SpecIndex) -> CheckedMape | None:
@@ -40,14 +41,61 @@ def checked_mape(spec_index: SpecIndex) -> CheckedMape | None:
     spec = spec_index.spec
     if not spec.adapts:
         return None
+    reads = _reads(spec_index)
+    own_holds_s = {action.name: action.hold_s for action in spec.actions if action.hold_s is not None}
+    rates, courses = _rates_by_loop(spec_index, reads), _courses_by_tree(spec)
     return CheckedMape(
         metrics=_stage(spec_index.parsed_rules, "metrics", spec.metrics),
         actions=_stage(spec_index.parsed_rules, "actions", spec.actions),
         rates=tuple(_rate(spec_index, variable) for variable in spec.context if variable.rate is not None),
-        adaptation=tuple(_adaptation(spec_index, adaptation) for adaptation in spec.adaptation),
-        trees=tuple(_tree(spec_index, tree) for tree in spec.trees),
-        loops=tuple(_loop(spec_index, loop) for loop in spec.loops),
+        adaptation=tuple(
+            _adaptation(spec_index, adaptation, reads[adaptation.name], own_holds_s) for adaptation in spec.adaptation
+        ),
+        trees=tuple(_tree(spec_index, tree, courses.get(tree.name, "")) for tree in spec.trees),
+        loops=tuple(CheckedLoop(loop=loop, rates=tuple(sorted(rates[loop.name]))) for loop in spec.loops),
     )
+
+
+def _reads(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
+    """Return, for each adaptation, the context-variables that its conditions or its value read, sorted."""
+    names: dict[str, set[str]] = {adaptation.name: set() for adaptation in spec_index.spec.adaptation}
+    for site in spec_index.sites:
+        if site.role in LOOP_ROLES:
+            names[site.owner[1]].update(read_name.name for read_name in site.names)
+    return {name: tuple(sorted(read_names)) for name, read_names in names.items()}
+
+
+def _rates_by_loop(spec_index: SpecIndex, reads: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
+    """Return, for each loop, the rates that it computes.
+
+    A rate belongs to the first loop with a rule or a condition that reads the rate. Rates that no loop reads belong to
+    the first loop of the spec.
+    """
+    spec = spec_index.spec
+    courses = {adaptation.name: adaptation.does for adaptation in spec.adaptation}
+    owners: dict[str, str] = {}
+    for loop in spec.loops:
+        keys = [("metrics", metric.name) for metric in loop.analyse]
+        for adaptation in loop.adapt:
+            does = courses[adaptation.name]
+            keys += [("actions", action.name) for action in does.choose] if isinstance(does, Course) else []
+            owners |= {name: loop.name for name in reads[adaptation.name] if name not in owners}
+        for key in dict.fromkeys(keys):
+            owners |= {name: loop.name for name in spec_index.parsed_rules.input_names(*key) if name not in owners}
+    rates: dict[str, list[str]] = {loop.name: [] for loop in spec.loops}
+    for variable in spec.context if spec.loops else ():
+        if variable.rate is not None:
+            rates[owners.get(variable.name, spec.loops[0].name)].append(variable.name)
+    return rates
+
+
+def _courses_by_tree(spec: Spec) -> Mapping[str, str]:
+    """Return, for each tree, the adaptation that chooses its branch."""
+    return {
+        adaptation.does.within.name: adaptation.name
+        for adaptation in reversed(spec.adaptation)
+        if isinstance(adaptation.does, Course)
+    }
 
 
 def _stage(parsed_rules: ParsedRules, section: str, outputs: tuple[Output, ...]) -> CheckedStage | None:
@@ -134,7 +182,9 @@ def _rate(spec_index: SpecIndex, variable: Variable) -> CheckedRate:
     return CheckedRate(variable=variable, of=base_variable.name, over_s=rate.over_s, factor=factor, kind=rate.kind)
 
 
-def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
+def _adaptation(
+    spec_index: SpecIndex, adaptation: Adaptation, reads: Sequence[str], own_holds_s: Mapping[str, float]
+) -> CheckedAdaptation:
     does = adaptation.does
     if isinstance(does, Parameter):
         wanted_type = spec_index.context_types[does.variable.name]
@@ -142,65 +192,14 @@ def _adaptation(spec_index: SpecIndex, adaptation: Adaptation) -> CheckedAdaptat
         python = tuple(spec_index.python(value, wanted_type) for value in values)
     else:
         python = tuple(spec_index.python(rule.condition, None) for rule in does.always)
-    adaptation_sites = (site for site in spec_index.sites if site.owner == ("adaptation", adaptation.name))
-    reads = sorted({read_name.name for site in adaptation_sites for read_name in site.names})
-    chosen_actions = {action.name for action in does.choose} if isinstance(does, Course) else set()
-    holds_s = {
-        action.name: action.hold_s
-        for action in spec_index.spec.actions
-        if action.name in chosen_actions and action.hold_s is not None
-    }
+    actions = [action.name for action in does.choose] if isinstance(does, Course) else []
+    holds_s = {action: own_holds_s[action] for action in actions if action in own_holds_s}
     return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads), holds_s=holds_s)
 
 
-def _tree(spec_index: SpecIndex, tree: TreeElement) -> CheckedTree:
+def _tree(spec_index: SpecIndex, tree: TreeElement, course: str) -> CheckedTree:
     forest = spec_index.forests[tree.name][0]
     assert forest is not None
     entry, values = chosen_values(tree, forest.forest)
-    courses = (
-        adaptation.name
-        for adaptation in spec_index.spec.adaptation
-        if isinstance(adaptation.does, Course) and adaptation.does.within.name == tree.name
-    )
     tasks = dict.fromkeys(task.name for leaf in tree.leaves for task in leaf.tasks)
-    return CheckedTree(
-        element=tree, forest=forest, course=next(courses, ""), entry=entry, branches=values, tasks=tuple(tasks)
-    )
-
-
-def _loop(spec_index: SpecIndex, loop: Loop) -> CheckedLoop:
-    """Return a loop with the rates that it computes.
-
-    A rate belongs to the first loop with a rule or a condition that reads the rate. Rates that no loop reads belong to
-    the first loop of the spec.
-    """
-    rates_by_loop = {
-        reading_loop.name: tuple(_rates(spec_index, reading_loop)) for reading_loop in spec_index.spec.loops
-    }
-    owners: dict[str, str] = {}
-    for owner, rates in rates_by_loop.items():
-        for rate in rates:
-            owners.setdefault(rate, owner)
-    for variable in spec_index.spec.context:
-        if variable.rate is not None:
-            owners.setdefault(variable.name, spec_index.spec.loops[0].name)
-    return CheckedLoop(loop=loop, rates=tuple(rate for rate in sorted(owners) if owners[rate] == loop.name))
-
-
-def _rates(spec_index: SpecIndex, loop: Loop) -> Iterator[str]:
-    names = {name for metric in loop.analyse for name in spec_index.parsed_rules.input_names("metrics", metric.name)}
-    for adaptation in spec_index.spec.adaptation:
-        if adaptation.name in (reference.name for reference in loop.adapt):
-            does = adaptation.does
-            actions = [reference.name for reference in does.choose] if isinstance(does, Course) else []
-            names |= {name for action in actions for name in spec_index.parsed_rules.input_names("actions", action)}
-            names |= {
-                read_name.name
-                for site in spec_index.sites
-                if site.owner == ("adaptation", adaptation.name)
-                for read_name in site.names
-            }
-    for name in sorted(names):
-        variable = spec_index.variables.get(name)
-        if variable is not None and variable.rate is not None:
-            yield name
+    return CheckedTree(element=tree, forest=forest, course=course, entry=entry, branches=values, tasks=tuple(tasks))

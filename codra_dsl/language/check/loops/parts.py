@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES
 from codra_dsl.language.check.index.mentions import references
@@ -50,6 +50,7 @@ def parts_of_loops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Di
 def split_courses(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
     """The loop that adapts a course also executes its tree, and each tree has one course."""
     first_adaptations: dict[str, Adaptation] = {}
+    adapting_loops, executing_loops = _loops_by_part(spec_index, "adapt"), _loops_by_part(spec_index, "execute")
     for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
         if not isinstance(does, Course):
@@ -60,16 +61,11 @@ def split_courses(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
             message = f"adaptation '{other.name}' also chooses the course of tree '{does.within.name}'"
             help = "put all actions under 'choose' of only one of the two adaptations"
             yield finding("two-adaptations", message, does.within.place, path=path, help=help)
-        adapting_loops = [loop for loop in spec_index.spec.loops if adaptation.name in _names(loop.adapt)]
-        if adapting_loops and not any(does.within.name in _names(loop.execute) for loop in adapting_loops):
-            executing_loop_names = [
-                loop.name for loop in spec_index.spec.loops if does.within.name in _names(loop.execute)
-            ]
-            where_text = (
-                f"which loop '{executing_loop_names[0]}' executes" if executing_loop_names else "which no loop executes"
-            )
-            message = f"loop '{adapting_loops[0].name}' chooses the course of tree '{does.within.name}', {where_text}"
-            help = f"name '{does.within.name}' under 'execute' of loop '{adapting_loops[0].name}'"
+        adapting, executing = adapting_loops.get(adaptation.name, ()), executing_loops.get(does.within.name, ())
+        if adapting and set(adapting).isdisjoint(executing):
+            where_text = f"which loop '{executing[0]}' executes" if executing else "which no loop executes"
+            message = f"loop '{adapting[0]}' chooses the course of tree '{does.within.name}', {where_text}"
+            help = f"name '{does.within.name}' under 'execute' of loop '{adapting[0]}'"
             yield finding("two-loops", message, does.within.place, path=path, help=help)
 
 
@@ -107,8 +103,13 @@ def unread_outputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Di
             yield finding("unread-output", message, action.place, path=f"actions.{action.name}", help=help)
 
 
-def _names(references_: tuple[Reference, ...]) -> list[str]:
-    return [reference.name for reference in references_]
+def _loops_by_part(spec_index: SpecIndex, key: str) -> Mapping[str, Sequence[str]]:
+    """Return a mapping from each name under a key of loops to the names of these loops."""
+    loops: dict[str, list[str]] = {}
+    for loop in spec_index.spec.loops:
+        for reference in getattr(loop, key):
+            loops.setdefault(reference.name, []).append(loop.name)
+    return loops
 
 
 LOOP_PART_CHECKS = (parts_of_loops, split_courses)

@@ -76,4 +76,7 @@ def read_handle(reader: Reader, resource: str, call_help: str, *steps: str) -> H
         reader.fail("call", message, call, call_help, *steps, "call")
     if reader.damaged:
         return None
-    return Handle(resource=resource, call=call.text, arguments=arguments, place=reader.origin.of(call))
+    places = tuple(reader.origin.of(key) for key, _ in entries(reader.node.value("with")))
+    return Handle(
+        resource=resource, call=call.text, arguments=arguments, place=reader.origin.of(call), argument_places=places
+    )
