@@ -147,6 +147,9 @@ _MAX_TEXT_LENGTH = 20_000
 _MAX_EXPRESSIONS = 30
 """The number of expressions that replace derived variables in one condition: Python limits the nesting of brackets."""
 
+_MAX_DEPTH = 40
+"""The length of a chain of causes, in readings, from which on the chain is left out: readers and Python have limits."""
+
 _COPIED_FIELDS = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
 
 
@@ -160,8 +163,10 @@ class _Explanation:
         self._explained_readings: set[tuple[str, int]] = set()
 
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:
-        """Explain a variable, as a cause of the variables in `path`."""
+        """Explain a variable, as a cause of the variables in `path`; leave its causes out if the path is too long."""
         context = self._context_at(at_s)
+        if len(path) >= _MAX_DEPTH:
+            return replace(self._bare_why(context.reading(name), at_s), is_left_out=True)
         override_event = context.override_event(name)
         if override_event is None:
             return self._observed_why(name, context, path)

@@ -419,6 +419,18 @@ def test_why_explains_a_look_that_waits_for_a_long_chain_of_derived_variables() 
         assert "told" in str(codra.why("shelf"))
 
 
+@pytest.mark.parametrize("is_known", [True, False])
+def test_why_leaves_out_the_rest_of_a_long_chain_and_names_where_to_ask_and_what_is_missing(is_known: bool) -> None:
+    steps = [variable(f"step_{number}", derived=~value(f"step_{number - 1}")) for number in range(1, 600)]
+    with started(forest([given("told"), variable("step_0", derived=value("told")), *steps]), World()) as codra:
+        if is_known:
+            codra.set("told", True)
+        text = str(codra.why("step_599"))
+        assert "its causes are left out, because this chain is long: ask about step_559" in text
+        assert "told is" in str(codra.why("step_9"))
+        assert ("missing: only main_execution may write it" in text) is not is_known
+
+
 def test_variables_that_read_each_other_often_are_derived_once_each() -> None:
     steps = [
         variable(f"step_{number}", derived=value(f"step_{number - 1}") & value(f"step_{number - 2}"))
