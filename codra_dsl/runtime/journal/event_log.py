@@ -92,9 +92,7 @@ class EventLog:
         """
         dropped_until_s = self._latest_dropped_events.until_s
         if dropped_until_s > until_s or (before is not None and dropped_until_s >= before.instant_s):
-            raise ValueError(
-                f"events before {dropped_until_s} s have been dropped from memory: read the journal"
-            )
+            raise ValueError(f"events before {dropped_until_s} s have been dropped from memory: read the journal")
         events = takewhile(lambda entry: entry is not before, self._events)
         return LatestEvents.of(map(_to_event, events), until_s, self._latest_dropped_events)
 

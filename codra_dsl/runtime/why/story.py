@@ -57,10 +57,12 @@ def _value_lines(reading: Reading[Value], latest_events: LatestEventsView, summa
         origin = "counted in the knowledge graph" if is_counted else "determined by poses"
         yield f"{origin} since {instant_text(reading.evidence_s)}{learned_text}"
     elif (look_event := _look_of_decision(reading, latest_events)) is not None:
-        asked_text, detail = instant_text(look_event.details["asked_s"]), look_event.details.get("detail")
-        state_text = f"{look_event.details.get('reason', 'its evidence did not count')}{f': {detail}' if detail else ''}"
+        details = look_event.details
+        state_text = details.get("reason") or "its evidence did not count"
+        detail_text = f": {details['detail']}" if details.get("detail") else ""
         yield f"found by a look of {MAIN} at {instant_text(reading.identified_s)}"
-        yield f"context could not answer the decision of {asked_text}: {state_text}"
+        asked_text = instant_text(details["asked_s"])
+        yield f"context could not answer the decision of {asked_text}: {state_text}{detail_text}"
     else:
         writer_text = reading.source if reading.source == MAIN else f"agent {reading.source}"
         old_evidence_text = f", from evidence taken at {instant_text(reading.evidence_s)}"
