@@ -95,10 +95,11 @@ def replay_command(
         header = index_reader.header()
         end_s = EventsInFile(index_reader, header.summary).end_s
         is_torn = index_reader.damage.is_torn
-        if is_torn:  # then the whole file was read, because it has no index
+        if is_torn:  # then the whole file was read, because it has no index; a program may still be writing it
             report_damage(index_reader, header.start_s if end_s is None else end_s)
+        max_messages = index_reader.message_count if is_torn else None
         from_s, to_s = range_of(from_, to, header)
-        recording = Recording.of_file(reader, index_reader.kinds(), to_s)
+        recording = Recording.of_file(reader, index_reader.kinds(), to_s, max_messages)
         with _loaded_package(header, package, spec) as module:
             make_knowledge = partial(_initial_knowledge, module, dsr, dsr_unit_m)
             replay_result, is_journal_complete = _replay(header, recording, from_s, module, make_knowledge, journal)
