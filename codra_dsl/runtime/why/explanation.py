@@ -370,7 +370,7 @@ class _Explanation:
         if observer is None:
             if not context.observed_reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)
-                yield MissingChange(variable=name, condition=f"only {sources} may write it")
+                yield MissingChange(variable=name, condition=f"only {sources} may write {name}")
             return
         last_event = context.latest_events.observer_events.get(observer.name)
         if last_event is None or last_event.what != "started":
