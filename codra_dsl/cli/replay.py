@@ -106,6 +106,8 @@ def replay_command(
             report_damage(index_reader, header.start_s if end_s is None else end_s)
         max_messages = index_reader.message_count if is_torn else None
         from_s, to_s = range_of(from_, to, header)
+        if end_s is not None and end_s < from_s:
+            raise typer.BadParameter(f"'{from_}' is after the end of the run", param_hint="--from")
         recording = Recording.of_file(reader, index_reader.kinds(), to_s, max_messages)
         with _loaded_package(header, package, spec, site) as module:
             make_knowledge = partial(_initial_knowledge, module, dsr, dsr_unit_m)

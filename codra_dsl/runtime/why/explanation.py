@@ -56,7 +56,10 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     if name in summary.variables:
         why = _Explanation(summary, latest_events_at).why(name, at_s, ())
         reading_of = _PastContext(latest_events_at(at_s), summary, at_s).reading
-        return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), reading_of, name)))
+        lines = tuple(adaptation_lines(latest_events_at(at_s), reading_of, name))
+        if why.beneath is not None:
+            return replace(why, beneath=replace(why.beneath, story=(*why.beneath.story, *lines)))
+        return replace(why, story=(*why.story, *lines))
     latest_events = latest_events_at(at_s)
     reading_of = _PastContext(latest_events, summary, at_s).reading
     course = explain_course(latest_events, reading_of, name, at_s)
