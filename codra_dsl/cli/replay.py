@@ -49,6 +49,10 @@ SpecOption = Annotated[
     Path | None,
     typer.Option("--spec", metavar="SPEC", help="Compile this spec and use its package.", show_default=False),
 ]
+SiteOption = Annotated[
+    Path | None,
+    typer.Option("--site", metavar="SITE", help="Compile --spec with the values of this site.", show_default=False),
+]
 DsrOption = Annotated[
     Path | None,
     typer.Option("--dsr", metavar="FILE", help="The DSR graph with which the run began, as JSON.", show_default=False),
@@ -75,6 +79,7 @@ def replay_command(
     *,
     package: PackageOption = None,
     spec: SpecOption = None,
+    site: SiteOption = None,
     dsr: DsrOption = None,
     dsr_unit_m: DsrUnitOption = 0.001,
     journal: JournalOption = None,
@@ -86,20 +91,25 @@ def replay_command(
     from codra_dsl.runtime.journal.events_in_file import EventsInFile
     from codra_dsl.runtime.replay.recording import Recording
 
-    existing([path for path in (file, package, spec, dsr) if path is not None])
+    existing([path for path in (file, package, spec, site, dsr) if path is not None])
     if package is not None and spec is not None:
         raise typer.BadParameter("give either --package or --spec, not both", param_hint="--spec")
+    if site is not None and spec is None:
+        raise typer.BadParameter("give --spec as well: the spec of this site", param_hint="--site")
     if journal is not None and real_path(journal) == real_path(file):
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
     with open_journal(file) as index_reader, open_journal(file) as reader:
         header = index_reader.header()
         end_s = EventsInFile(index_reader, header.summary).end_s
         is_torn = index_reader.damage.is_torn
-        if is_torn:  # then the whole file was read, because it has no index
+        if is_torn:  # then the whole file was read, because it has no index; a program may still be writing it
             report_damage(index_reader, header.start_s if end_s is None else end_s)
+        max_messages = index_reader.message_count if is_torn else None
         from_s, to_s = range_of(from_, to, header)
-        recording = Recording.of_file(reader, index_reader.kinds(), to_s)
-        with _loaded_package(header, package, spec) as module:
+        if end_s is not None and end_s < from_s:
+            raise typer.BadParameter(f"'{from_}' is after the end of the run", param_hint="--from")
+        recording = Recording.of_file(reader, index_reader.kinds(), to_s, max_messages)
+        with _loaded_package(header, package, spec, site) as module:
             make_knowledge = partial(_initial_knowledge, module, dsr, dsr_unit_m)
             replay_result, is_journal_complete = _replay(header, recording, from_s, module, make_knowledge, journal)
         if not is_torn and to is None:
@@ -136,17 +146,21 @@ def _initial_knowledge(module: ModuleType, dsr: Path | None, unit_m: float) -> K
 
 
 @contextmanager
-def _loaded_package(header: RunHeader, package: Path | None, spec: Path | None) -> Iterator[ModuleType]:
+def _loaded_package(
+    header: RunHeader, package: Path | None, spec: Path | None, site: Path | None
+) -> Iterator[ModuleType]:
     """Load the package that the options or the journal name, and report how it differs from the one that ran."""
     import tempfile
 
     from codra_dsl.integrations.inspection.loading import load_package
 
     with tempfile.TemporaryDirectory(prefix="codra-") as temporary_folder:
-        folder = (
-            _compile_into(spec, Path(temporary_folder)) if spec is not None else package or _default_package(header)
-        )
-        package_text = f"'{os.path.relpath(folder)}'" if spec is None else f"of '{spec}'"
+        if spec is None:
+            folder = package or _default_package(header)
+            package_text = f"'{os.path.relpath(folder)}'"
+        else:
+            folder = _compile_into(spec, site, Path(temporary_folder))
+            package_text = f"of '{spec}'" if site is None else f"of '{spec}' with '{site}'"
         say(f"codra: the replay runs the package {package_text}")
         try:
             module = load_package(folder)
@@ -154,7 +168,7 @@ def _loaded_package(header: RunHeader, package: Path | None, spec: Path | None) 
         except Exception as error:
             say(f"codra: '{folder}' is not a package of codra that can be loaded: {described(error)}")
             raise typer.Exit(ExitCode.FAILED) from error
-        _report_version_differences(header, folder)
+        _report_version_differences(header, folder, is_default=spec is None and package is None)
         yield module
 
 
@@ -211,20 +225,34 @@ def _default_package(header: RunHeader) -> Path:
         message = f"the package '{folder}' is a link that leads out of the project: use --package to run this package"
         raise typer.BadParameter(message, param_hint="FILE")
     if not (folder / "manifest.json").is_file():
-        message = f"there is no package '{folder}' of '{header.spec}': use --package or --spec"
+        other_text = _text_of_package_that_ran(header) or "use --package or --spec"
+        message = f"there is no package '{folder}' of '{header.spec}': {other_text}"
         raise typer.BadParameter(message, param_hint="FILE")
     return folder
 
 
-def _compile_into(spec: Path, folder: Path) -> Path:
+def _text_of_package_that_ran(header: RunHeader) -> str:
+    """Return which package of the project has the model of a run, e.g. that of a site; empty if none is known."""
+    from codra_dsl.language.load.yaml.names import is_identifier
+    from codra_dsl.language.project import root_of
+    from codra_dsl.runtime.context.package_files import manifest_of
+
+    root = real_path(root_of(Path.cwd()))
+    folders = sorted(root.glob(f"generated*/{header.spec}")) if is_identifier(header.spec) else []
+    folder = next((folder for folder in folders if manifest_of(folder).get("model") == header.model), None)
+    return "" if folder is None else f"the package that ran is '{os.path.relpath(folder)}': select it with --package"
+
+
+def _compile_into(spec: Path, site: Path | None, folder: Path) -> Path:
     """Compile a spec into a temporary folder and return the package."""
     from codra_dsl.compiler import plan_paths
     from codra_dsl.generation.emit import emit
 
-    paths = existing([spec])
-    planning_result = plan_paths(paths, common_root(paths))
+    paths, sites = [spec], [] if site is None else [site]
+    planning_result = plan_paths(paths, common_root([*paths, *sites]), sites=sites)
     if len(planning_result.plans) != 1:
-        say(f"codra: '{spec}' does not compile to one package: see codra lint {spec}")
+        arguments = spec if site is None else f"{spec} --site {site}"
+        say(f"codra: '{spec}' does not compile to one package: see codra lint {arguments}")
         raise typer.Exit(ExitCode.FAILED)
     for path, text in emit(planning_result.plans[0]).items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -232,7 +260,7 @@ def _compile_into(spec: Path, folder: Path) -> Path:
     return folder / planning_result.plans[0].name
 
 
-def _report_version_differences(header: RunHeader, folder: Path) -> None:
+def _report_version_differences(header: RunHeader, folder: Path, *, is_default: bool) -> None:
     from codra_dsl import __version__
     from codra_dsl.runtime.context.package_files import manifest_of
 
@@ -241,6 +269,8 @@ def _report_version_differences(header: RunHeader, folder: Path) -> None:
         say(f"codra: the journal is about '{header.spec}', but the package is '{manifest.get('name')}'")
     elif manifest.get("model") != header.model:
         say(f"codra: the package differs from the one that ran (model {header.model[:19]}...): results may differ")
+        if is_default and (package_text := _text_of_package_that_ran(header)):
+            say(f"codra: {package_text}")
     if header.codra != __version__:
         say(f"codra: the run used codra {header.codra}, but this is codra {__version__}")
 

@@ -355,6 +355,12 @@ def test_an_empty_range_of_time_is_a_usage_error(project: Path, command: tuple[s
         assert message in process.stderr.replace("\n", " ")
 
 
+def test_a_replay_of_a_time_after_the_run_is_a_usage_error(project: Path) -> None:
+    process = codra("replay", "run.mcap", "--from", "99", cwd=project)
+    assert process.returncode == 2
+    assert "Invalid value for --from: '99' is after the end of the run" in process.stderr.replace("\n", " ")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

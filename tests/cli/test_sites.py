@@ -271,6 +271,7 @@ def test_diff_shows_the_place_in_the_site_of_merged_values_handles_and_arguments
         (("diff", "specs", "--site", "/dev/null"), "the specs belong to several projects"),
         (("lint", "-", "--site", "sites/hall_1.yaml"), "a site cannot be combined with a spec from standard input"),
         (("compile", "specs", "--site", "sites/hall_3.yaml"), "'sites/hall_3.yaml' does not exist"),
+        (("replay", "sites/hall_1.yaml", "--site", "sites/hall_1.yaml"), "give --spec as well: the spec of this site"),
     ],
 )
 def test_a_wrong_use_of_sites_is_a_usage_error(arguments: tuple[str, ...], message: str, project: Path) -> None:
@@ -303,6 +304,15 @@ def test_a_run_at_a_site_is_explained_and_replayed_with_the_values_of_the_site(p
     why = codra("why", "room_empty", "--journal", "run.mcap", "--at", "2", cwd=project)
     replay = codra("replay", "run.mcap", "--package", "generated_dark/room", cwd=project)
 
+    with_site = codra("replay", "run.mcap", "--spec", "specs/room.yaml", "--site", "sites/dark.yaml", cwd=project)
+    without_package = codra("replay", "run.mcap", cwd=project)
+    codra("compile", "specs/room.yaml", cwd=project)
+    with_other_package = codra("replay", "run.mcap", cwd=project)
+
+    help_text = "the package that ran is 'generated_dark/room': select it with --package"
+    assert (with_site.returncode, with_site.stdout) == (0, replay.stdout)
+    assert (without_package.returncode, help_text in " ".join(without_package.stderr.split())) == (2, True)
+    assert (with_other_package.returncode, f"codra: {help_text}\n" in with_other_package.stderr) == (1, True)
     assert printed == "False\nTrue\n"
     assert "light > 80 lux does not hold  [sites/dark.yaml:3 (replaces specs/room.yaml:13)]" in why.stdout
     assert "perception look cannot look  [specs/room.yaml:9 (changed at sites/dark.yaml:3)]" in why.stdout

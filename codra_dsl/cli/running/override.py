@@ -33,7 +33,10 @@ def override_command(
         typer.Option(metavar="ADDRESS", help="The Unix socket or the port of the robot's server.", show_default=False),
     ],
     for_: Annotated[
-        str, typer.Option("--for", metavar="DURATION", help="How long it lasts: '10 min'.", show_default=False)
+        str,
+        typer.Option(
+            "--for", metavar="DURATION", help="How long it lasts, at most 24 h: '10 min'.", show_default=False
+        ),
     ] = "",
     reason: Annotated[
         str, typer.Option(metavar="TEXT", help="Why the variable is overridden.", show_default=False)
@@ -74,14 +77,16 @@ def _request(address: str, send: Callable[[RemoteContext], None]) -> None:
 
 def _duration_s(text: str) -> float:
     from codra_dsl.language.units import duration_help, parse_duration
+    from codra_dsl.runtime.context.overrides import checked_duration_s
 
     duration_s = parse_duration(text)
     if duration_s is None:
         message = duration_help(text) if text else "state how long the override lasts, such as '10 min'"
         raise typer.BadParameter(message, param_hint="--for")
-    if not 0 < duration_s < math.inf:
-        raise typer.BadParameter("an override lasts for more than 0 s, and not forever", param_hint="--for")
-    return duration_s
+    try:
+        return checked_duration_s(duration_s)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--for") from error
 
 
 def _read_value(text: str, variable: str, value_type: ValueType) -> bool | int | float | str:

@@ -189,13 +189,9 @@ def _failure_of_decision(
     )
     if not decisions:
         return Failure(check.place, f"{expected_text}, but there was no decision on it")
-    decision_s = decisions[-1].instant_s
-    why = str(codra.why(check.variable, at_s=decision_s))
-    return Failure(
-        check.place,
-        f"{expected_text}, but at {instant_text(decision_s)} it was {_OUTCOME_TEXTS[decisions[-1].what]}",
-        why,
-    )
+    decision = decisions[-1]
+    message = f"{expected_text}, but at {instant_text(decision.instant_s)} it was {_OUTCOME_TEXTS[decision.what]}"
+    return Failure(check.place, message, str(codra.why(check.variable, before=decision)))
 
 
 def _failure_of_expectation(

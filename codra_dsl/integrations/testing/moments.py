@@ -39,6 +39,7 @@ from codra_dsl.language.model import Literal
 from codra_dsl.language.units import parse_duration
 from codra_dsl.runtime import Reason
 from codra_dsl.runtime.behavior_trees import Result
+from codra_dsl.runtime.context.overrides import MAX_OVERRIDE_S
 from codra_dsl.runtime.observers.expectations import Outcome as ExpectationOutcome
 from codra_dsl.runtime.values.model import ValueType
 
@@ -151,10 +152,14 @@ class MomentReader:
         type_, reason = self._variables[variable].type, reader.text("reason", "")
         if reason_node is not None and not reason_node.reported and not reason.strip():
             reader.fail("wrong-type", "'reason' is empty", reason_node, "state why the operator overrides it", *steps)
+        for_s = reader.duration_s("for", 0.0)
+        if for_s > MAX_OVERRIDE_S:
+            message, help_text = f"'for' is longer than {MAX_OVERRIDE_S / 3600:g} h", "override it again before it ends"
+            reader.fail("duration", message, node.value("for") or node, help_text, *steps)
         return Overriding(
             variable=variable,
             value=None if value_node is None else read_value(reader, value_node, type_, *steps, "is"),
-            for_s=reader.duration_s("for", 0.0),
+            for_s=for_s,
             reason=reason,
         )
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Self, cast
 
@@ -26,7 +27,7 @@ from codra_dsl.runtime.context.skills import Skill
 from codra_dsl.runtime.context.slots import MainExecutionSlots
 from codra_dsl.runtime.context.summarise import summarise_spec
 from codra_dsl.runtime.errors import NotASourceError, UnknownNameError, unknown_name_error
-from codra_dsl.runtime.journal import EventLog
+from codra_dsl.runtime.journal import Event, EventLog
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary import SpecSummary
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, KnowledgeModel, nodes_of_variables
@@ -228,13 +229,15 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         self._model(name)
         return self._components.obstacle(name)
 
-    def why(self, name: VariableName | str, *, at_s: float | None = None) -> Why:
+    def why(self, name: VariableName | str, *, at_s: float | None = None, before: Event | None = None) -> Why:
         """Return the explanation of a variable: its value and the evidence, or the reason why it is unknown.
 
         Args:
             name: the variable; also a skill, to explain its preview, or `preview of SKILL` if something else has this
                 name; a course, a parameter or an action of a loop; or an element of knowledge.
             at_s: a past instant that the event log still covers; now, if None.
+            before: an event of the event log, in place of `at_s`, to explain the state just before it: a decision, for
+                example, can have the instant of the value that its look found.
 
         Raises:
             UnknownNameError: if the spec does not declare the name, and no event up to the instant has this name.
@@ -242,9 +245,10 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
         """
         with self._lock:
             now_s, record = self._clock.now_s(), self.record.copy()
-        if at_s is not None and not at_s <= now_s:
+        at_s = before.instant_s if before is not None else now_s if at_s is None else at_s
+        if not at_s <= now_s:
             raise ValueError(f"the instant {at_s} lies in the future: it is {now_s} now")
-        return explain(self._spec_summary(), record.latest_events, name, now_s if at_s is None else at_s)
+        return explain(self._spec_summary(), partial(record.latest_events, before=before), name, at_s)
 
     def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
         """Write a variable as the main execution.

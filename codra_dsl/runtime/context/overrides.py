@@ -5,7 +5,6 @@ For example, the sensor of a door is broken, and the operator sees that the door
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -13,6 +12,9 @@ from codra_dsl.runtime.values.model import VariableModel, real, text
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.context.commands import Commands
+
+MAX_OVERRIDE_S = 86_400.0
+"""The longest override, 24 hours: a robot should not trust a forgotten override for longer."""
 
 VariableName = TypeVar("VariableName", bound=str)
 
@@ -40,25 +42,31 @@ class Overrides(ABC, Generic[VariableName]):
         Args:
             name: the variable; it need not be declared, and may have any source.
             value: its value; None, or NaN for a number, makes the variable unknown.
-            for_s: how long the override lasts, in seconds; more than zero.
+            for_s: how long the override lasts, in seconds; more than zero, and at most `MAX_OVERRIDE_S`.
             reason: why the operator overrides the variable, for `why`, the journal and `Reading.detail`.
 
         Raises:
             NotOfTypeError: if the value does not have the declared type.
-            ValueError: if the duration is not a finite number above zero, or the reason is not a text or is empty.
+            ValueError: if the duration is not above zero or is too long, or the reason is not a text or is empty.
         """
         content = None if value is None else self._model(name).type.convert(value)
-        self.commands.override(self._model(name).name, content, _checked_duration_s(for_s), _checked_reason(reason))
+        self.commands.override(self._model(name).name, content, checked_duration_s(for_s), _checked_reason(reason))
 
     def clear_override(self, name: VariableName) -> None:
         """End the override of a variable, if there is one; the variable has the reading of its sources again."""
         self.commands.clear_override(self._model(name).name)
 
 
-def _checked_duration_s(for_s: object) -> float:
+def checked_duration_s(for_s: object) -> float:
+    """Return the duration of an override.
+
+    Raises:
+        ValueError: if an override cannot last so long.
+    """
     duration_s = real().convert(for_s)
-    if not isinstance(duration_s, float) or not 0 < duration_s < math.inf:
-        raise ValueError(f"an override lasts for a finite number of seconds above zero, not {for_s!r}")
+    if not isinstance(duration_s, float) or not 0 < duration_s <= MAX_OVERRIDE_S:
+        max_text = f"at most {MAX_OVERRIDE_S / 3600:g} h ({MAX_OVERRIDE_S:g} s)"
+        raise ValueError(f"an override lasts for more than 0 s and {max_text}: override again before it ends")
     return duration_s
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from codra_dsl.logic import Value
@@ -83,17 +84,17 @@ class EventLog:
         event_log._events, event_log._latest_dropped_events = self._events.copy(), self._latest_dropped_events.copy()
         return event_log
 
-    def latest_events(self, until_s: float) -> LatestEvents:
-        """Return the latest events up to an instant.
+    def latest_events(self, until_s: float, before: Event | None = None) -> LatestEvents:
+        """Return the latest events up to an instant, or only those before one of the events of this log.
 
         Raises:
             ValueError: if the events of that time have been dropped.
         """
-        if self._latest_dropped_events.until_s > until_s:
-            raise ValueError(
-                f"events before {self._latest_dropped_events.until_s} s have been dropped from memory: read the journal"
-            )
-        return LatestEvents.of(map(_to_event, self._events), until_s, self._latest_dropped_events)
+        dropped_until_s = self._latest_dropped_events.until_s
+        if dropped_until_s > until_s or (before is not None and dropped_until_s >= before.instant_s):
+            raise ValueError(f"events before {dropped_until_s} s have been dropped from memory: read the journal")
+        events = takewhile(lambda entry: entry is not before, self._events)
+        return LatestEvents.of(map(_to_event, events), until_s, self._latest_dropped_events)
 
     def _drop_surplus_events(self) -> None:
         surplus_count = len(self._events) - int(self.limit)

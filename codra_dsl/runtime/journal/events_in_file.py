@@ -186,6 +186,7 @@ class LatestEventsInFile:
         self._last_value = LazyEventsByName(lambda name: self._find_reading(name, is_value=True))
         self.present_events = LazyEventsByName(lambda name: _event_of(self._present.get(name)))
         self.override_events = LazyEventsByName(lambda name: self._find_last(Kind.OVERRIDE, name))
+        self.decision_events = LazyEventsByName(lambda name: self._find_last(Kind.DECISION, name))
         self.last_value_events = LazyEventsByName(lambda name: _event_of(self._last_value.get(name)))
         self.basis_jobs = LazyEventsByName(self._find_basis_job)
         self.later_events = LazyEventsByName(self._find_later_events)

@@ -14,6 +14,7 @@ Found_co = TypeVar("Found_co", covariant=True)
 _MAPPING_ATTRIBUTES = (
     "present_events",
     "override_events",
+    "decision_events",
     "last_value_events",
     "basis_jobs",
     "observer_events",
@@ -69,6 +70,11 @@ class LatestEventsView(Protocol):
     @property
     def override_events(self) -> EventsByName[Event]:
         """Return, for each variable, the last beginning or end of an override."""
+        ...
+
+    @property
+    def decision_events(self) -> EventsByName[Event]:
+        """Return, for each variable, the last decision on it."""
         ...
 
     @property
@@ -137,6 +143,7 @@ class LatestEvents:
         self.until_s = -math.inf
         self.present_events: dict[str, Event] = {}
         self.override_events: dict[str, Event] = {}
+        self.decision_events: dict[str, Event] = {}
         self.last_value_events: dict[str, Event] = {}
         self.basis_jobs: dict[str, Event] = {}
         self.later_events: dict[str, EventsAfterReading] = {}
@@ -175,6 +182,8 @@ class LatestEvents:
                 self._add_variable_event(event)
             case Kind.OVERRIDE:
                 self.override_events[event.name] = event
+            case Kind.DECISION:
+                self.decision_events[event.name] = event
             case Kind.JOB:
                 self._add_job_event(event)
             case Kind.OBSERVER:

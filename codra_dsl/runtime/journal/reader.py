@@ -113,6 +113,8 @@ class JournalReader:
         files: the attached files. The key is the name of the file.
         damage: missing and unreadable parts, complete once the journal has been read to its end.
         chunk_offset: the offset of the chunk with the last message.
+        message_count: the number of messages that `raw_messages` and `events` have yielded so far. `index` counts all
+            messages of a file whose end has no intact index, such as a file that is still being written.
         is_live: whether the program that writes the journal was still running when this reader opened it.
     """
 
@@ -132,6 +134,7 @@ class JournalReader:
         self.files: dict[str, bytes] = {}
         self.damage = Damage()
         self.chunk_offset = 0
+        self.message_count = 0
         if path.exists() and not path.is_file():
             raise JournalError(f"{path} is not a regular file")
         self._stream: BinaryIO = path.open("rb")
@@ -224,6 +227,7 @@ class JournalReader:
                 self.damage.lost_message_count += max(message.sequence - last_sequence - 1, 0)
                 self.damage.regained_message_count += is_regained
                 last_sequence = message.sequence
+                self.message_count += 1
                 yield raw_message
 
     def index(self) -> list[IndexedChunk]:

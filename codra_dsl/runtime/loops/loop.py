@@ -14,10 +14,9 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Self
+from typing import Any, Self
 
 from codra_dsl.isolation.error_text import described, loggable
 from codra_dsl.runtime.behavior_trees import Robot
@@ -44,11 +43,10 @@ from codra_dsl.runtime.loops.never_known import NeverKnownInputs
 from codra_dsl.runtime.loops.places import with_places
 from codra_dsl.runtime.loops.planning import Plan, Planner, Planners, Planning, Setting, VariableWrite
 from codra_dsl.runtime.loops.renewal import Renewals
+from codra_dsl.runtime.loops.self_dependence import MAX_CHANGES_IN_A_ROW, SelfDependence, fed_back_inputs
+from codra_dsl.runtime.values.cell import Reading
 
 _LOGGER = logging.getLogger(__name__)
-
-MAX_CHANGES_PER_INSTANT = 10
-"""If a course or parameter changes this often at one instant, the loop treats it as depending on itself."""
 
 
 class Mape:
@@ -88,8 +86,13 @@ class Mape:
         leaves = _robots_of_trees(model, Robot() if robot is None else robot)
         types = {variable.name: variable.type for variable in codra.model.variables}
         try:
+            planners = {loop.name: planner(model, loop, types) for loop in model.loops}
+            watches = {name: loop_planner.watches() for name, loop_planner in planners.items()}
+            fed_back = fed_back_inputs(model, watches, codra.model.variables)
             self._loops = {
-                loop.name: Loop(codra, model, loop, clock, leaves, self._writers, planner(model, loop, types))
+                loop.name: Loop(
+                    codra, model, loop, clock, leaves, self._writers, planners[loop.name], fed_back[loop.name]
+                )
                 for loop in model.loops
             }
         except BaseException:
@@ -160,8 +163,12 @@ class Loop:
         leaves: Mapping[str, Leaves],
         writers: AgentWriters,
         planning: Planner,
+        fed_back: frozenset[str],
     ) -> None:
-        """Make a loop that does not run yet; this raises the errors of `Mape`."""
+        """Make a loop that does not run yet; this raises the errors of `Mape`.
+
+        `fed_back` has the inputs that can change because of the loop's own results.
+        """
         self._codra = codra
         self._model = model
         self._loop = loop
@@ -179,8 +186,7 @@ class Loop:
         self._is_busy = False
         self._has_changed = False
         self._analysis_due_s = -math.inf
-        self._last_change_s = -math.inf
-        self._change_counts: Counter[str] = Counter()
+        self._self_dependence = SelfDependence(fed_back)
         valid_for_s = {variable.name: variable.valid_for_s for variable in codra.model.variables}
         parameters = [parameter for parameter in model.parameters if parameter.name in loop.adapt]
         self._renewals = Renewals(model.adapter, {name.variable: valid_for_s[name.variable] for name in parameters})
@@ -263,7 +269,7 @@ class Loop:
     def _start_listening(self) -> None:
         watched_variables = self.planning.watches()
         if watched_variables:
-            self._subscription = self._codra.subscribe(watched_variables, lambda _: self._on_change())
+            self._subscription = self._codra.subscribe(watched_variables, self._on_change)
 
     def _stop_listening(self) -> None:
         if self._subscription is not None:
@@ -271,18 +277,17 @@ class Loop:
 
     # Scheduling
 
-    def _on_change(self) -> None:
+    def _on_change(self, reading: Reading[Any]) -> None:
         with self._lock:
             self._has_changed = True
-        self._schedule_round(self._next_analysis_s())
+            self._self_dependence.note_input(reading.name)
+            due_s = self._next_analysis_s()
+        self._schedule_round(due_s)
 
     def _next_analysis_s(self) -> float:
-        """Return when to analyse changes: now, or a period later if values keep changing now."""
+        """Return when to analyse changes: now, or a period later if only the loop's own results keep changing."""
         now_s = self._clock.now_s()
-        is_circling = (
-            now_s == self._last_change_s and max(self._change_counts.values(), default=0) >= MAX_CHANGES_PER_INSTANT
-        )
-        return now_s + self._loop.period_s if is_circling else now_s
+        return now_s + self._loop.period_s if self._self_dependence.must_pause(now_s) else now_s
 
     def _schedule_round(self, instant_s: float) -> None:
         with self._lock:
@@ -339,6 +344,8 @@ class Loop:
         with self._lock:
             is_due = self._has_changed or self._clock.now_s() >= self._analysis_due_s
             self._has_changed = False
+            if is_due:
+                self._self_dependence.begin_analysis()
         if is_due:
             self._analysis_due_s = self._clock.now_s() + self._loop.period_s
             self._attempt(self._analyse)
@@ -389,19 +396,17 @@ class Loop:
             self._attempt(partial(self._record_event, self._loop.name, "never_known", event_details))
 
     def _count_changes(self, plan: Plan, now_s: float) -> None:
-        """Count the changes of one instant, and report what depends on itself."""
-        if now_s != self._last_change_s:
-            self._last_change_s, self._change_counts = now_s, Counter()
+        """Count the changes of one analysis, and report what depends on itself."""
         changed_names = [
             *(decision.course for decision in plan.decisions),
             *(setting.parameter.name for setting in plan.settings),
-            *sorted(plan.changed),
+            *plan.changed,
         ]
-        self._change_counts.update(changed_names)
-        for name in changed_names:
-            if self._change_counts[name] == MAX_CHANGES_PER_INSTANT:
-                message = f"'{name}' has changed {MAX_CHANGES_PER_INSTANT} times at one instant: it depends on itself"
-                self._record_event(self._loop.name, "failed", {"message": message})
+        with self._lock:
+            names = self._self_dependence.end_analysis(changed_names, now_s)
+        for name in names:
+            message = f"'{name}' has changed {MAX_CHANGES_IN_A_ROW} times in a row: it depends on itself"
+            self._record_event(self._loop.name, "failed", {"message": message})
 
     def _switch_course(self, decision: Decision) -> None:
         course = self.planning.courses[decision.course]

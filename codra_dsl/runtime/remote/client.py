@@ -27,11 +27,11 @@ from codra_dsl.runtime.remote.json_lines import (
     shut_down,
     with_send_timeout,
 )
-from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, preview_of, reading_of, type_of
+from codra_dsl.runtime.remote.protocol import VERSION, PlainData, error_of, plain_value, preview_of, reading_of, type_of
 from codra_dsl.runtime.remote.session import LEASE_S
 from codra_dsl.runtime.remote.token import read_token
 from codra_dsl.runtime.values.cell import Reading
-from codra_dsl.runtime.values.model import ValueType
+from codra_dsl.runtime.values.model import ValueType, unbox
 from codra_dsl.runtime.values.previews import PreviewAnswer
 
 Answer = TypeVar("Answer")
@@ -132,7 +132,7 @@ class RemoteContext:
 
     def declare(self, name: str, value: object = None) -> None:
         """Add a variable to C_E(t) (P1, Equation 4)."""
-        self._ask("declare", variable=name, **({} if value is None else {"value": value}))
+        self._ask("declare", variable=name, **({} if value is None else {"value": plain_value(value)}))
 
     def withdraw(self, name: str) -> None:
         """Withdraw the declaration of a variable."""
@@ -166,13 +166,14 @@ class RemoteContext:
         self._ask(
             "set",
             variable=name,
-            value=value,
+            value=plain_value(value),
             **{key: content for key, content in optional_fields.items() if content is not None},
         )
 
     def override(self, name: str, value: object, *, for_s: float, reason: str) -> None:
         """Give a variable a value as the operator, or make it unknown if `value` is None or NaN, for some time."""
-        value_field = {} if value is None or value != value else {"value": value}
+        content = plain_value(value)
+        value_field = {} if content is None else {"value": content}
         self._ask("override", variable=name, for_s=for_s, reason=reason, **value_field)
 
     def clear_override(self, name: str) -> None:
@@ -201,13 +202,14 @@ class RemoteContext:
             answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
         except ConnectionError as error:
             _LOGGER.warning("the decision on %s falls back to sequential perception: %s", name, error)
-            return _value_or_none(otherwise())
+            value = otherwise()
+            return None if plain_value(value) is None else value
         if answer["answered"]:
             return reading_of(answer["reading"]).content
-        value, result = self._look(answer["decision"], otherwise)
+        looked_value, result = self._look(answer["decision"], otherwise)
         with contextlib.suppress(ConnectionError):
             self._ask("found", **result)
-        return value
+        return looked_value
 
     def preview(
         self,
@@ -257,12 +259,15 @@ class RemoteContext:
     def _look(self, decision: int, otherwise: Callable[[], Answer]) -> tuple[Answer | None, PlainData]:
         """Return what the program found by its own look, and the fields of the request that reports it."""
         try:
-            value = _value_or_none(otherwise())
+            value = otherwise()
+            content = plain_value(value)
         except BaseException as error:
             with contextlib.suppress(ConnectionError):
                 self._ask("found", decision=decision, raised=type_name(error))
             raise
-        return value, {"decision": decision, **({} if value is None else {"value": value})}
+        if content is None:
+            return None, {"decision": decision}
+        return value, {"decision": decision, "value": content}
 
     def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> PlainData:
         future = Future[PlainData]()
@@ -274,7 +279,8 @@ class RemoteContext:
         if os.getpid() != self._program_id:
             raise ConnectionError(_INHERITED_TEXT)
         number = next(self._numbers)
-        line = line_of({"codra": VERSION, "id": number, "ask": ask, **fields})
+        plain_fields = {key: unbox(field) for key, field in fields.items()}
+        line = line_of({"codra": VERSION, "id": number, "ask": ask, **plain_fields})
         if self._end_event.is_set():
             raise ConnectionError(self._end_reason)
         self._futures[number] = future
@@ -353,8 +359,3 @@ class RemoteContext:
 def _fields_of(options: Mapping[str, object]) -> PlainData:
     """Return the options of a decision that limit it: a message cannot state that there is no limit."""
     return {key: option for key, option in options.items() if (key, option) not in _NO_LIMITS}
-
-
-def _value_or_none(value: Answer) -> Answer | None:
-    """Return the value of a look; None for NaN, which is no value."""
-    return None if isinstance(value, float) and math.isnan(value) else value

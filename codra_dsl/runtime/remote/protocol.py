@@ -18,10 +18,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from codra_dsl.isolation.error_text import type_name
+from codra_dsl.logic import Value
 from codra_dsl.runtime.context.commands import NotDeclaredError
 from codra_dsl.runtime.errors import AgentTakenError, NotASourceError, UnknownNameError, suggestion_text
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
+from codra_dsl.runtime.values.model import NotOfTypeError, ValueType, unbox
 from codra_dsl.runtime.values.previews import PreviewAnswer, UnknownVariable
 
 VERSION = 1
@@ -243,6 +245,20 @@ def error_of(plain: Mapping[str, Any]) -> Exception:
 
 REPORTED_ERRORS = tuple(ERRORS.values())
 """The errors that are caused by the sender of a request."""
+
+
+def plain_value(value: object) -> Value | None:
+    """Return a value of a program as a message carries it: the number in a numpy scalar; None for None and NaN.
+
+    Raises:
+        NotOfTypeError: if no message can carry the value.
+    """
+    plain: Any = unbox(value)
+    if plain is None or (isinstance(plain, float) and math.isnan(plain)):
+        return None
+    if not FieldType.VALUE.holds(plain):
+        raise NotOfTypeError(f"a value is {FieldType.VALUE}, not this {type_name(plain)}")
+    return plain  # type: ignore[no-any-return]
 
 
 def plain_type(value_type: ValueType) -> PlainData:

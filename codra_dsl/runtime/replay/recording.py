@@ -11,7 +11,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from itertools import takewhile
+from itertools import islice, takewhile
 from typing import Self
 
 from codra_dsl.runtime.journal.encoding import message_of
@@ -101,12 +101,23 @@ class Recording:
         return cls({event.kind for event in events}, map(_recorded_event, events))
 
     @classmethod
-    def of_file(cls, reader: JournalReader, kinds: Iterable[Kind], to_s: float = math.inf) -> Self:
+    def of_file(
+        cls,
+        reader: JournalReader,
+        kinds: Iterable[Kind],
+        to_s: float = math.inf,
+        max_messages: int | None = None,
+    ) -> Self:
         """Return a recording of a journal's file, up to an instant.
 
-        The reader must not have read a message yet, and stays open.
+        Args:
+            reader: a reader that has not read a message yet; it stays open.
+            kinds: the kinds of events that the journal has.
+            to_s: the instant.
+            max_messages: the number of messages that belong to the recording, if a program is still writing the file.
         """
-        raw_messages = takewhile(lambda message: message.message.log_time <= to_s * 1e9 + 0.5, reader.raw_messages())
+        messages = islice(reader.raw_messages(), max_messages)
+        raw_messages = takewhile(lambda message: message.message.log_time <= to_s * 1e9 + 0.5, messages)
         recorded_events = (
             RecordedEvent(kind, raw_message.message.data, partial(reader.event, raw_message))
             for raw_message in raw_messages

@@ -56,7 +56,10 @@ def explain(summary: SpecSummary, latest_events_at: LatestEventsAt, name: str, a
     if name in summary.variables:
         why = _Explanation(summary, latest_events_at).why(name, at_s, ())
         reading_of = _PastContext(latest_events_at(at_s), summary, at_s).reading
-        return replace(why, story=(*why.story, *adaptation_lines(latest_events_at(at_s), reading_of, name)))
+        lines = tuple(adaptation_lines(latest_events_at(at_s), reading_of, name))
+        if why.beneath is not None:
+            return replace(why, beneath=replace(why.beneath, story=(*why.beneath.story, *lines)))
+        return replace(why, story=(*why.story, *lines))
     latest_events = latest_events_at(at_s)
     reading_of = _PastContext(latest_events, summary, at_s).reading
     course = explain_course(latest_events, reading_of, name, at_s)
@@ -147,6 +150,9 @@ _MAX_TEXT_LENGTH = 20_000
 _MAX_EXPRESSIONS = 30
 """The number of expressions that replace derived variables in one condition: Python limits the nesting of brackets."""
 
+_MAX_DEPTH = 40
+"""The length of a chain of causes, in readings, from which on the chain is left out: readers and Python have limits."""
+
 _COPIED_FIELDS = ("name", "content", "reason", "detail", "evidence_s", "start_s", "identified_s", "source")
 
 
@@ -160,8 +166,10 @@ class _Explanation:
         self._explained_readings: set[tuple[str, int]] = set()
 
     def why(self, name: str, at_s: float, path: tuple[str, ...]) -> Why:
-        """Explain a variable, as a cause of the variables in `path`."""
+        """Explain a variable, as a cause of the variables in `path`; leave its causes out if the path is too long."""
         context = self._context_at(at_s)
+        if len(path) >= _MAX_DEPTH:
+            return replace(self._bare_why(context.reading(name), at_s), is_left_out=True)
         override_event = context.override_event(name)
         if override_event is None:
             return self._observed_why(name, context, path)
@@ -368,7 +376,7 @@ class _Explanation:
         if observer is None:
             if not context.observed_reading(name).known and POSES not in self._summary.variables[name].sources:
                 sources = " or ".join(self._summary.variables[name].sources)
-                yield MissingChange(variable=name, condition=f"only {sources} may write it")
+                yield MissingChange(variable=name, condition=f"only {sources} may write {name}")
             return
         last_event = context.latest_events.observer_events.get(observer.name)
         if last_event is None or last_event.what != "started":

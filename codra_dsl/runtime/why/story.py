@@ -10,16 +10,14 @@ from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.latest_events import LatestEventsView
 from codra_dsl.runtime.journal.spec_summary import AlgorithmSummary, SpecSummary
 from codra_dsl.runtime.values.cell import Reading, Reason
-from codra_dsl.runtime.values.declarations import DERIVED, POSES
+from codra_dsl.runtime.values.declarations import DERIVED, MAIN, POSES
 from codra_dsl.runtime.why.values import duration_text, instant_text, value_text
-
-MAIN = "main_execution"
 
 
 def story(name: str, reading: Reading[Value], latest_events: LatestEventsView, summary: SpecSummary) -> Iterator[str]:
     """Yield how a variable got its reading, what happened later, and the states of its observer and declarations."""
     if reading.known:
-        yield from _value_lines(reading, summary)
+        yield from _value_lines(reading, latest_events, summary)
     else:
         yield from _unknown_lines(reading, latest_events, summary)
     yield from _later_event_lines(name, latest_events)
@@ -40,7 +38,7 @@ def override_text(reading: Reading[Value]) -> str:
     return f"overridden by the operator since {since_text} until {until_text}: {reading.detail}"
 
 
-def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]:
+def _value_lines(reading: Reading[Value], latest_events: LatestEventsView, summary: SpecSummary) -> Iterator[str]:
     if reading.source in summary.algorithms:
         yield (
             f"identified at {instant_text(reading.identified_s)} "
@@ -58,6 +56,13 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
         is_counted = reading.name.startswith(("count(", "exists("))
         origin = "counted in the knowledge graph" if is_counted else "determined by poses"
         yield f"{origin} since {instant_text(reading.evidence_s)}{learned_text}"
+    elif (look_event := _look_of_decision(reading, latest_events)) is not None:
+        details = look_event.details
+        state_text = details.get("reason") or "its evidence did not count"
+        detail_text = f": {details['detail']}" if details.get("detail") else ""
+        yield f"found by a look of {MAIN} at {instant_text(reading.identified_s)}"
+        asked_text = instant_text(details["asked_s"])
+        yield f"context could not answer the decision of {asked_text}: {state_text}{detail_text}"
     else:
         writer_text = reading.source if reading.source == MAIN else f"agent {reading.source}"
         old_evidence_text = f", from evidence taken at {instant_text(reading.evidence_s)}"
@@ -65,6 +70,14 @@ def _value_lines(reading: Reading[Value], summary: SpecSummary) -> Iterator[str]
         yield f"written by {writer_text} at {instant_text(reading.identified_s)}{evidence_text}"
     if reading.expires_s < math.inf:
         yield f"valid until {instant_text(reading.expires_s)}"
+
+
+def _look_of_decision(reading: Reading[Value], latest_events: LatestEventsView) -> Event | None:
+    """Return the decision whose look found the value of a reading; None if no look did."""
+    event = latest_events.decision_events.get(reading.name)
+    is_look = event is not None and event.what == "fell_back" and event.details.get("kept") is True
+    is_of_reading = event is not None and (reading.source, reading.identified_s) == (MAIN, event.instant_s)
+    return event if is_look and is_of_reading else None
 
 
 def _unknown_lines(reading: Reading[Value], latest_events: LatestEventsView, summary: SpecSummary) -> Iterator[str]:

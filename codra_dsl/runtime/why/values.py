@@ -146,6 +146,7 @@ class Why:
             them as well. Of several algorithms, only the changes of the one that needs the fewest are given.
         beneath: for an override, the explanation of the reading that it hides; otherwise None.
         is_told: whether this reading is explained elsewhere in the same explanation; the details are then left out.
+        is_left_out: whether the details are left out because the chain of causes is too long: ask for this variable.
     """
 
     at_s: float
@@ -161,6 +162,7 @@ class Why:
     missing: tuple[MissingChange, ...] = ()
     beneath: Why | None = None
     is_told: bool = False
+    is_left_out: bool = False
 
     @property
     def variable(self) -> str:
@@ -181,7 +183,10 @@ def _lines_of(why: Why) -> Iterator[str]:
     unit_text = f" {why.unit}" if why.unit else ""
     state_text = f"{value_text(reading.content)}{unit_text}" if reading.known else f"unknown ({reading.reason})"
     repeated_text = ", as explained above" if why.is_told else ""
-    yield f"{why.variable} is {state_text} at {instant_text(why.at_s)}{repeated_text}{_place_text(why.place)}"
+    place_text = _place_text(why.place)
+    yield f"{why.variable} is {state_text} at {instant_text(why.at_s)}{repeated_text}{place_text}"
+    if why.is_left_out:
+        yield f"{_INDENT}its causes are left out, because this chain is long: ask about {why.variable}"
     for sentence in why.story:
         yield f"{_INDENT}{sentence}"
     for condition in why.conditions:

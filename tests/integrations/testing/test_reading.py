@@ -37,6 +37,11 @@ def test_mistakes_in_overrides_are_reported_with_their_places() -> None:
     ]
 
 
+def test_an_override_in_a_timeline_is_no_longer_than_one_in_a_run() -> None:
+    (finding,) = findings(moment("overrides: {light_is_on: {is: true, for: 25 h, reason: test}}"))
+    assert (finding.message, finding.help) == ("'for' is longer than 24 h", "override it again before it ends")
+
+
 def test_all_mistakes_of_a_file_are_reported_at_once_with_their_places() -> None:
     text = (
         HEAD

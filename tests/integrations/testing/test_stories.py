@@ -72,6 +72,15 @@ tests/case.timeline.yaml:14:31: at 140 s fridge_open should be true, but it is u
     )
 
 
+def test_a_decision_that_looked_is_explained_by_the_state_before_its_look() -> None:
+    decision = "0 s: {main_execution: {declare: [fridge_open], decide: {fridge_open: {otherwise: false}}}}"
+
+    check = "0.2 s: {decided: {fridge_open: answered}}"
+    text = failure_text(f"{FRIDGE}stories:\n  case:\n    {decision}\n    {check}\n")
+
+    assert "  fridge_open is unknown (never_observed) at 0 s" in text
+
+
 @pytest.mark.parametrize(
     ("check", "message"),
     [

@@ -390,7 +390,7 @@ def test_an_unknown_variable_names_the_inputs_because_of_which_it_is_unknown() -
 def test_an_input_is_missing_only_once() -> None:
     sides = {"left": value("told"), "right": ~value("told")}
     with started(small_house(**sides, ready=value("left") | value("right"), calm=CALM), World()) as codra:
-        assert [str(change) for change in codra.why("ready").missing] == ["only main_execution may write it"]
+        assert [str(change) for change in codra.why("ready").missing] == ["only main_execution may write told"]
         assert codra.obstacle("ready") == "told: only main_execution may write it"
 
 
@@ -417,6 +417,18 @@ def test_why_explains_a_look_that_waits_for_a_long_chain_of_derived_variables() 
     with started(small_house(**terms), World()) as codra:
         codra.declare("shelf")
         assert "told" in str(codra.why("shelf"))
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_why_leaves_out_the_rest_of_a_long_chain_and_names_where_to_ask_and_what_is_missing(is_known: bool) -> None:
+    steps = [variable(f"step_{number}", derived=~value(f"step_{number - 1}")) for number in range(1, 600)]
+    with started(forest([given("told"), variable("step_0", derived=value("told")), *steps]), World()) as codra:
+        if is_known:
+            codra.set("told", True)
+        text = str(codra.why("step_599"))
+        assert "its causes are left out, because this chain is long: ask about step_559" in text
+        assert "told is" in str(codra.why("step_9"))
+        assert ("missing: only main_execution may write told" in text) is not is_known
 
 
 def test_variables_that_read_each_other_often_are_derived_once_each() -> None:

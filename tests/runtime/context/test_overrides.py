@@ -296,10 +296,10 @@ def test_an_overriding_value_is_checked_like_a_written_one(wrong_value: object, 
         assert codra.get("level").source == ""
 
 
-@pytest.mark.parametrize("wrong_duration", [0, -1.0, math.inf, -math.inf, math.nan, "10", None, True, [5]])
-def test_the_duration_of_an_override_is_a_finite_number_above_zero(wrong_duration: Any) -> None:
+@pytest.mark.parametrize("wrong_duration", [0, -1.0, 86_400.1, math.inf, -math.inf, math.nan, "10", None, True, [5]])
+def test_an_override_lasts_more_than_zero_seconds_and_at_most_a_day(wrong_duration: Any) -> None:
     with forests.started(NUMBERS, World()) as codra:
-        with pytest.raises(ValueError, match=r"number of seconds|not of type"):
+        with pytest.raises(ValueError, match=r"more than 0 s and at most 24 h|not of type"):
             codra.override("level", 3, for_s=wrong_duration, reason="test")
         assert codra.get("level").reason is Reason.NEVER_OBSERVED
 

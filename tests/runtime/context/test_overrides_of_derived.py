@@ -85,7 +85,7 @@ def test_why_explains_a_derived_variable_beneath_its_override() -> None:
         assert beneath is not None
         assert beneath.derivation is not None
         assert [why.variable for why in beneath.derivation.inputs] == ["closed"]
-        assert [str(change) for change in beneath.missing] == ["only main_execution may write it"]
+        assert [str(change) for change in beneath.missing] == ["only main_execution may write closed"]
 
 
 def test_whether_a_condition_on_a_derived_variable_has_held_respects_past_overrides() -> None:

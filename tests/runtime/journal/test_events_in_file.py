@@ -33,6 +33,8 @@ from tests.runtime.journal.test_limits import CHANNEL, chunk_bytes, forged, mess
 
 NAMES = (
     "present_events",
+    "override_events",
+    "decision_events",
     "last_value_events",
     "basis_jobs",
     "observer_events",
@@ -83,7 +85,7 @@ def test_the_latest_events_at_any_instant_equal_those_of_all_events_until_then(
 ) -> None:
     path, events = torn_runs[torn_bytes]
     at_s = share * events[-1].instant_s
-    state_events = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
+    state_events = [event for event in events if event.kind is not Kind.INPUT]
     before_close = at_s if at_s < events[-1].instant_s else math.nextafter(at_s, 0.0)
     expected_events = events_by_subject(LatestEvents.of(state_events, before_close))
     with JournalReader(path) as reader, JournalReader(path) as other_reader:
@@ -143,7 +145,7 @@ def test_a_file_with_a_damaged_index_is_read_from_its_start(
     content = bytearray(long_run.read_bytes())
     content[-100] ^= 1
     (tmp_path / "run.mcap").write_bytes(content)
-    state_events = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
+    state_events = [event for event in events if event.kind is not Kind.INPUT]
     with JournalReader(tmp_path / "run.mcap") as reader:
         file = EventsInFile(reader, reader.header().summary)
         assert events_by_subject(file.latest_events(100.0)) == events_by_subject(LatestEvents.of(state_events, 100.0))
@@ -210,7 +212,7 @@ def test_an_index_that_does_not_describe_the_file_is_not_used(
     long_run: Path, events: list[Event], tmp_path: Path, change: Callable[[int, list[int]], list[int] | None]
 ) -> None:
     forge_index(long_run, tmp_path / "run.mcap", change)
-    state_events = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
+    state_events = [event for event in events if event.kind is not Kind.INPUT]
     with JournalReader(tmp_path / "run.mcap") as reader:
         file = EventsInFile(reader, reader.header().summary)
         for at_s in (10.0, 400.0, 800.0):

@@ -156,6 +156,9 @@ def test_a_parameter_stays_valid_beneath_an_override(speed: float | None) -> Non
     shop.begin()
     shop.codra.override("max_speed", speed, for_s=60.0, reason="a test drive")
     shop.pass_s(10.5)
+    why = shop.codra.why("max_speed")
+    assert why.beneath is not None
+    assert [line.startswith("set at") for line in (*why.story, *why.beneath.story)].index(True) >= len(why.story)
     shop.codra.clear_override("max_speed")
     assert shop.codra.get("max_speed").value == 1.2
     assert all(later_s - earlier_s >= VALID_FOR_S / 2 for earlier_s, later_s in pairwise(writes(shop)))

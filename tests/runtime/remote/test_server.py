@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from codra_dsl.runtime import ContextManager, NotDeclaredError, NotOfTypeError, UnknownNameError, WallClock
@@ -116,6 +117,28 @@ def test_errors_are_those_of_the_context_manager(server: Server) -> None:
         with pytest.raises(MessageError, match="`value` of `set` must be a text"):
             remote.set("near", None)
         assert remote.get("near").value is True
+
+
+def test_numbers_of_numpy_are_values_as_in_the_program_of_the_manager(tmp_path: Path) -> None:
+    model = forest([given("level", type=real(0.0, 9.0)), given("told")])
+    with (
+        WallClock() as clock,
+        ContextManager[str, str](model, clock=clock, resources={}) as codra,
+        Server(codra, tmp_path / "numpy.sock") as server,
+        RemoteContext(server.address) as remote,
+    ):
+        remote.set("told", np.bool_(True))
+        remote.declare("level", np.float32(0.5))
+        assert (remote.get("told").value, remote.get("level").value) == (True, 0.5)
+        remote.override("level", np.int64(4), for_s=np.float32(60.0), reason="test")
+        assert remote.get("level").value == 4.0
+        remote.clear_override("level")
+        assert remote.decide("level", lambda: np.float64(7.0), max_age_s=np.float32(0.0)) == 7.0
+        assert remote.decide("level", lambda: np.float32(math.nan), since_s=math.inf) is None
+        with pytest.raises(NotOfTypeError, match="a value is a text, a number, or true or false, not this ndarray"):
+            remote.decide("level", lambda: np.zeros(3), since_s=math.inf)
+        looks = [(event.what, event.details.get("raised")) for event in codra.record.of(Kind.DECISION)]
+        assert looks == [("fell_back", None), ("fell_back", None), ("fell_back", "NotOfTypeError")]
 
 
 def test_an_error_of_looking_reaches_the_program_and_the_event_log(server: Server, codra: Manager) -> None:

@@ -27,6 +27,7 @@ from codra_dsl.runtime import (
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.journal.encoding import message_of
+from codra_dsl.runtime.journal.reader import JournalReader
 from codra_dsl.runtime.replay import Replayed, replay
 from codra_dsl.runtime.replay.recording import RecordedEvent, Recording
 from codra_dsl.runtime.values.model import SkillModel, member, real
@@ -492,3 +493,17 @@ def test_an_event_that_cannot_be_decoded_is_not_compared(tmp_path: Path) -> None
 
 def _same(event: Event) -> Event:
     return event
+
+
+def test_a_journal_that_grows_is_replayed_up_to_its_end_when_it_was_opened(tmp_path: Path) -> None:
+    model, clock, path = forest([given("told")]), SimClock(), tmp_path / "run.mcap"
+    with journalled(model, World(), path, clock) as manager:
+        manager.set("told", True)
+        with JournalReader(path) as index_reader:
+            header, _ = index_reader.header(), index_reader.index()
+            manager.decide("told", lambda: None)
+            with JournalReader(path) as reader:
+                recording = Recording.of_file(reader, index_reader.kinds(), max_messages=index_reader.message_count)
+                replay_result = replay(header, recording, model, Manager, None)
+
+    assert (replay_result.difference, replay_result.compared, replay_result.absent) == (None, 1, ())

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from codra_dsl.logic import Term, age, known, value
-from codra_dsl.runtime import ContextManager, ContextModel, EventLog, Journal, NotASourceError, SimClock
+from codra_dsl.runtime import ContextManager, ContextModel, EventLog, Journal, Kind, NotASourceError, Reason, SimClock
 from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.values.model import SkillModel, integer, member, real
 from codra_dsl.runtime.why import MissingChange, Why, explain
@@ -331,6 +331,26 @@ def test_a_journal_gives_the_same_explanations_as_the_running_manager(tmp_path: 
     for (name, at_s), text in explanation_texts.items():
         assert str(explain(header.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s)) == text
     assert len(set(explanation_texts.values())) > 60
+
+
+def test_a_value_that_a_decision_looked_for_is_explained_with_the_state_before_the_look(tmp_path: Path) -> None:
+    clock, journal = SimClock(), Journal(tmp_path / "run.mcap")
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}, record=journal) as manager:
+        manager.expect("open_door")
+        clock.sleep(0.5)
+        manager.decide("open", otherwise=lambda: True, wait_up_to_s=1.0)
+        (decision,) = manager.record.of(Kind.DECISION)
+        why, why_before = manager.why("open"), manager.why("open", before=decision)
+        assert why.story[:2] == (
+            "found by a look of main_execution at 1.5 s",
+            "context could not answer the decision of 0.5 s: never_observed: near",
+        )
+        assert (why_before.at_s, why_before.reading.reason) == (1.5, Reason.NEVER_OBSERVED)
+        clock.sleep(0.5)
+        manager.set("open", True)
+        assert manager.why("open").story[0] == "written by main_execution at 2 s"
+    header, events = read(journal.path)
+    assert explain(header.summary, lambda until_s: LatestEvents.of(events, until_s), "open", 1.5).story == why.story
 
 
 def test_instants_since_1970_are_printed_as_dates(tmp_path: Path) -> None:
