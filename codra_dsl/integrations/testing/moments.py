@@ -29,7 +29,13 @@ from codra_dsl.integrations.testing.timeline import (
     Step,
     Verb,
 )
-from codra_dsl.integrations.testing.values import read_anything, read_difference, read_value, unknown_name_help
+from codra_dsl.integrations.testing.values import (
+    read_anything,
+    read_difference,
+    read_garbage,
+    read_value,
+    unknown_name_help,
+)
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
@@ -137,7 +143,7 @@ class MomentReader:
                 returns=self._returned_values(key.text, value.value("returns"), value_steps),
                 takes_s=takes_s,
                 evidence_s=self._evidence(reader, value.value("evidence"), value_steps),
-                fault=self._fault(reader, value, value_steps),
+                fault=self._fault(reader, key.text, value, value_steps),
             )
 
     def _overrides(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
@@ -195,8 +201,8 @@ class MomentReader:
             return None
         return instants[0], instants[-1]
 
-    def _fault(self, reader: Reader, node: MappingNode, steps: tuple[str, ...]) -> Fault | None:
-        garbage_node = node.value("garbage")
+    def _fault(self, reader: Reader, algorithm: str, node: MappingNode, steps: tuple[str, ...]) -> Fault | None:
+        garbage_node, returns = node.value("garbage"), self._package.algorithms[algorithm].returns
         fault_keys = [key for key in ("raises", "hangs", "garbage") if key in node.entries]
         if len(fault_keys) > 1:
             message = f"{list_names(fault_keys)}: a fault can have only one of these keys"
@@ -210,7 +216,7 @@ class MomentReader:
         return Fault(
             raises=reader.text("raises", "") if "raises" in node.entries else None,
             hangs="hangs" in node.entries,
-            garbage=() if garbage_node is None else (garbage_node.data,),
+            garbage=() if garbage_node is None else (read_garbage(reader, garbage_node, returns, *steps, "garbage"),),
             late_s=reader.duration_s("late", 0.0),
             jobs=reader.number("jobs", 0) or math.inf,
         )
@@ -376,7 +382,8 @@ class MomentReader:
     def _report_unknown(
         self, rule: str, node: ScalarNode, names: Collection[str], problem: str, steps: tuple[str, ...]
     ) -> None:
-        message, help_text = f"{problem} {shown(node.text)}", unknown_name_help(node.text, names, self._findings)
+        message = f"{problem} {shown(node.text)}"
+        help_text = unknown_name_help(node.text, names, self._findings, steps[-1] if steps else "")
         path = self._subject.part(*steps, node.text)
         self._findings.add(rule, message, self._place(node), help=help_text, path=path)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 from codra_dsl.language.expression.tokens import shown
-from codra_dsl.language.load.elements.values import read_literal
+from codra_dsl.language.load.elements.values import read_literal, report_unknown_unit
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.reader import Reader
@@ -47,10 +47,26 @@ def read_anything(reader: Reader, node: YamlNode, *steps: str) -> object:
     return None if node.data is None else read_literal(reader, node, *steps)
 
 
-def unknown_name_help(name: str, names: Collection[str], findings: Findings) -> str:
-    """Return the help about a name that is not among the names that a timeline may use."""
+def read_garbage(reader: Reader, node: YamlNode, types: Mapping[str, ValueType], *steps: str) -> object:
+    """Return what an algorithm returns in spite of its types; quantities have the units of the returned values."""
+    if not isinstance(node, MappingNode):
+        return node.data
+    garbage = dict(node.data)
+    for key, (_, value) in node.entries.items():
+        type_ = types.get(key)
+        if type_ is not None and type_.kind in _NUMBER_KINDS and _is_quantity(value):
+            garbage[key] = read_value(reader, value, ValueType(kind="float", unit=type_.unit), *steps, key)
+    return garbage
+
+
+def unknown_name_help(name: str, names: Collection[str], findings: Findings, key: str = "") -> str:
+    """Return the help about a name that is not among the names that a timeline, or one of its keys, may use."""
     similar_name = findings.nearest(name, names)
-    return f"did you mean '{similar_name}'?" if similar_name else f"there is {list_names(names) or 'none'}"
+    if similar_name:
+        return f"did you mean '{similar_name}'?"
+    if not names:
+        return "declare it in the spec"
+    return f"{shown(key)} takes {list_names(names)}" if key else f"write one of {list_names(names)}"
 
 
 def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
@@ -63,7 +79,7 @@ def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) 
     unit = None if type_.unit is None else parse_unit(type_.unit)
     if type_.kind not in _NUMBER_KINDS:
         return _require_data(reader, node, type_, *steps)
-    quantity = parse_quantity(node.text) if node.style is Style.PLAIN and isinstance(node.data, str) else None
+    quantity = parse_quantity(node.text) if _is_quantity(node) else None
     if quantity is not None:
         if unit is not None and quantity.unit.dimension == unit.dimension:
             return convert(quantity.value, quantity.unit, unit)
@@ -75,7 +91,16 @@ def _read_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) 
         message = f"{shown(steps[-1])} is in {type_.unit}, and {shown(node.text)} has no unit"
         reader.fail("unit", message, node, f"write '{node.text} {type_.unit}', or another unit", *steps)
         return None
+    if _is_quantity(node) and report_unknown_unit(reader, node, *steps):
+        return None
     return _require_data(reader, node, type_, *steps)
+
+
+def _is_quantity(node: YamlNode) -> bool:
+    """Return whether a node is a text that begins like a number, and is not quoted."""
+    if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
+        return False
+    return isinstance(node.data, str) and node.text[:1] in "-0123456789"
 
 
 def _require_data(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:

@@ -65,8 +65,11 @@ class _Reader:
     def expect(self, keyword: str) -> Word:
         """Read a keyword and return it."""
         word = self.take()
+        if word.text == ")" != keyword:
+            self.fail("')' closes nothing", word, "remove it or add '('")
         if word.text != keyword:
-            self.fail(f"expected '{keyword}', found {shown(word.text)}", word, f"write '{keyword}' before it")
+            help = f"write '{keyword}' {'before it' if word.text[0].isalnum() else 'instead'}"
+            self.fail(f"expected '{keyword}', found {shown(word.text)}", word, help)
         return word
 
     def disjunction(self) -> Antecedent:
@@ -113,8 +116,11 @@ class _Reader:
         if self.peek() != "(":
             return self.proposition(Side.ANTECEDENT)
         self.depth += 1
-        self.limit(0, self.take())
+        opening = self.take()
+        self.limit(0, opening)
         inside = self.disjunction()
+        if self.peek() in ("then", ""):
+            self.fail("'(' is never closed", opening, "add ')'")
         self.expect(")")
         self.depth -= 1
         return inside

@@ -89,11 +89,9 @@ class Mape:
             planners = {loop.name: planner(model, loop, types) for loop in model.loops}
             watches = {name: loop_planner.watches() for name, loop_planner in planners.items()}
             fed_back = fed_back_inputs(model, watches, codra.model.variables)
+            shared = (codra, model, clock, leaves, self._writers)
             self._loops = {
-                loop.name: Loop(
-                    codra, model, loop, clock, leaves, self._writers, planners[loop.name], fed_back[loop.name]
-                )
-                for loop in model.loops
+                loop.name: Loop(loop, planners[loop.name], fed_back[loop.name], *shared) for loop in model.loops
             }
         except BaseException:
             self._writers.close()  # the exception can keep this object alive
@@ -156,18 +154,18 @@ class Loop:
 
     def __init__(  # noqa: PLR0917 - the arguments of Mape
         self,
+        loop: LoopModel,
+        planning: Planner,
+        fed_back: frozenset[str],
         codra: Manager,
         model: MapeModel,
-        loop: LoopModel,
         clock: Clock,
         leaves: Mapping[str, Leaves],
         writers: AgentWriters,
-        planning: Planner,
-        fed_back: frozenset[str],
     ) -> None:
-        """Make a loop that does not run yet; this raises the errors of `Mape`.
+        """Make a loop that does not run yet; its own results can change the inputs in `fed_back`.
 
-        `fed_back` has the inputs that can change because of the loop's own results.
+        This raises the errors of `Mape`.
         """
         self._codra = codra
         self._model = model

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.integrations.testing.timelines import HEAD, findings
+from codra_dsl.integrations.testing.reading import read_timeline
+from codra_dsl.integrations.testing.timeline import Behaviour
+from tests.integrations.testing.timelines import HEAD, PATH, findings
 
 KITCHEN = (Path(__file__).parents[2] / "kitchen.timeline.yaml").read_text("utf-8")
 LAB = (Path(__file__).parents[2] / "lab.timeline.yaml").read_text("utf-8")
@@ -40,6 +43,52 @@ def test_mistakes_in_overrides_are_reported_with_their_places() -> None:
 def test_an_override_in_a_timeline_is_no_longer_than_one_in_a_run() -> None:
     (finding,) = findings(moment("overrides: {light_is_on: {is: true, for: 25 h, reason: test}}"))
     assert (finding.message, finding.help) == ("'for' is longer than 24 h", "override it again before it ends")
+
+
+def test_lists_of_names_state_what_they_take() -> None:
+    entries = ("begin: [enter]", "begin: {open_fridge: 5 s}", "declare: [enter]", "act: kitchen")
+    findings_by_entry = {entry: findings(moment(f"main_execution: {{{entry}}}")) for entry in entries}
+    skills = "'open_dishwasher', 'open_fridge', 'boil_water', 'pour_water', 'cook'"
+    must_be = "in 'main_execution' of timeline 'kitchen' must be a list of skills, not"
+
+    assert [(finding.message, finding.help) for (finding,) in findings_by_entry.values()] == [
+        ("spec 'kitchen' has no skill 'enter'", f"'begin' takes {skills}"),
+        (f"'begin' {must_be} a mapping", "write 'begin: [open_fridge]'"),
+        (
+            "spec 'kitchen' has no context-variable 'enter'",
+            "'declare' takes 'dishwasher_in_reach', 'dishwasher_open', 'dishwasher_angle', 'fridge_in_reach', "
+            "'fridge_open', 'fridge_angle', 'robot_is_localized', 'robot_place', 'light_is_on', 'kettle_in_view', "
+            "'kettle_docked', 'kettle_state', and 5 more",
+        ),
+        (f"'act' {must_be} the text 'kitchen'", "write 'act: [kitchen]'"),
+    ]
+
+
+def test_units_are_checked_under_garbage() -> None:
+    garbage = ("angle: 3 m", "angle: 3 metre", "angle: 30 degree", "angle: far", 'angle: "3 m"', "edges: 3 m")
+    findings_by_garbage = {
+        text: findings(moment(f"perception: {{look_at_fridge: {{garbage: {{{text}}}}}}}")) for text in garbage
+    }
+
+    assert [[(finding.message, finding.help) for finding in found] for found in findings_by_garbage.values()] == [
+        [("'angle' is in rad, but '3 m' is in m", "write a number in rad, or another unit of its kind")],
+        [("unknown unit 'metre' in '3 metre'", "did you mean 'm'? Quote it if it is text")],
+        [("unknown unit 'degree' in '30 degree'", "did you mean 'deg'? Quote it if it is text")],
+        [],
+        [],
+        [("'edges' has no unit, but '3 m' is in m", "write a number")],
+    ]
+
+
+def test_a_quantity_under_garbage_gets_the_unit_of_its_returned_value() -> None:
+    text = moment("perception: {look_at_fridge: {garbage: {angle: 180 deg, edges: many, others: 3 m}}}")
+    timeline, _, _ = read_timeline(PATH, {"tests/case.timeline.yaml": text.encode()})
+    assert timeline is not None
+    (change,) = timeline.stories[0].moments[0].changes
+
+    assert isinstance(change, Behaviour)
+    assert change.fault is not None
+    assert change.fault.garbage == ({"angle": math.pi, "edges": "many", "others": "3 m"},)
 
 
 def test_all_mistakes_of_a_file_are_reported_at_once_with_their_places() -> None:

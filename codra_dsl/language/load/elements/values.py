@@ -59,12 +59,19 @@ def _read_quantity(reader: Reader, node: ScalarNode, *steps: str) -> Literal:
     quantity = parse_quantity(node.text)
     if quantity is not None:
         return quantity.si
-    quantity_match = _QUANTITY_PATTERN.fullmatch(node.text)
-    if quantity_match is not None and parse_unit(quantity_match[1]) is None:
-        unit_help = units_help(quantity_match[1])
-        help_text = f"{unit_help}{' ' if unit_help.endswith('?') else '. '}Quote it if it is text"
-        reader.fail("unit", f"unknown unit {shown(quantity_match[1])} in {shown(node.text)}", node, help_text, *steps)
+    report_unknown_unit(reader, node, *steps)
     return node.text
+
+
+def report_unknown_unit(reader: Reader, node: ScalarNode, *steps: str) -> bool:
+    """Report the unit of a number with an unknown unit, such as `3 metres`; return whether there is one."""
+    quantity = _QUANTITY_PATTERN.fullmatch(node.text)
+    if quantity is None or parse_unit(quantity[1]) is not None:
+        return False
+    unit_help = units_help(quantity[1])
+    help_text = f"{unit_help}{' ' if unit_help.endswith('?') else '. '}Quote it if it is text"
+    reader.fail("unit", f"unknown unit {shown(quantity[1])} in {shown(node.text)}", node, help_text, *steps)
+    return True
 
 
 def _read_unit(reader: Reader, entry: tuple[ScalarNode, YamlNode], *steps: str) -> tuple[str, Unit | None] | None:

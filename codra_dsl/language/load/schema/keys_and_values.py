@@ -11,9 +11,12 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.other_forms import (
     CHOICE_KEYS,
     choice_help,
+    lists_without_brackets,
     literal_text,
+    long_form,
     meant_key,
     other_form_help,
+    torn_text,
 )
 from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, has_shape, resolve
 from codra_dsl.language.load.schema_file import schema
@@ -32,7 +35,6 @@ from codra_dsl.language.load.yaml.traps import (
     torn_number_trap,
 )
 
-_SHORT = 4
 _PART_NOUNS: Mapping[str | int, str] = {
     "returns": "returned value",
     "parameters": "parameter",
@@ -130,7 +132,7 @@ class _Explanation:
         """Report the other errors, and unknown keys that may be misspellings of missing keys."""
         for error in errors:
             if error.keyword == "required":
-                self._report_missing_keys(error)
+                self._report_missing_keys(error, [other.path for other in errors if other.keyword == "not"])
         for path, keys in self._unmatched_keys.items():
             for key, allowed in keys:
                 self._report_key(path, key, allowed)
@@ -210,7 +212,7 @@ class _Explanation:
             if key in known or key in keys_from_split_values:
                 continue
             known_key = meant_key(key, value, free_keys) or self._findings.nearest(key, free_keys)
-            known_key = corrections[key] = known_key or _long_form(key, free_keys)
+            known_key = corrections[key] = known_key or long_form(key, free_keys)
             allowed = f"allowed: {', '.join(known)}" if known else "no keys are allowed: write {}"
             fix = (
                 self._rename_fix(key_node, known_key, mapping.entries.keys() - known, free_keys) if known_key else None
@@ -239,7 +241,7 @@ class _Explanation:
     ) -> set[str]:
         """Report lists without brackets in a mapping in braces; return the keys that are items of these lists."""
         all_item_keys: set[str] = set()
-        for list_key, item_keys in _lists_without_brackets(mapping, explained_keys, known):
+        for list_key, item_keys in lists_without_brackets(mapping, explained_keys, known):
             value = mapping.entries[list_key][1]
             first_item = value.text if isinstance(value, ScalarNode) else ""
             self._report_key(
@@ -263,7 +265,7 @@ class _Explanation:
         is_safe = is_unique and surely_means(key.text, suggestion, free_keys)
         return replacement_fix(self._subject.origin.of(key), key.written, suggestion, safe=is_safe)
 
-    def _report_missing_keys(self, error: Error) -> None:
+    def _report_missing_keys(self, error: Error, misplaced_paths: Sequence[tuple[str | int, ...]]) -> None:
         mapping = self._node(error.path)
         if not isinstance(mapping, MappingNode) or mapping.reported:
             return
@@ -275,16 +277,45 @@ class _Explanation:
             if path in self._reported_paths or mapping.unread:
                 continue
             self._reported_paths.add(path)
+            replaced_paths = [misplaced for misplaced in misplaced_paths if misplaced[:-1] == error.path]
             if len(unmatched_keys) == len(missing_keys) == 1:
                 self._report_key(error.path, unmatched_keys.pop()[0], f"did you mean '{key}', which is missing?")
+            elif len(replaced_paths) == len(missing_keys) == 1:
+                self._report_replaced_key(replaced_paths[0], key)
+            elif not self._report_text_with_key(error.path, mapping, key):
+                self._report_missing_key(error, key)
+
+    def _report_missing_key(self, error: Error, key: str) -> None:
+        self._findings.add(
+            "missing-key",
+            f"{shown(key)} is missing in {self._mapping_name(error.path)}",
+            self._place_of_name(error.path),
+            help=f"add it, for example {_example_text(key, self._subschema(error, key))}",
+            path=self._subject.part(*error.path, key),
+        )
+
+    def _report_replaced_key(self, path: tuple[str | int, ...], missing_key: str) -> None:
+        """Report a key that is not allowed in its mapping, and probably stands in place of a missing one."""
+        message = f"{self._value_name(path)} is not allowed here"
+        help_text, key_path = f"did you mean '{missing_key}', which is missing?", self._subject.part(*path)
+        self._findings.add("misplaced-key", message, self._place_of_name(path), help=help_text, path=key_path)
+        self._reported_paths.add(path)
+
+    def _report_text_with_key(self, path: tuple[str | int, ...], mapping: MappingNode, missing_key: str) -> bool:
+        """Report a text with a missing key and its value, such as `door over 20 s`; return whether there is one."""
+        for key, (key_node, value) in mapping.entries.items():
+            parts = torn_text(value, missing_key) if isinstance(value, ScalarNode) else None
+            if parts is None:
                 continue
-            self._findings.add(
-                "missing-key",
-                f"{shown(key)} is missing in {self._mapping_name(error.path)}",
-                self._place_of_name(error.path),
-                help=f"add it, for example {_example_text(key, self._subschema(error, key))}",
-                path=self._subject.part(*path),
-            )
+            text, missing_text = parts
+            message = f"{self._value_name((*path, key))} contains the value of {shown(missing_key)}"
+            help_text = f"write '{key}: {text}' and '{missing_key}: {missing_text}'"
+            place = self._subject.origin.of_value(key_node, value)
+            self._findings.add("missing-key", message, place, help=help_text, path=self._subject.part(*path, key))
+            value.reported = True
+            self.damaged.add(damaged_key((*path, key)))
+            return True
+        return False
 
     def _subschema(self, error: Error, key: str) -> dict[str, Any]:
         """Return the schema of a missing key. An `if` of the schema can require a key that is described elsewhere."""
@@ -429,26 +460,6 @@ class _Explanation:
             fix = trap_fix(trap, place)
             self._findings.add(trap.rule, trap.message, place, help=trap.help, path=self._subject.part(), fix=fix)
         first_piece.reported = True
-
-
-def _long_form(key: str, candidates: Iterable[str]) -> str | None:
-    """Return the only candidate of which a key is a short form, such as `params` for `parameters`."""
-    longer_names = [other for other in candidates if len(key) > _SHORT and other.startswith(key.removesuffix("s"))]
-    return longer_names[0] if len(longer_names) == 1 else None
-
-
-def _lists_without_brackets(
-    mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
-) -> Iterator[tuple[str, list[str]]]:
-    """Yield each key whose list lacks brackets, such as `source: a, b` in braces, and the keys that are its items."""
-    list_key, item_keys = "", list[str]()
-    for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
-        if key and key not in explained_keys and isinstance(value, ScalarNode) and value.data is None:
-            item_keys.append(key)
-            continue
-        if item_keys and "a list of" in resolve(known.get(list_key, {})).get("title", ""):
-            yield list_key, item_keys
-        list_key, item_keys = key, []
 
 
 def _repeated_index(items: Sequence[object]) -> int:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Set
+from typing import Any
 
 from codra_dsl.language.expression import And, Compare, In, Not, Or, parse_derivation
-from codra_dsl.language.load.schema.schema import Error
+from codra_dsl.language.load.schema.schema import Error, resolve
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject
 from codra_dsl.language.load.yaml.traps import is_derivation, quote_text
-from codra_dsl.language.units import duration_help
+from codra_dsl.language.units import duration_help, parse_duration
 
 CHOICE_KEYS = ("if", "then", "else")
 """The keys over which a choice is spread in other languages."""
@@ -28,6 +29,8 @@ _MEANT_KEYS = {
 MAX_ENTRIES = 20
 """The maximum number of entries of a mapping or a list that the help repeats."""
 
+_TORN = re.compile(r"(?P<name>[A-Za-z]\w*),?\s+(?P<key>[a-z_]+):?\s+(?P<rest>.+)", re.ASCII)
+_MIN_SHORT_FORM_LENGTH = 5
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
 
@@ -36,38 +39,44 @@ def other_form_help(subject: Subject, error: Error, node: YamlNode, holder: Yaml
 
     `holder` contains the value, and `title` is what its key needs.
     """
-    if isinstance(node, MappingNode | SequenceNode) and len(node.data) > MAX_ENTRIES:
+    key = str(error.path[-1]) if error.path else subject.key.written
+    if isinstance(node, ScalarNode):
+        return _text_help(node, key, title if error.path else subject.section)
+    if len(node.data) > MAX_ENTRIES:
         return None
-    if not error.path and subject.section == "context" and isinstance(node, ScalarNode):
-        is_truth = isinstance(parse_derivation(node.text), And | Or | Not | Compare | In)
-        return f"write '{subject.key.written}: {{type: bool, derived: {node.text}}}'" if is_truth else None
-    if title == "a condition" and isinstance(node, SequenceNode):
-        is_single = isinstance(error.path[-1], str)
-        return f"{'write one' if is_single else 'write each as an item of its own'}, or join them with 'and' or 'or'"
-    if title == "an expression over context":
-        return _expression_help(node, holder)
-    if title == "a condition" and isinstance(node, MappingNode) and error.path == ("value",):
-        return _choices_help("value", node)
-    if title == "a rule" and isinstance(node, MappingNode):
-        return _rule_help(node)
-    if title in ("a list of conditions", "a list of names and conditions") and isinstance(node, MappingNode):
-        comparisons = _comparisons(node)
-        return f"write '{error.path[-1]}: [{comparisons}]'" if comparisons else None
-    if title == "a type" and isinstance(node, SequenceNode):
-        return f"write 'type: enum' and 'values: {literal_text(error.data)}'"
-    if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
-        return None
-    if title.startswith("a duration"):
-        return duration_help(node.text, "forever" if "forever" in title else "finite")
-    if not title.startswith("a list of ") or title.endswith("numbers"):
-        return None
-    if node.text.startswith("-"):
-        return "write a blank after the '-' of each item"
-    is_on_one_line = node.style is not Style.PLAIN or node.end - node.start == len(node.text)
-    items = _ITEMS.fullmatch(node.text) if is_on_one_line else None
-    return (
-        "begin each item with '- ' on a line of its own" if items is None else f"write '{error.path[-1]}: [{items[1]}]'"
-    )
+    texts = _texts(node)
+    conditions = texts if all(map(is_derivation, texts.values())) else {}
+    match title, node:
+        case "a condition", SequenceNode():
+            is_item = isinstance(error.path[-1], int)
+            return f"{'write each as an item of its own' if is_item else 'write one'}, or join them with 'and' or 'or'"
+        case "an expression over context", SequenceNode() if conditions:
+            return f"write 'derived: {' and '.join(conditions.values())}'"
+        case "an expression over context", MappingNode() if "enter" in conditions:
+            help = f"write one condition: 'derived: {conditions['enter']}'"
+            return f"{help}; 'enter' and 'leave' are allowed only in 'identifies'"
+        case "an expression over context", MappingNode() if len(members := _members(holder)) > 1:
+            is_complete = len(conditions) > 1 and conditions.keys() <= set(members)
+            choices = conditions if is_complete else dict.fromkeys(members[:2], "CONDITION")
+            expression = _choice({f'"{value}"': text for value, text in choices.items()})
+            return f"write derived: {quote_text(expression)}"
+        case "a condition", MappingNode() if error.path == ("value",) and len(conditions) > 1:
+            return f"write 'value: {_choice(conditions)}'"
+        case "a rule", MappingNode():
+            return _rule_help(texts)
+        case "a list of conditions" | "a list of names and conditions", MappingNode():
+            comparisons = _comparisons(node)
+            return f"write '{key}: [{comparisons}]'" if comparisons else None
+        case "a type", SequenceNode():
+            return f"write 'type: enum' and 'values: {literal_text(error.data)}'"
+        case _, MappingNode() if node.entries and title.startswith("a list of "):
+            return f"write '{key}: [{', '.join(node.entries)}]'"
+        case _, SequenceNode() if node.items and all(isinstance(item, MappingNode) for item in node.items):
+            entries = {name: value for item in error.data for name, value in item.items()}
+            return f"write '{key}: {literal_text(entries)}'"
+        case _, SequenceNode() if len(texts) == 1 and not title.startswith("a mapping"):
+            return f"write '{texts['0']}'" if key.isdigit() else f"write '{key}: {texts['0']}'"
+    return None
 
 
 def meant_key(key: str, value: YamlNode, free_keys: Collection[str]) -> str | None:
@@ -77,14 +86,43 @@ def meant_key(key: str, value: YamlNode, free_keys: Collection[str]) -> str | No
     return known_key if known_key in free_keys and (is_text or known_key == "preview") else None
 
 
+def torn_text(value: ScalarNode, key: str) -> tuple[str, str] | None:
+    """Return the two parts of a text that contains another key and its value, such as `door over 20 s`, or None."""
+    parts = _TORN.fullmatch(value.text)
+    if parts is None or (parts["key"] != key and parse_duration(parts["rest"]) is None):
+        return None
+    return parts["name"], parts["rest"]
+
+
+def long_form(key: str, candidates: Iterable[str]) -> str | None:
+    """Return the only candidate of which a key is a short form, such as `params` for `parameters`."""
+    longer_names = [
+        other for other in candidates if len(key) >= _MIN_SHORT_FORM_LENGTH and other.startswith(key.removesuffix("s"))
+    ]
+    return longer_names[0] if len(longer_names) == 1 else None
+
+
+def lists_without_brackets(
+    mapping: MappingNode, explained_keys: Set[str], known: Mapping[str, Any]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield each key whose list lacks brackets, such as `source: a, b` in braces, and the keys that are its items."""
+    list_key, item_keys = "", list[str]()
+    for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
+        if key and key not in explained_keys and isinstance(value, ScalarNode) and value.data is None:
+            item_keys.append(key)
+            continue
+        if item_keys and "a list of" in resolve(known.get(list_key, {})).get("title", ""):
+            yield list_key, item_keys
+        list_key, item_keys = key, []
+
+
 def choice_help(mapping: MappingNode, known_keys: Collection[str]) -> str | None:
     """Return the help for a choice that is spread over the keys `if`, `then` and `else`, or None."""
-    texts = [value.text for key in CHOICE_KEYS if isinstance(value := mapping.value(key), ScalarNode)]
+    texts = _texts(mapping)
     target = next((key for key in ("value", "derived") if key in known_keys), None)
-    if target is None or len(texts) < len(CHOICE_KEYS) or "if" in known_keys:
+    if target is None or "if" in known_keys or not texts.keys() >= set(CHOICE_KEYS):
         return None
-    condition, then, otherwise = texts
-    return f"write '{target}: {then} if {condition} else {otherwise}'"
+    return f"write '{target}: {texts['then']} if {texts['if']} else {texts['else']}'"
 
 
 def literal_text(value: object) -> str:
@@ -96,46 +134,48 @@ def literal_text(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _expression_help(node: YamlNode, holder: YamlNode) -> str | None:
-    """Return the help for conditions in a list or a mapping, as they stand under other keys."""
+def _text_help(node: ScalarNode, key: str, title: str) -> str | None:
+    """Return the help for a text in place of a mapping or a list, and for a text that is not a duration."""
+    if title == "context":
+        is_truth = isinstance(parse_derivation(node.text), And | Or | Not | Compare | In)
+        return f"write '{key}: {{type: bool, derived: {node.text}}}'" if is_truth else None
+    if not isinstance(node.data, (str, int, float)):
+        return None
+    if title.startswith("a duration"):
+        return duration_help(node.text, "forever" if "forever" in title else "finite")
+    if not title.startswith("a list of ") or title.endswith("numbers"):
+        return None
+    if node.text.startswith("-"):
+        return "write a blank after the '-' of each item"
+    is_on_one_line = node.style is not Style.PLAIN or node.end - node.start == len(node.text)
+    items = _ITEMS.fullmatch(node.text) if is_on_one_line else None
+    return "begin each item with '- ' on a line of its own" if items is None else f"write '{key}: [{items[1]}]'"
+
+
+def _texts(node: MappingNode | SequenceNode) -> Mapping[str, str]:
+    """Return the texts in a mapping or a list by key or index; nothing if it contains anything else."""
     if isinstance(node, SequenceNode):
-        conditions = _conditions(node.items)
-        return f"write 'derived: {' and '.join(conditions)}'" if conditions else None
-    if not isinstance(node, MappingNode):
-        return None
-    conditions = _conditions([value for _, value in node.entries.values()])
-    if "enter" in node.entries and conditions:
-        return f"write one condition: 'derived: {conditions[0]}'; 'enter' and 'leave' are allowed only in 'identifies'"
-    members = _members(holder)
-    if len(members) < 2:
-        return None
-    if len(conditions) < 2 or not set(members) >= node.entries.keys():
-        expression = f'"{members[0]}" if CONDITION else "{members[1]}"'
+        values = {str(index): item for index, item in enumerate(node.items)}
     else:
-        *others, last = node.entries
-        choices = [f'"{member}" if {condition} else ' for member, condition in zip(others, conditions, strict=False)]
-        expression = "".join((*choices, f'"{last}"'))
-    return f"write derived: {quote_text(expression)}"
+        values = {key: value for key, (_, value) in node.entries.items()}
+    texts = {key: value.text for key, value in values.items() if isinstance(value, ScalarNode)}
+    return texts if len(texts) == len(values) else {}
 
 
-def _choices_help(key: str, node: MappingNode) -> str | None:
-    """Return the help for a mapping from values to conditions."""
-    conditions = _conditions([value for _, value in node.entries.values()])
-    if len(conditions) < 2:
-        return None
-    *others, last = node.entries
-    choices = (f"{value} if {condition} else " for value, condition in zip(others, conditions, strict=False))
-    return f"write '{key}: {''.join(choices)}{last}'"
+def _choice(conditions: Mapping[str, str]) -> str:
+    """Return the expression for a mapping from values to conditions."""
+    *others, last = conditions
+    return "".join(f"{value} if {conditions[value]} else " for value in others) + last
 
 
-def _rule_help(node: MappingNode) -> str | None:
+def _rule_help(texts: Mapping[str, str]) -> str | None:
     """Return the help for `if ANTECEDENT: TERM` and for `{if: ANTECEDENT, then: TERM}`."""
-    texts = {key: value.text for key, (_, value) in node.entries.items() if isinstance(value, ScalarNode)}
     if texts.keys() == {"if", "then"}:
         return f"write 'if {texts['if']} then {texts['then']}'"
     antecedent, conclusion = next(iter(texts.items()), ("", ""))
-    is_rule = len(node.entries) == 1 and antecedent.startswith("if ")
-    return f"write '{antecedent} then {conclusion}'" if is_rule else None
+    if len(texts) != 1 or not antecedent.startswith("if "):
+        return None
+    return f"write '{antecedent.partition(' then ')[0]} then {conclusion}'"
 
 
 def _comparisons(node: MappingNode) -> str:
@@ -151,11 +191,4 @@ def _comparisons(node: MappingNode) -> str:
 def _members(holder: YamlNode) -> list[str]:
     """Return the values of an enum, as far as they can be read."""
     values = holder.value("values") if isinstance(holder, MappingNode) else None
-    items = values.items if isinstance(values, SequenceNode) else ()
-    return [item.text for item in items if isinstance(item, ScalarNode)]
-
-
-def _conditions(nodes: Sequence[YamlNode]) -> list[str]:
-    """Return the texts of nodes if all of them are conditions; otherwise nothing."""
-    texts = [node.text for node in nodes if isinstance(node, ScalarNode)]
-    return texts if len(texts) == len(nodes) and all(map(is_derivation, texts)) else []
+    return list(_texts(values).values()) if isinstance(values, SequenceNode) else []
