@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pygls.exceptions import JsonRpcInvalidParams
 
 from codra_dsl.tooling.language_server import server as server_module
 from codra_dsl.tooling.language_server.methods import make_server
@@ -230,6 +231,17 @@ def test_every_request_has_an_answer_on_broken_text_and_in_foreign_files(tmp_pat
             assert "error" not in await client.request(f"textDocument/{method}", params)
 
     session(tmp_path, play)
+
+
+@pytest.mark.parametrize("params", [None, {}, [1], {"textDocument": {"uri": "a.yaml"}, "position": {"line": -1}}])
+def test_a_request_with_invalid_parameters_is_answered_with_an_error(tmp_path: Path, params: Any) -> None:
+    async def play(client: Client) -> None:
+        with pytest.raises(JsonRpcInvalidParams):  # pygls reports it in the log of the client
+            await client.request("textDocument/hover", params)
+
+    client = session(tmp_path, play)
+    (answer,) = [received for received in client.received if received.get("id") == "textDocument/hover"]
+    assert answer["error"]["code"] == JsonRpcInvalidParams.CODE
 
 
 def test_a_bug_is_reported_and_the_next_text_is_linted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
