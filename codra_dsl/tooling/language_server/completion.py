@@ -20,7 +20,9 @@ from codra_dsl.tooling.language_server.documents import Document
 from codra_dsl.tooling.language_server.index import RETURNS, Cursor, SpecNames
 from codra_dsl.tooling.language_server.other_files import SECTIONS_BY_KEY, STATES_VALUES, TIMELINE_KEY, other_file
 
-_BLOCK_ENTRY = re.compile(r"(?P<indent> *)(?P<dashes>(?:- +)*)(?:(?P<key>[^\s#:{}\[\],][^#:{}\[\],]*?) *:(?:\s+|$))?")
+_BLOCK_ENTRY = re.compile(
+    r"""(?P<indent> *)(?P<dashes>(?:- +)*)(?:(?P<key>"[^"]*"|'[^']*'|[^\s#:{}\[\],"'][^#]*?) *:(?:\s+|$))?"""
+)
 _FLOW_START = re.compile(r"\s*(?:- +)*[{\[]")
 _FLOW_PART = re.compile(r"""(?P<text>"(?:[^"\\]|\\.)*"|'[^']*')|(?P<mark>[{}\[\],]|:(?=\s|$))""")
 _WORD = re.compile(r"(?:\$(?:\(\w*\)?)?|\w)*$")
@@ -46,8 +48,12 @@ _SECTIONS_IN_SPECS: Mapping[str, tuple[str, ...]] = {
 }
 """The sections whose names can be written under a key of a spec."""
 
+_CONTEXT = ("context", "metrics", "adaptation")
+"""The sections that declare context-variables."""
+
+_PATTERNS = frozenset(("wakes", "before", "during", "after"))
 _CONTEXT_CONDITIONS = frozenset(
-    ("observable_when", "preview", "monitor", "derived", "wakes", "before", "during", "after", "if", "value", "rules")
+    ("observable_when", "preview", "monitor", "derived", *_PATTERNS, "if", "value", "rules")
 )
 _RESULT_CONDITIONS = frozenset(("accept_when", "identifies", "enter", "leave"))
 
@@ -210,7 +216,7 @@ class _Completion:
         if self._kind == TIMELINE_KEY:
             for name in path[-2:] if not set(path).isdisjoint(STATES_VALUES) else ():
                 yield from self._members(name, "")
-        elif self._reads_results or slot.key in _CONTEXT_CONDITIONS:
+        elif self._reads_results or (slot.key in _CONTEXT_CONDITIONS and path[:1] != ("loops",)):
             yield from self._in_condition()
             return
         if not any(definition.get("type") == "object" for definition in definitions):
@@ -231,14 +237,16 @@ class _Completion:
         """Return the sections whose names can be written under the innermost key."""
         path, key = self._path, self._slot.key
         if self._kind == TIMELINE_KEY and path[-2:-1] in (("agents",), ("expects",)):
-            return ("context",)
+            return _CONTEXT
+        if self._kind == TIMELINE_KEY and key == "source":
+            return ("perception", "agents")
         if self._kind == TIMELINE_KEY and key in SECTIONS_BY_KEY:
-            return (SECTIONS_BY_KEY[key],)
+            return _CONTEXT if SECTIONS_BY_KEY[key] == "context" else (SECTIONS_BY_KEY[key],)
         if self._kind == SITE_KEY and key in (*SECTIONS, "use"):
             return (key,)
-        if key == "type" and "nodes" in path:
+        if (key == "type" and "nodes" in path) or path[-2:-1] == ("nodes",):
             return ("types",)
-        if key == "monitor" and "loops" in path:
+        if key == "monitor" and path[:1] == ("loops",):
             return ("agents",)
         return _SECTIONS_IN_SPECS.get(key, ())
 
@@ -285,7 +293,8 @@ class _Completion:
             yield from self._returned_values()
             yield from self._parameters()
         else:
-            yield from self._names(("context", "metrics", "adaptation"))
+            in_pattern = ("nodes", "types", "edges", "tasks") if self._slot.key in _PATTERNS else ()
+            yield from self._names((*_CONTEXT, *in_pattern))
         yield from (_Choice(word, types.CompletionItemKind.Keyword) for word in (*WORDS, *FUNCTIONS))
 
     def _returned_values(self) -> Iterator[_Choice]:

@@ -108,9 +108,12 @@ class SpecNames:
         """Return whether a symbol has one declaration in two specs."""
         return symbol in self.declarations and self.declarations[symbol] == other.declarations.get(symbol)
 
-    def members(self, variable: str) -> Iterator[str]:
-        """Yield the members of an enum: of a variable, or of a returned value ALGORITHM.VALUE."""
-        return (symbol.name for symbol in self.declarations if symbol.section == VALUES and symbol.owner == variable)
+    def members(self, owner: str) -> Sequence[str]:
+        """Return the members of an enum: of a variable, or of a returned value ALGORITHM.VALUE."""
+        variable = self.tables.variables.get(owner)
+        if variable is not None:
+            return variable.type.values
+        return [symbol.name for symbol in self.declarations if (symbol.section, symbol.owner) == (VALUES, owner)]
 
     def _declared(self) -> _Named:
         spec = self.spec

@@ -18,7 +18,7 @@ from codra_dsl.language.load.yaml.source import accept
 from codra_dsl.tooling.language_server.documents import Document
 
 TIMELINE_KEY = "timeline"
-_KIND = re.compile(rf"^({SITE_KEY}|{TIMELINE_KEY})\b", re.MULTILINE)
+_KIND = re.compile(rf"^({SITE_KEY}|{TIMELINE_KEY})\b(?:[ \t]*:[ \t]*(\w+))?", re.MULTILINE)
 
 VALUES = "values"
 """The section of the members of enums."""
@@ -77,7 +77,7 @@ def other_file(document: Document, file: str) -> OtherFile:
     root = None if source is None else compose(source, findings)
     spec = root.value(kind[1]) if isinstance(root, MappingNode) else None
     if not isinstance(root, MappingNode) or not isinstance(spec, ScalarNode):
-        return OtherFile(kind[1], is_readable=False)
+        return OtherFile(kind[1], kind[2] or "", is_readable=False)
     names = _names_in_site(root) if kind[1] == SITE_KEY else _names_in_timeline(root)
     mark = document.mark_length  # the nodes do not count it
     ranges = (
