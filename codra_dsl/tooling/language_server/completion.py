@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from lsprotocol import types
 
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER
+from codra_dsl.language.check.symbols import RETURNS
 from codra_dsl.language.expression import FUNCTIONS
 from codra_dsl.language.expression.tokens import WORDS
 from codra_dsl.language.load.schema.document import SECTIONS
@@ -17,7 +18,7 @@ from codra_dsl.language.load.site.site_file import SITE_KEY
 from codra_dsl.language.load.templates.templates import INSTANCE
 from codra_dsl.language.units import UNITS
 from codra_dsl.tooling.language_server.documents import Document
-from codra_dsl.tooling.language_server.index import RETURNS, Cursor, SpecNames
+from codra_dsl.tooling.language_server.index import Cursor, SpecNames
 from codra_dsl.tooling.language_server.other_files import SECTIONS_BY_KEY, STATES_VALUES, TIMELINE_KEY, other_file
 
 _BLOCK_ENTRY = re.compile(

@@ -9,12 +9,13 @@ from lsprotocol import types
 from codra_dsl.language.check.conditions.conditions import RESULT_ROLES
 from codra_dsl.language.check.index.spec_index import OBSERVER
 from codra_dsl.language.check.index.words import USERS
+from codra_dsl.language.check.symbols import PARAMETERS, RETURNS, VALUES, Symbol
 from codra_dsl.language.expression import FUNCTIONS
 from codra_dsl.language.expression.tokens import ExpressionError, TokenKind, tokens
 from codra_dsl.language.load.site.site_file import SITE_KEY
 from codra_dsl.language.model import FOREVER_S, Condition, ValueType, Variable, WhenUnobservable
-from codra_dsl.tooling.language_server.index import PARAMETERS, RETURNS, Cursor, Index, SpecNames, Symbol
-from codra_dsl.tooling.language_server.other_files import VALUES, other_file
+from codra_dsl.tooling.language_server.index import Cursor, Index, SpecNames
+from codra_dsl.tooling.language_server.other_files import other_file
 
 _MAX_SHOWN_NAMES = 3
 

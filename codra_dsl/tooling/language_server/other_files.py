@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+from codra_dsl.language.check.symbols import VALUES
 from codra_dsl.language.load.schema.document import SECTIONS, section_of
 from codra_dsl.language.load.site.site_file import SITE_KEY
 from codra_dsl.language.load.yaml.compose import compose
@@ -19,9 +20,6 @@ from codra_dsl.tooling.language_server.documents import Document
 
 TIMELINE_KEY = "timeline"
 _KIND = re.compile(rf"^({SITE_KEY}|{TIMELINE_KEY})\b(?:[ \t]*:[ \t]*(\w+))?", re.MULTILINE)
-
-VALUES = "values"
-"""The section of the members of enums."""
 
 SECTIONS_BY_KEY: Mapping[str, str] = {
     **dict.fromkeys(("believes", "decide", "decided", "overrides", "set", "declare", "withdraw"), "context"),

@@ -145,6 +145,8 @@ class CodraServer(LanguageServer):
                 continue  # a finding about a folder has no text in which an editor could show it
             if file in documents or findings != before.findings.get(file, ()):
                 document = texts.document(file)
+                if file not in documents and document.uri in self._open_documents:
+                    continue  # the document belongs to a project within this one, which has its newest text
                 diagnostics = [_diagnostic(finding, texts) for finding in findings]
                 params = types.PublishDiagnosticsParams(document.uri, diagnostics, document.version)
                 self.text_document_publish_diagnostics(params)

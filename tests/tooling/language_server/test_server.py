@@ -127,6 +127,21 @@ def test_findings_about_another_file_are_published_and_taken_back(tmp_path: Path
     session(tmp_path, play)
 
 
+def test_a_project_within_another_has_the_findings_about_its_open_documents(tmp_path: Path) -> None:
+    inner = "codra: 1\nname: inner\ncontext: {x: {type: bool, source: main_execution, valid_for: 1 s}}\n"
+    Workspace(tmp_path / "inner", {"pyproject.toml": "[tool.codra]\n", "inner.yaml": "codra: 1\nname: hall\n"})
+
+    async def play(client: Client) -> None:
+        client.open("inner/inner.yaml", f"{inner}skills: {{go: {{preview: [x]}}}}\n")
+        assert await client.findings("inner/inner.yaml", 1) == []
+        client.open("hall.yaml")
+        await client.findings("hall.yaml", 1)
+
+    client = session(tmp_path, play)
+    uris = [received["params"].get("uri") for received in client.received if "params" in received]
+    assert client.uri("inner/inner.yaml") not in uris
+
+
 def test_a_closed_document_has_the_findings_of_its_file(tmp_path: Path) -> None:
     async def play(client: Client) -> None:
         client.open("hall.yaml", "codra: 1\nname: hall\nskills: {go: {preview: [x]}}\n")
