@@ -20,7 +20,7 @@ from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries
-from codra_dsl.language.model import DeclaredTemplate, Literal, Use
+from codra_dsl.language.model import DeclaredTemplate, Literal, Reference, Use
 
 _ARGUMENT_WRAPPER_KEYS = ("parameters", "arguments", "with")
 MAX_CREATED_VALUES = 1_500_000
@@ -229,6 +229,9 @@ def _use(subject: Subject, node: YamlNode, template: Template) -> Use:
         template=template.name,
         place=subject.origin.of(subject.key),
         template_place=subject.origin.of(name or subject.key),
+        arguments=tuple(
+            Reference(name=key.text, place=subject.origin.of(key)) for key, value in entries(node) if value is not name
+        ),
     )
 
 

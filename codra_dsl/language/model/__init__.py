@@ -84,7 +84,7 @@ from codra_dsl.language.model.mape import (
     weight_name,
 )
 from codra_dsl.language.model.site import Handle, Replacement, Site
-from codra_dsl.language.model.spec import AnyName, DeclaredTemplate, Spec, Use
+from codra_dsl.language.model.spec import AnyName, DeclaredParameter, DeclaredTemplate, Spec, Use
 
 __all__ = [
     "ADAPTER",
@@ -110,6 +110,7 @@ __all__ = [
     "Condition",
     "Conduct",
     "Course",
+    "DeclaredParameter",
     "DeclaredTemplate",
     "EdgeType",
     "Expectation",

@@ -27,12 +27,36 @@ class Use:
     Attributes:
         place: the place of the name of the use.
         template_place: the place of the template's name in the use.
+        arguments: references to the parameters for which the use gives values.
     """
 
     instance: str
     template: str
     place: Place
     template_place: Place
+    arguments: tuple[Reference, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeclaredParameter:
+    """A parameter of a template.
+
+    Attributes:
+        type: the type as written.
+        default: the default as written; None if every use must give a value.
+        mentions: the places of `$(NAME)` in the template.
+    """
+
+    name: str
+    type: str
+    default: str | None
+    place: Place
+    mentions: tuple[Place, ...]
+
+    @property
+    def summary(self) -> str:
+        """The type, and the default if there is one."""
+        return self.type if self.default is None else f"{self.type}, {self.default} by default"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +65,6 @@ class DeclaredTemplate:
 
     Attributes:
         is_used: whether a `use` names the template, or may name it because some uses could not be read.
-        parameters: references with the names of the declared parameters.
         resources: the names under `uses` of its algorithms, as written; they may contain parameters.
         sources: the names of the writers of its elements (`source`), and of the participants in its tasks (`by`,
             `requesters`), as written; they may contain parameters.
@@ -50,7 +73,7 @@ class DeclaredTemplate:
     name: str
     place: Place
     is_used: bool
-    parameters: tuple[Reference, ...] = ()
+    parameters: tuple[DeclaredParameter, ...] = ()
     resources: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
 

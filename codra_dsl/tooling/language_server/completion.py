@@ -3,54 +3,58 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from lsprotocol import types
 
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER
+from codra_dsl.language.check.symbols import RETURNS
 from codra_dsl.language.expression import FUNCTIONS
 from codra_dsl.language.expression.tokens import WORDS
+from codra_dsl.language.load.schema.document import SECTIONS
 from codra_dsl.language.load.schema_file import schema
 from codra_dsl.language.load.site.site_file import SITE_KEY
+from codra_dsl.language.load.templates.templates import INSTANCE
 from codra_dsl.language.units import UNITS
 from codra_dsl.tooling.language_server.documents import Document
 from codra_dsl.tooling.language_server.index import Cursor, SpecNames
-from codra_dsl.tooling.language_server.other_files import names_in
+from codra_dsl.tooling.language_server.other_files import SECTIONS_BY_KEY, STATES_VALUES, TIMELINE_KEY, other_file
 
-_BLOCK_ENTRY = re.compile(r"(?P<indent> *)(?P<dashes>(?:- +)*)(?:(?P<key>[^\s#:{}\[\],][^#:{}\[\],]*?) *:(?:\s+|$))?")
+_BLOCK_ENTRY = re.compile(
+    r"""(?P<indent> *)(?P<dashes>(?:- +)*)(?:(?P<key>"[^"]*"|'[^']*'|[^\s#:{}\[\],"'][^#]*?) *:(?:\s+|$))?"""
+)
+_FLOW_START = re.compile(r"\s*(?:- +)*[{\[]")
 _FLOW_PART = re.compile(r"""(?P<text>"(?:[^"\\]|\\.)*"|'[^']*')|(?P<mark>[{}\[\],]|:(?=\s|$))""")
-_WORD = re.compile(r"[\w$()]*$")
+_WORD = re.compile(r"(?:\$(?:\(\w*\)?)?|\w)*$")
 _REST_OF_KEY = re.compile(r"[\w$()]* *:")
 _AFTER_NUMBER = re.compile(r"\d\s+[A-Za-z/*]*$|\d[A-Za-z/*]+$")
 _BEFORE_MEMBER = re.compile(
-    r"""(?P<name>[\w$()]+)\s*(?:==|!=|(?:not\s+)?in\s*\((?:[^)]*,)?|becomes|stays)\s*(?P<quote>["']?)\w*$"""
+    r"""(?P<name>(?:\$\(\w+\)|\w)+)\s*(?:==|!=|(?:not\s+)?in\s*\((?:[^)]*,)?|becomes|stays)\s*(?P<quote>["']?)\w*$"""
 )
 
-_SECTIONS_BY_KEY: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys(
-        ("given", "changes", "identifies", "rate_of", "share_of", "set", "declare", "withdraw"), ("context",)
-    ),
-    **dict.fromkeys(("believes", "decide", "decided", "overrides"), ("context",)),
+_SECTIONS_IN_SPECS: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(("given", "changes", "identifies", "rate_of", "share_of", "held", "set"), ("context",)),
     **dict.fromkeys(("source", "by", "requesters", "agent"), ("agents",)),
     **dict.fromkeys(("choose", "then", "otherwise", "course"), ("actions",)),
-    **dict.fromkeys(("begin", "end", "act", "acted", "expect", "previews"), ("skills",)),
-    **dict.fromkeys(("running", "stopped"), ("perception",)),
     **dict.fromkeys(("in", "execute"), ("trees",)),
     **dict.fromkeys(("from", "to"), ("types", "nodes")),
     **dict.fromkeys(("owns", "reads"), ("context", "types", "edges", "tasks")),
+    **dict.fromkeys((SITE_KEY, TIMELINE_KEY), ("spec",)),
     "uses": ("resources",),
     "template": ("templates",),
     "of": ("nodes",),
     "analyse": ("metrics",),
     "adapt": ("adaptation",),
-    "overlays": ("spec",),
-    "timeline": ("spec",),
 }
-"""The sections whose names can be written under a key."""
+"""The sections whose names can be written under a key of a spec."""
 
+_CONTEXT = ("context", "metrics", "adaptation")
+"""The sections that declare context-variables."""
+
+_PATTERNS = frozenset(("wakes", "before", "during", "after"))
 _CONTEXT_CONDITIONS = frozenset(
-    ("observable_when", "preview", "monitor", "derived", "wakes", "before", "during", "after", "if", "value", "rules")
+    ("observable_when", "preview", "monitor", "derived", *_PATTERNS, "if", "value", "rules")
 )
 _RESULT_CONDITIONS = frozenset(("accept_when", "identifies", "enter", "leave"))
 
@@ -70,41 +74,52 @@ class Slot(NamedTuple):
     is_item: bool
     before: str
 
+    @property
+    def key(self) -> str:
+        """The innermost key; empty at the top."""
+        return self.path[-1] if self.path else ""
+
 
 def slot_at(document: Document, offset: int) -> Slot:
-    """Return the place of an offset, from the indentation of lines and the brackets in the last of them."""
+    """Return the place of an offset, from the indentation of lines, and the brackets after the last key above it."""
     number = document.position_at(offset).line
-    line = document.text[document.line_starts[number] : offset].lstrip("\N{ZERO WIDTH NO-BREAK SPACE}")
+    line = document.text[document.line_starts[number] : offset]
+    if number == 0:
+        line = line[document.mark_length :]
     entry = _BLOCK_ENTRY.match(line)
     assert entry is not None  # the pattern matches any text
-    parents = _parents(document, number, len(entry["indent"]), entry["dashes"])
-    keys = [*parents, *([_unquoted(entry["key"])] if entry["key"] else [])]
+    parents = _parents(document, number, entry)
+    keys = [key for key, _ in parents]
+    around = document.text[parents[-1][1] : offset] if parents else ""
+    if _FLOW_START.match(around):
+        path, is_key, before, is_closed = _in_flow(keys, around)
+        if not is_closed:
+            return Slot(path, is_key, is_item=False, before=before)
     rest = line[entry.end() :]
-    path, is_key, before = _in_flow(keys, rest)
+    path, is_key, before, _ = _in_flow([*keys, *([_unquoted(entry["key"])] if entry["key"] else [])], rest)
     is_item = bool(entry["dashes"]) and not entry["key"]
     return Slot(path, is_key if rest[:1] in ("{", "[") else not entry["key"] and not is_item, is_item, before)
 
 
-def _parents(document: Document, number: int, indent: int, dashes: str) -> list[str]:
-    """Return the keys of the lines above that contain a line."""
-    keys: list[str] = []
+def _parents(document: Document, number: int, entry: re.Match[str]) -> list[tuple[str, int]]:
+    """Return the keys of the lines above that contain a line, each with the offset after it."""
+    keys: list[tuple[str, int]] = []
+    indent, dashes = len(entry["indent"]), entry["dashes"]
     limit = indent + 1 if dashes else indent  # an item may have the indentation of its key
     for line_number in range(number - 1, -1, -1):
         line = document.line(line_number)
-        entry = _BLOCK_ENTRY.match(line)
-        if entry is None or not line.strip() or line.lstrip().startswith("#"):
+        above = _BLOCK_ENTRY.match(line)
+        if limit == 0 or above is None or not above["key"] or line.lstrip().startswith("#"):
             continue
-        key_indent = len(entry["indent"]) + len(entry["dashes"])
-        if entry["key"] and key_indent < limit and (not dashes or not entry["dashes"] or key_indent < indent):
-            keys.append(_unquoted(entry["key"]))
+        key_indent = len(above["indent"]) + len(above["dashes"])
+        if key_indent < limit and (not dashes or not above["dashes"] or key_indent < indent):
+            keys.append((_unquoted(above["key"]), document.line_starts[line_number] + above.end()))
             limit, dashes = key_indent, ""
-        if limit == 0:
-            break
     return keys[::-1]
 
 
-def _in_flow(keys: list[str], text: str) -> tuple[tuple[str, ...], bool, str]:
-    """Return the path within brackets, whether the place is that of a key, and the text of the scalar."""
+def _in_flow(keys: Iterable[str], text: str) -> tuple[tuple[str, ...], bool, str, bool]:
+    """Return the path within brackets, whether a key is written, the text of the scalar, and whether all are closed."""
     stack: list[tuple[str, int]] = []
     path, start = list(keys), 0
     for part in _FLOW_PART.finditer(text):
@@ -123,157 +138,208 @@ def _in_flow(keys: list[str], text: str) -> tuple[tuple[str, ...], bool, str]:
             continue
         start = part.end()
     is_key = bool(stack) and stack[-1][0] == "{" and len(path) == stack[-1][1]
-    return tuple(path), is_key, text[start:].lstrip()
+    return tuple(path), is_key, text[start:].lstrip(), not stack
 
 
 def _unquoted(key: str) -> str:
     return key.strip("\"'")
 
 
-_Choice = tuple[str, types.CompletionItemKind, str]
-"""A text to insert, its kind and its description."""
-
-
 def completions(cursor: Cursor) -> list[types.CompletionItem]:
     """Return what can be written at a cursor."""
     document, offset = cursor.document, cursor.offset
-    slot = slot_at(document, offset)
-    word = _WORD.search(slot.before)
-    replaced = document.range_between(offset - (len(word[0]) if word else 0), offset)
+    completion = _Completion(cursor, slot_at(document, offset))
+    word = _WORD.search(document.text, document.line_starts[document.position_at(offset).line], offset)
+    replaced = document.range_between(offset if word is None else word.start(), offset)
     key_ending = "" if _REST_OF_KEY.match(document.text, offset) else ": "
-    keys = {text: (key_ending, kind, detail) for text, kind, detail in _keys(cursor, slot)}
-    values = {} if slot.is_key else {text: ("", kind, detail) for text, kind, detail in _values(cursor, slot)}
+    choices = {choice.text: (choice, key_ending) for choice in completion.new_keys()}
+    choices |= {choice.text: (choice, "") for choice in completion.new_values()}
     return [
         types.CompletionItem(
-            text, kind=kind, documentation=detail, text_edit=types.TextEdit(replaced, f"{text}{ending}")
+            text, kind=choice.kind, documentation=choice.detail, text_edit=types.TextEdit(replaced, f"{text}{ending}")
         )
-        for text, (ending, kind, detail) in (keys | values).items()
+        for text, (choice, ending) in choices.items()
     ]
 
 
-def _keys(cursor: Cursor, slot: Slot) -> Iterator[_Choice]:
-    """Yield the keys that can be written in a slot."""
-    for definition in _definitions(slot.path) if slot.is_key or slot.is_item else ():
-        for name, value in definition.get("properties", {}).items():
-            yield name, types.CompletionItemKind.Property, value.get("description", "")
-    if not slot.is_key:
-        return
-    yield from _names_under(cursor, slot.path)
-    if slot.path[-2:-1] == ("identifies",):
-        yield from _members(cursor, slot.path[-1], "")
-    if slot.path[:-1] == ("use",):
-        yield from _parameters(cursor, slot.path[1])
+class _Choice(NamedTuple):
+    """A text to insert, its kind and its description."""
+
+    text: str
+    kind: types.CompletionItemKind
+    detail: str = ""
 
 
-def _values(cursor: Cursor, slot: Slot) -> Iterator[_Choice]:
-    """Yield the values that can be written in a slot."""
-    key = slot.path[-1] if slot.path else ""
-    if key == "unit":
-        yield from _units()
-    definitions = _definitions(slot.path)
-    for definition in definitions:
-        values = definition.get("enum", ())
-        details = definition.get("markdownEnumDescriptions", [""] * len(values))
-        yield from (
-            (str(value), types.CompletionItemKind.EnumMember, detail)
-            for value, detail in zip(values, details, strict=True)
-        )
-    reads_results = "perception" in slot.path and not _RESULT_CONDITIONS.isdisjoint(slot.path)
-    if reads_results or key in _CONTEXT_CONDITIONS:
-        yield from _in_condition(cursor, slot, reads_results=reads_results)
-    elif not any(definition.get("type") == "object" for definition in definitions):
-        yield from _names_under(cursor, slot.path)
+class _Completion:
+    """What can be written in a slot."""
 
+    def __init__(self, cursor: Cursor, slot: Slot) -> None:
+        self._cursor, self._slot, self._path = cursor, slot, slot.path
+        other = other_file(cursor.document, cursor.file)
+        self._kind = other.kind
+        self._template = slot.path[1] if slot.path[:1] == ("templates",) and len(slot.path) > 2 else ""
+        self._specs: list[SpecNames] = [
+            names
+            for names in cursor.index.specs
+            if cursor.file in names.spec.files or (other.kind and names.spec.name == other.spec)
+        ]
 
-def _names_under(cursor: Cursor, path: tuple[str, ...]) -> Iterator[_Choice]:
-    """Yield the names that can be written under the last key of a path."""
-    key = path[-1] if path else ""
-    sections = _SECTIONS_BY_KEY.get(key, ())
-    if key == "type" and "nodes" in path:
-        sections = ("types",)
-    if key == "monitor" and "loops" in path:
-        sections = ("agents",)
-    if key == "source":
-        yield from ((name, types.CompletionItemKind.Keyword, "") for name in (OBSERVER, MAIN_EXECUTION))
-    yield from _names(cursor, sections, in_template="templates" in path)
-
-
-def _names(cursor: Cursor, sections: tuple[str, ...], *, in_template: bool) -> Iterator[_Choice]:
-    """Yield the names of sections; in a template, also those that it makes, as it writes them."""
-    for names in cursor.index.specs if sections == ("spec",) else _specs(cursor):
-        for symbol in names.declarations:
-            if symbol.section in sections:
-                yield symbol.name, types.CompletionItemKind.Variable, ""
-    for _, _, start, end, is_declaration, is_written in cursor.index.in_file(cursor.file) if in_template else ():
-        if is_declaration and not is_written:
-            yield cursor.document.text[start:end], types.CompletionItemKind.Variable, "made by this template"
-
-
-def _specs(cursor: Cursor) -> Iterator[SpecNames]:
-    """Yield the specs to which the file of a cursor belongs, or which it names."""
-    named_spec, _ = names_in(cursor.document, cursor.file)
-    for names in cursor.index.specs:
-        if cursor.file in names.spec.files or names.spec.name == named_spec:
-            yield names
-
-
-def _in_condition(cursor: Cursor, slot: Slot, *, reads_results: bool) -> Iterator[_Choice]:
-    member = _BEFORE_MEMBER.search(slot.before)
-    if member is not None:
-        yield from _members(cursor, member["name"], "" if member["quote"] else '"')
-        if member["quote"]:
+    def new_keys(self) -> Iterator[_Choice]:
+        """Yield the keys that can be written."""
+        slot, path = self._slot, self._path
+        for definition in _definitions(path, self._kind) if slot.is_key or slot.is_item else ():
+            for name, value in definition.get("properties", {}).items():
+                if (name, path[:1], self._kind) != ("template", ("use",), SITE_KEY):
+                    yield _Choice(name, types.CompletionItemKind.Property, value.get("description", ""))
+        if not slot.is_key:
             return
-    if _AFTER_NUMBER.search(slot.before):
-        yield from _units()
-    elif reads_results:
-        yield from _returned_values(cursor)
-    else:
-        yield from _names(cursor, ("context", "metrics", "adaptation"), in_template="templates" in slot.path)
-    yield from ((word, types.CompletionItemKind.Keyword, "") for word in (*WORDS, *FUNCTIONS))
+        yield from self._names_under_key()
+        if path[-2:-1] == ("identifies",):
+            yield from self._members(slot.key, "")
+        if path[:-1] == ("use",):
+            yield from self._arguments(slot.key)
+        if slot.key == RETURNS and self._kind:
+            yield from self._returned_values()
 
+    def new_values(self) -> Iterator[_Choice]:
+        """Yield the values that can be written."""
+        slot, path = self._slot, self._path
+        if slot.is_key:
+            return
+        if slot.key == "unit":
+            yield from _units()
+        definitions = _definitions(path, self._kind)
+        for definition in definitions:
+            values = definition.get("enum", ())
+            details = definition.get("markdownEnumDescriptions", [""] * len(values))
+            for value, detail in zip(values, details, strict=True):
+                yield _Choice(str(value), types.CompletionItemKind.EnumMember, detail)
+        if self._kind == TIMELINE_KEY:
+            for name in path[-2:] if not set(path).isdisjoint(STATES_VALUES) else ():
+                yield from self._members(name, "")
+        elif self._reads_results or (slot.key in _CONTEXT_CONDITIONS and path[:1] != ("loops",)):
+            yield from self._in_condition()
+            return
+        if not any(definition.get("type") == "object" for definition in definitions):
+            yield from self._names_under_key()
 
-def _returned_values(cursor: Cursor) -> Iterator[_Choice]:
-    """Yield the values that the algorithm around a cursor returns."""
-    document, ranges = cursor.document, cursor.index.in_file(cursor.file)
-    algorithms = {
-        name_range.symbol.name
-        for name_range in ranges
-        if name_range.symbol.section == "perception" and name_range.is_declaration
-        if name_range.start <= cursor.offset <= document.end_of_entry(name_range.start)
-    }
-    values = (name_range.symbol for name_range in ranges if name_range.symbol.owner in algorithms)
-    return ((value.name, types.CompletionItemKind.Field, "") for value in values)
+    @property
+    def _reads_results(self) -> bool:
+        return "perception" in self._path and not _RESULT_CONDITIONS.isdisjoint(self._path)
 
+    def _names_under_key(self) -> Iterator[_Choice]:
+        """Yield the names that can be written under the innermost key."""
+        key = self._slot.key
+        if key == "source":
+            yield from (_Choice(name, types.CompletionItemKind.Keyword) for name in (OBSERVER, MAIN_EXECUTION))
+        yield from self._names(self._sections())
 
-def _members(cursor: Cursor, name: str, quote: str) -> Iterator[_Choice]:
-    """Yield the members of the enums with a name: variables and returned values."""
-    for names in _specs(cursor):
-        types_by_name = [(variable.name, variable.type) for variable in names.spec.context]
-        for algorithm in names.spec.perception:
-            types_by_name += [(value.name, value.type) for value in algorithm.returns]
-        for member in (member for other, value_type in types_by_name if other == name for member in value_type.values):
-            yield f"{quote}{member}{quote}", types.CompletionItemKind.EnumMember, ""
+    def _sections(self) -> tuple[str, ...]:
+        """Return the sections whose names can be written under the innermost key."""
+        path, key = self._path, self._slot.key
+        if self._kind == TIMELINE_KEY and path[-2:-1] in (("agents",), ("expects",)):
+            return _CONTEXT
+        if self._kind == TIMELINE_KEY and key == "source":
+            return ("perception", "agents")
+        if self._kind == TIMELINE_KEY and key in SECTIONS_BY_KEY:
+            return _CONTEXT if SECTIONS_BY_KEY[key] == "context" else (SECTIONS_BY_KEY[key],)
+        if self._kind == SITE_KEY and key in (*SECTIONS, "use"):
+            return (key,)
+        if (key == "type" and "nodes" in path) or path[-2:-1] == ("nodes",):
+            return ("types",)
+        if key == "monitor" and path[:1] == ("loops",):
+            return ("agents",)
+        return _SECTIONS_IN_SPECS.get(key, ())
 
+    def _names(self, sections: tuple[str, ...]) -> Iterator[_Choice]:
+        """Yield the names of sections; in a template, also those that it makes, and its parameters."""
+        for names in self._cursor.index.specs if sections == ("spec",) else self._specs:
+            for symbol in names.declarations:
+                if symbol.section in sections:
+                    yield _Choice(symbol.name, types.CompletionItemKind.Variable)
+        if not self._template:
+            return
+        for symbol, _, start, end, is_declaration, is_written in self._cursor.index.in_file(self._cursor.file):
+            if is_declaration and not is_written and symbol.section in sections:
+                text = self._cursor.document.text[start:end]
+                yield _Choice(text, types.CompletionItemKind.Variable, "made by this template")
+        yield from self._parameters()
 
-def _parameters(cursor: Cursor, instance: str) -> Iterator[_Choice]:
-    """Yield the parameters that a use can give: those of its template, or of all templates if it names none."""
-    for names in _specs(cursor):
-        used = [use.template for use in names.spec.uses if use.instance == instance]
-        for template in names.spec.templates:
-            for parameter in template.parameters if not used or template.name in used else ():
-                yield parameter.name, types.CompletionItemKind.Property, f"parameter of {template.name}"
+    def _parameters(self) -> Iterator[_Choice]:
+        """Yield the parameters of the template around the cursor."""
+        if self._template and self._path[2] != "parameters":
+            yield _Choice(f"$({INSTANCE})", types.CompletionItemKind.TypeParameter, "the name of the use")
+            for template in (template for names in self._specs for template in names.spec.templates):
+                for parameter in template.parameters if template.name == self._template else ():
+                    yield _Choice(f"$({parameter.name})", types.CompletionItemKind.TypeParameter, parameter.type)
+
+    def _arguments(self, instance: str) -> Iterator[_Choice]:
+        """Yield the parameters that a use can give: those of its template, or of all templates if it names none."""
+        for names in self._specs:
+            used = [use.template for use in names.spec.uses if use.instance == instance]
+            for template in names.spec.templates:
+                for parameter in template.parameters if not used or template.name in used else ():
+                    detail = f"parameter of {template.name}: {parameter.summary}"
+                    yield _Choice(parameter.name, types.CompletionItemKind.Property, detail)
+
+    def _in_condition(self) -> Iterator[_Choice]:
+        member = _BEFORE_MEMBER.search(self._slot.before)
+        if member is not None:
+            yield from self._members(member["name"], "" if member["quote"] else '"')
+            if member["quote"]:
+                return
+        if _AFTER_NUMBER.search(self._slot.before):
+            yield from _units()
+        elif self._reads_results:
+            yield from self._returned_values()
+            yield from self._parameters()
+        else:
+            in_pattern = ("nodes", "types", "edges", "tasks") if self._slot.key in _PATTERNS else ()
+            yield from self._names((*_CONTEXT, *in_pattern))
+        yield from (_Choice(word, types.CompletionItemKind.Keyword) for word in (*WORDS, *FUNCTIONS))
+
+    def _returned_values(self) -> Iterator[_Choice]:
+        """Yield the values that the algorithm around the cursor returns."""
+        algorithms = self._meant("perception", self._algorithm)
+        for symbol in (symbol for names in self._specs for symbol in names.declarations):
+            if symbol.section == RETURNS and symbol.owner in algorithms:
+                yield _Choice(symbol.name, types.CompletionItemKind.Field)
+
+    @property
+    def _algorithm(self) -> str:
+        """The algorithm around the cursor as it is written; empty outside of algorithms."""
+        return next(iter(self._path[self._path.index("perception") + 1 :]), "") if "perception" in self._path else ""
+
+    def _members(self, written: str, quote: str) -> Iterator[_Choice]:
+        """Yield the members of the variables or of the returned values around the cursor that a text can mean."""
+        owners = self._meant("context", written)
+        owners |= {f"{algorithm}.{written}" for algorithm in self._meant("perception", self._algorithm)}
+        for member in (member for names in self._specs for owner in owners for member in names.members(owner)):
+            yield _Choice(f"{quote}{member}{quote}", types.CompletionItemKind.EnumMember)
+
+    def _meant(self, section: str, written: str) -> set[str]:
+        """Return the names that a text means: itself or, in a template, the names that it makes."""
+        if "$(" not in written:
+            return {written}
+        text = self._cursor.document.text
+        ranges = self._cursor.index.in_file(self._cursor.file)
+        return {
+            one.symbol.name for one in ranges if one.symbol.section == section and text[one.start : one.end] == written
+        }
 
 
 def _units() -> Iterator[_Choice]:
-    return ((unit, types.CompletionItemKind.Unit, "") for unit in UNITS)
+    return (_Choice(unit, types.CompletionItemKind.Unit) for unit in UNITS)
 
 
-def _definitions(path: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Return the definitions of the schema for a path."""
-    root = schema()
-    if path[:1] in ((SITE_KEY,), ("timeline",), ("stories",), ("start",)):
-        root = root["$defs"]["site" if path[0] == SITE_KEY else "timeline"]
-    definitions = _forms(root)
+def _definitions(path: tuple[str, ...], kind: str) -> list[dict[str, Any]]:
+    """Return the definitions of the schema for a path in a spec or, with the key of their kind, in a site or timeline.
+
+    A site has the keys of the spec, except those of resources and uses.
+    """
+    roots = {SITE_KEY: schema()["$defs"]["site"], TIMELINE_KEY: schema()["$defs"]["timeline"]}
+    is_like_spec = kind == SITE_KEY and len(path) > 1 and path[0] not in ("resources", "use")
+    definitions = _forms(schema() if is_like_spec else roots.get(kind, schema()))
     for key in path:
         definitions = [form for definition in definitions for form in _below(definition, key)]
     return definitions

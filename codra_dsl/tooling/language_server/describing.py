@@ -9,10 +9,13 @@ from lsprotocol import types
 from codra_dsl.language.check.conditions.conditions import RESULT_ROLES
 from codra_dsl.language.check.index.spec_index import OBSERVER
 from codra_dsl.language.check.index.words import USERS
+from codra_dsl.language.check.symbols import PARAMETERS, RETURNS, VALUES, Symbol
 from codra_dsl.language.expression import FUNCTIONS
 from codra_dsl.language.expression.tokens import ExpressionError, TokenKind, tokens
+from codra_dsl.language.load.site.site_file import SITE_KEY
 from codra_dsl.language.model import FOREVER_S, Condition, ValueType, Variable, WhenUnobservable
-from codra_dsl.tooling.language_server.index import RETURNS, Cursor, Index, SpecNames, Symbol
+from codra_dsl.tooling.language_server.index import Cursor, Index, SpecNames
+from codra_dsl.tooling.language_server.other_files import other_file
 
 _MAX_SHOWN_NAMES = 3
 
@@ -46,6 +49,13 @@ def _description(names: SpecNames, symbol: Symbol) -> str:
         value = next((value for value in algorithm.returns if value.name == symbol.name), None) if algorithm else None
         type_text = "" if value is None else f": {_type_text(value.type)}{', optional' if value.optional else ''}"
         return f"`{symbol.name}`{type_text}\n\nreturned by algorithm `{symbol.owner}`"
+    if symbol.section == VALUES:
+        return f"member `{symbol.name}` of `{symbol.owner}`"
+    if symbol.section == PARAMETERS:
+        templates = (template for template in names.spec.templates if template.name == symbol.owner)
+        parameters = (parameter for template in templates for parameter in template.parameters)
+        summary = next((parameter.summary for parameter in parameters if parameter.name == symbol.name), "")
+        return f"parameter `{symbol.name}` of template `{symbol.owner}`: {summary}"
     noun = USERS.get(symbol.section, symbol.section.removesuffix("s"))
     elements = getattr(names.spec, symbol.section, ())
     labels = (getattr(element, "label", "") for element in elements if getattr(element, "name", "") == symbol.name)
@@ -114,22 +124,25 @@ _SYMBOL_KINDS = {
     "types": types.SymbolKind.Class,
     "nodes": types.SymbolKind.Object,
     "templates": types.SymbolKind.Module,
-    "use": types.SymbolKind.Object,
 }
+_NOT_IN_OUTLINES = (RETURNS, VALUES, PARAMETERS, "spec")
 
 
 def symbols(cursor: Cursor) -> list[types.DocumentSymbol]:
-    """Return the declarations in a file; those in a template are shown as the template writes them."""
-    document = cursor.document
-    found: dict[tuple[int, int], types.DocumentSymbol] = {}
-    for name_range in cursor.index.in_file(cursor.file):
-        section, start, end = name_range.symbol.section, name_range.start, name_range.end
-        if name_range.is_declaration and section not in (RETURNS, "spec"):
+    """Return the declarations in a file, as a template writes them, or the names in a site."""
+    document, other = cursor.document, other_file(cursor.document, cursor.file)
+    declared = (found for found in cursor.index.in_file(cursor.file) if found.is_declaration)
+    entries = {(found.start, found.end): found.symbol.section for found in declared}
+    if other.kind == SITE_KEY:
+        entries = {(found.start, found.end): found.section for found in other.names}
+    shown: list[types.DocumentSymbol] = []
+    for (start, end), section in sorted(entries.items()):
+        if section not in _NOT_IN_OUTLINES:
             selection = document.range_between(start, end)
             extent = types.Range(selection.start, document.position_at(document.end_of_entry(start)))
             kind = _SYMBOL_KINDS.get(section, types.SymbolKind.Object)
-            found[start, end] = types.DocumentSymbol(document.text[start:end], kind, extent, selection, section)
-    return list(found.values())
+            shown.append(types.DocumentSymbol(document.text[start:end], kind, extent, selection, section))
+    return shown
 
 
 TOKEN_TYPES = ("variable", "parameter", "number", "string", "keyword", "operator", "function")

@@ -1,4 +1,4 @@
-"""Texts of files, and the conversion of positions between codra and clients.
+"""The texts of files, and the conversion of places between codra and clients.
 
 Codra counts columns in code points from 1, and a byte order mark has no column. The protocol counts from 0 in units of
 an encoding that the client chooses (UTF-16, UTF-8 or UTF-32), and a byte order mark is a character like any other. Both
@@ -9,15 +9,19 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from lsprotocol import types
+from pygls import uris
+from pygls.workspace import PositionCodec
 
-from codra_dsl.language.diagnostics import Span
+from codra_dsl.language.diagnostics import Edit, Span
 from codra_dsl.language.file_queries import MAX_SPEC_BYTES
 from codra_dsl.regular_files import read_regular_file
 
@@ -27,12 +31,6 @@ _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
 
 Encoding = types.PositionEncodingKind | str
 UTF16 = types.PositionEncodingKind.Utf16
-_UNIT_BYTES: Mapping[str, tuple[str, int]] = {
-    types.PositionEncodingKind.Utf8: ("utf-8", 1),
-    types.PositionEncodingKind.Utf16: ("utf-16-le", 2),
-    types.PositionEncodingKind.Utf32: ("utf-32-le", 4),
-}
-"""For each encoding of positions, the codec and the bytes of one unit."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +39,14 @@ class Document:
 
     Attributes:
         encoding: the unit of positions.
+        uri: the URI of the file, as the client writes it.
+        version: the version that the client has given to the text; None for the text of a file on disk.
     """
 
     text: str = field(repr=False)
     encoding: Encoding = UTF16
+    uri: str = ""
+    version: int | None = None
 
     @cached_property
     def line_starts(self) -> tuple[int, ...]:
@@ -56,6 +58,13 @@ class Document:
         """The content of the file. A lone surrogate, which no file can contain, gives bytes that are not UTF-8."""
         return self.text.encode("utf-8", "surrogatepass")
 
+    @cached_property
+    def _codec(self) -> PositionCodec:
+        return PositionCodec(self.encoding)
+
+    def _units(self, text: str) -> int:
+        return len(text) if text.isascii() else self._codec.client_num_units(text)
+
     def line(self, number: int) -> str:
         """Return a line without its line break; the first line has the number 0."""
         start = self.line_starts[number]
@@ -66,34 +75,33 @@ class Document:
         """Return the offset of a position; after the end of a line or of the text, this end."""
         if position.line >= len(self.line_starts):
             return len(self.text)
-        line = self.line(position.line)
-        return self.line_starts[position.line] + _code_points(line, position.character, self.encoding)
+        ends = list(accumulate(map(self._units, self.line(position.line))))
+        return self.line_starts[position.line] + bisect_right(ends, position.character)
 
     def position_at(self, offset: int) -> types.Position:
         """Return the position of an offset."""
         line = bisect_right(self.line_starts, offset) - 1
-        return types.Position(line, _units(self.text[self.line_starts[line] : offset], self.encoding))
-
-    def offset_of(self, line: int, column: int) -> int:
-        """Return the offset of a line and a column as spans count them; beyond the text, the end of the text."""
-        if line > len(self.line_starts):
-            return len(self.text)
-        mark = 1 if line == 1 and self.text.startswith(_BYTE_ORDER_MARK) else 0
-        return min(self.line_starts[line - 1] + mark + column - 1, len(self.text))
+        return types.Position(line, self._units(self.text[self.line_starts[line] : offset]))
 
     def offsets_of(self, span: Span) -> tuple[int, int]:
-        """Return the range of a span as offsets."""
-        return self.offset_of(span.line, span.column), self.offset_of(span.end_line, span.end_column)
+        """Return the range of a span as offsets; beyond the text, the end of the text."""
+        return self._offset_of(span.line, span.column), self._offset_of(span.end_line, span.end_column)
 
-    def range_of(self, span: Span) -> types.Range:
-        """Return the range of a span."""
-        return self.range_between(*self.offsets_of(span))
+    def _offset_of(self, line: int, column: int) -> int:
+        if line > len(self.line_starts):
+            return len(self.text)
+        return min(self.line_starts[line - 1] + (self.mark_length if line == 1 else 0) + column - 1, len(self.text))
+
+    @property
+    def mark_length(self) -> int:
+        """The length of the byte order mark: 1 or 0."""
+        return int(self.text.startswith(_BYTE_ORDER_MARK))
 
     def span(self, file: str, start: int, end: int) -> Span:
         """Return the span of a range between two offsets; `file` is the name of the file."""
-        first, last = (bisect_right(self.line_starts, offset) - 1 for offset in (start, end))
-        columns = [offset - self.offset_of(line + 1, 1) + 1 for line, offset in ((first, start), (last, end))]
-        return Span(file, first + 1, columns[0], last + 1, columns[1])
+        first, last = (bisect_right(self.line_starts, offset) for offset in (start, end))
+        columns = [offset - self._offset_of(line, 1) + 1 for line, offset in ((first, start), (last, end))]
+        return Span(file, first, columns[0], last, columns[1])
 
     def range_between(self, start: int, end: int) -> types.Range:
         """Return the range between two offsets."""
@@ -101,8 +109,9 @@ class Document:
 
     def path_at(self, offset: int) -> str:
         """Return the path around an offset; empty if there is none."""
-        paths = (match for match in _PATH.finditer(self.line(self.position_at(offset).line)))
-        column = offset - self.line_starts[self.position_at(offset).line]
+        number = bisect_right(self.line_starts, offset) - 1
+        column = offset - self.line_starts[number]
+        paths = _PATH.finditer(self.line(number))
         return next((match[0] for match in paths if match.start() <= column <= match.end()), "")
 
     @property
@@ -113,10 +122,9 @@ class Document:
 
     def end_of_entry(self, offset: int) -> int:
         """Return the end of the YAML entry that begins at an offset: before the next line that is not indented more."""
-        position = self.position_at(offset).line
-        indent = offset - self.line_starts[position]
-        last = position
-        for number in range(position + 1, len(self.line_starts)):
+        first = last = bisect_right(self.line_starts, offset) - 1
+        indent = offset - self.line_starts[first]
+        for number in range(first + 1, len(self.line_starts)):
             line = self.line(number)
             if line.strip() and len(line) - len(line.lstrip(" ")) <= indent:
                 break
@@ -124,25 +132,32 @@ class Document:
         return self.line_starts[last] + len(self.line(last))
 
     def after(self, change: types.TextDocumentContentChangeEvent) -> Document:
-        """Return the text after a change by the client."""
+        """Return the document after a change by the client."""
         if not isinstance(change, types.TextDocumentContentChangePartial):
-            return Document(change.text, self.encoding)
+            return replace(self, text=change.text)
         start, end = self.offset_at(change.range.start), self.offset_at(change.range.end)
-        return Document(f"{self.text[:start]}{change.text}{self.text[max(start, end) :]}", self.encoding)
+        return replace(self, text=f"{self.text[:start]}{change.text}{self.text[max(start, end) :]}")
 
 
 class Texts:
     """The texts of the files of a project: open documents, and files on disk, each of which is read once.
 
     Attributes:
+        root: the folder to which the names of files are relative.
         opened: the open documents by file.
     """
 
-    def __init__(self, root: Path, documents: Mapping[str, Document], encoding: Encoding = UTF16) -> None:
-        self.root = root
-        self._encoding = encoding
-        self.opened = documents
-        self._documents = dict(documents)
+    def __init__(
+        self,
+        root: Path,
+        opened: Mapping[str, Document],
+        encoding: Encoding = UTF16,
+        known_uris: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        """Initialize. `known_uris` has the URIs of files that the client has named before."""
+        self.root, self.opened = root, opened
+        self._encoding, self._known_uris = encoding, known_uris
+        self._documents = dict(opened)
 
     def document(self, file: str) -> Document:
         """Return the text of a file; an empty text if the file cannot be read."""
@@ -151,8 +166,39 @@ class Texts:
                 data = read_regular_file(self.root / file, MAX_SPEC_BYTES, within=self.root)
             except OSError:
                 data = b""
-            self._documents[file] = Document(data.decode("utf-8", "replace"), self._encoding)
+            uri = self._known_uris.get(file) or uris.from_fs_path(str(self.root / file)) or ""
+            self._documents[file] = Document(data.decode("utf-8", "replace"), self._encoding, uri)
         return self._documents[file]
+
+    def location(self, file: str, start: int, end: int) -> types.Location:
+        """Return the location of a range of a file's text."""
+        document = self.document(file)
+        return types.Location(document.uri, document.range_between(start, end))
+
+    def location_of(self, span: Span) -> types.Location:
+        """Return the location of a span."""
+        return self.location(span.file, *self.document(span.file).offsets_of(span))
+
+    def workspace_edit(self, edits: Iterable[Edit], *, has_versions: bool) -> types.WorkspaceEdit:
+        """Return edits of files for the client.
+
+        With versions, the client applies the edits only to the texts for which they were computed.
+        """
+        changes: dict[str, list[Any]] = {}
+        for edit in edits:
+            text = edit.text.replace("\n", self.document(edit.span.file).line_break)
+            text_edit = types.TextEdit(self.location_of(edit.span).range, text)
+            changes.setdefault(edit.span.file, []).append(text_edit)
+        documents = {self.document(file): text_edits for file, text_edits in changes.items()}
+        if not has_versions:
+            return types.WorkspaceEdit({document.uri: text_edits for document, text_edits in documents.items()})
+        identifier = types.OptionalVersionedTextDocumentIdentifier
+        return types.WorkspaceEdit(
+            document_changes=[
+                types.TextDocumentEdit(identifier(document.uri, document.version), text_edits)
+                for document, text_edits in documents.items()
+            ]
+        )
 
 
 class Move:
@@ -163,10 +209,9 @@ class Move:
 
     def __init__(self, before: str, after: str) -> None:
         self._is_same = before == after
-        shorter_length = min(len(before), len(after))
-        self._prefix = 0 if self._is_same else _agreement(shorter_length, lambda n: before[:n] == after[:n])
-        limit = shorter_length - self._prefix
-        suffix = 0 if self._is_same else _agreement(limit, lambda n: n == 0 or before[-n:] == after[-n:])
+        limit = 0 if self._is_same else min(len(before), len(after))
+        self._prefix = _agreement(limit, lambda n: before[:n] == after[:n])
+        suffix = _agreement(limit - self._prefix, lambda n: before[-n:] == after[-n:])
         self._suffix_start = len(before) - suffix
         self._added = len(after) - len(before)
 
@@ -180,18 +225,3 @@ class Move:
 def _agreement(limit: int, agrees: Callable[[int], bool]) -> int:
     """Return the largest length up to a limit at which two texts agree, given that they agree at smaller lengths."""
     return bisect_left(range(1, limit + 1), True, key=lambda length: not agrees(length))
-
-
-def _units(text: str, encoding: Encoding) -> int:
-    if text.isascii():
-        return len(text)
-    codec, unit_bytes = _UNIT_BYTES[encoding]
-    return len(text.encode(codec, "surrogatepass")) // unit_bytes
-
-
-def _code_points(line: str, units: int, encoding: Encoding) -> int:
-    """Return how many characters of a line fit into a number of units."""
-    if line.isascii():
-        return min(units, len(line))
-    ends = list(accumulate(_units(character, encoding) for character in line))
-    return bisect_right(ends, units)

@@ -83,12 +83,14 @@ class Project:
     Attributes:
         root: the folder to which files are relative.
         checked: the newest result.
+        uris: the URIs of files that the client has opened, as it writes them.
     """
 
     def __init__(self, root: Path, file: Path | None = None) -> None:
         """Initialize. `file` is the document, if it is outside of projects."""
         self.root = root
         self.checked = Checked()
+        self.uris: dict[str, str] = {}
         self._file, self._is_spec = file, False
         self._lint_count = 0
         self._results: SpecResults = {}
@@ -152,10 +154,6 @@ class Project:
         sites = [names.spec.site.file for names in self.checked.specs if names.spec.site is not None]
         timelines = yaml_files(self.root, are_timelines=True) if self._file is None else ()
         return [*sites, *map(self.file_of, timelines)]
-
-    def is_checked(self, texts: Texts) -> bool:
-        """Return whether open documents have the texts that were linted."""
-        return texts.opened == self.checked.documents
 
     def file_of(self, path: Path) -> str:
         """Return the name of a file in findings."""

@@ -7,7 +7,7 @@ waits for it. While a project is being linted, newer texts wait; then only the n
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,9 +22,9 @@ from pygls.protocol import LanguageServerProtocol
 
 import codra_dsl
 from codra_dsl.isolation.error_text import described
-from codra_dsl.language.diagnostics import Diagnostic, Edit, Severity, Span, is_safe
-from codra_dsl.tooling.language_server.documents import UTF16, Document, Encoding, Texts
-from codra_dsl.tooling.language_server.index import Cursor, Index, Range
+from codra_dsl.language.diagnostics import Diagnostic, Severity, is_safe
+from codra_dsl.tooling.language_server.documents import UTF16, Document, Texts
+from codra_dsl.tooling.language_server.index import Cursor, Index
 from codra_dsl.tooling.language_server.projects import Checked, OutdatedError, Project, Projects
 from codra_dsl.tooling.language_server.renaming import RefusedError, rename
 
@@ -46,20 +46,29 @@ class OpenDocument:
         file: the name of the file in findings.
     """
 
-    uri: str
-    version: int | None
     project: Project
     file: str
     document: Document
 
 
 class _Protocol(LanguageServerProtocol):
-    """The protocol without a leak of pygls 2.1.1, which keeps a future for each notification that it has handled."""
+    """The protocol with corrections of pygls 2.1.1.
+
+    pygls keeps a future for each notification that it has handled, and answers no request with invalid parameters.
+    """
 
     def _check_handler_result(self, future: Future[Any]) -> None:
         super()._check_handler_result(future)
         for message_id in [number for number, handled in self._request_futures.items() if handled is future]:
             del self._request_futures[message_id]
+
+    def structure_message(self, data: dict[str, Any]) -> Any:
+        try:
+            return super().structure_message(data)
+        except JsonRpcException as error:
+            if "id" in data and "method" in data:
+                self._send_response(data["id"], error=error.to_response_error())
+            raise
 
 
 class CodraServer(LanguageServer):
@@ -75,14 +84,8 @@ class CodraServer(LanguageServer):
         self.is_shut_down = False
         self.worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="lint")
         self._open_documents: dict[str, OpenDocument] = {}
-        self._uris: dict[tuple[Project, str], str] = {}
         self._projects = Projects()
         self._linters: dict[Project, _Linter] = {}
-
-    @property
-    def encoding(self) -> Encoding:
-        """The encoding of positions that the client has chosen."""
-        return self.workspace.position_encoding or UTF16
 
     # Documents
 
@@ -93,21 +96,20 @@ class CodraServer(LanguageServer):
         if path is None or not path.is_absolute() or path.suffix not in _ENDINGS:
             return
         project = self._projects.project_of(path)
-        document = Document(item.text, self.encoding)
-        opened = OpenDocument(item.uri, item.version, project, project.file_of(path), document)
-        self._open_documents[item.uri] = opened
-        self._uris[project, opened.file] = item.uri
+        file = project.file_of(path)
+        project.uris[file] = item.uri
+        document = Document(item.text, self.workspace.position_encoding or UTF16, item.uri, item.version)
+        self._open_documents[item.uri] = OpenDocument(project, file, document)
         self.schedule(project, 0.0)
 
     def change(self, params: types.DidChangeTextDocumentParams) -> None:
         """Change the text of a document."""
         opened = self._open_documents.get(params.text_document.uri)
         if opened is not None:
-            document = opened.document
+            document = replace(opened.document, version=params.text_document.version)
             for change in params.content_changes:
                 document = document.after(change)
-            changed = replace(opened, version=params.text_document.version, document=document)
-            self._open_documents[opened.uri] = changed
+            self._open_documents[document.uri] = replace(opened, document=document)
             self.schedule(opened.project, DEBOUNCE_S)
 
     def close(self, uri: str) -> None:
@@ -116,9 +118,9 @@ class CodraServer(LanguageServer):
         if closed is not None:
             self.schedule(closed.project, 0.0)
 
-    def opened_in(self, project: Project) -> dict[str, OpenDocument]:
+    def documents(self, project: Project) -> dict[str, Document]:
         """Return the open documents of a project by file."""
-        return {opened.file: opened for opened in self._open_documents.values() if opened.project is project}
+        return {opened.file: opened.document for opened in self._open_documents.values() if opened.project is project}
 
     # Linting
 
@@ -133,33 +135,24 @@ class CodraServer(LanguageServer):
         for project in self._linters:
             self.schedule(project, DEBOUNCE_S)
 
-    def publish(self, project: Project, before: Checked, versions: Mapping[str, int | None]) -> None:
+    def publish(self, project: Project, before: Checked) -> None:
         """Send the findings about open documents, and those about other files that have changed."""
-        texts = Texts(project.root, project.checked.documents, self.encoding)
-        for file in sorted({*before.findings, *project.checked.findings}):
-            findings = project.checked.findings.get(file, ())
-            if findings and file not in versions and not (project.root / file).is_file():
+        documents, after = project.checked.documents, project.checked.findings
+        texts = self._texts(project, documents)
+        for file in sorted({*before.findings, *after}):
+            findings = after.get(file, ())
+            if findings and file not in documents and not (project.root / file).is_file():
                 continue  # a finding about a folder has no text in which an editor could show it
-            if file in versions or findings != before.findings.get(file, ()):
-                diagnostics = [self._diagnostic(project, finding, texts) for finding in findings]
-                params = types.PublishDiagnosticsParams(self._uri(project, file), diagnostics, versions.get(file))
+            if file in documents or findings != before.findings.get(file, ()):
+                document = texts.document(file)
+                if file not in documents and document.uri in self._open_documents:
+                    continue  # the document belongs to a project within this one, which has its newest text
+                diagnostics = [_diagnostic(finding, texts) for finding in findings]
+                params = types.PublishDiagnosticsParams(document.uri, diagnostics, document.version)
                 self.text_document_publish_diagnostics(params)
 
-    def _diagnostic(self, project: Project, finding: Diagnostic, texts: Texts) -> types.Diagnostic:
-        def location(span: Span) -> types.Location:
-            return types.Location(self._uri(project, span.file), texts.document(span.file).range_of(span))
-
-        return types.Diagnostic(
-            range=location(finding.place.span).range,
-            severity=_SEVERITIES[finding.severity],
-            code=finding.code,
-            source="codra",
-            message=f"{finding.message}\n{finding.help}" if finding.help else finding.message,
-            related_information=[
-                types.DiagnosticRelatedInformation(location(related.place.span), related.message)
-                for related in finding.related
-            ],
-        )
+    def _texts(self, project: Project, documents: Mapping[str, Document]) -> Texts:
+        return Texts(project.root, documents, self.workspace.position_encoding or UTF16, project.uris)
 
     # Answers
 
@@ -168,18 +161,9 @@ class CodraServer(LanguageServer):
         opened = self._open_documents.get(uri)
         if opened is None:
             return None
-        documents = {file: other.document for file, other in self.opened_in(opened.project).items()}
-        index = Index(opened.project.checked.specs, Texts(opened.project.root, documents, self.encoding))
-        offset = 0 if position is None else opened.document.offset_at(position)
-        return opened.project, Cursor(index, opened.file, offset)
-
-    def locations(self, project: Project, cursor: Cursor, ranges: Iterable[Range]) -> list[types.Location]:
-        """Return the locations of ranges."""
-        texts = cursor.index.texts
-        return [
-            types.Location(self._uri(project, file), texts.document(file).range_between(start, end))
-            for _, file, start, end, *_ in ranges
-        ]
+        project = opened.project
+        index = Index(project.checked.specs, self._texts(project, self.documents(project)))
+        return project, Cursor(index, opened.file, 0 if position is None else opened.document.offset_at(position))
 
     def quick_fixes(self, uri: str, wanted: types.Range) -> list[types.CodeAction]:
         """Return the fixes of findings that touch a range, if the texts are those in which the findings were found."""
@@ -188,68 +172,58 @@ class CodraServer(LanguageServer):
             return []
         project, cursor = located
         texts, document = cursor.index.texts, cursor.document
+        if texts.opened != project.checked.documents:
+            return []
         end = document.offset_at(wanted.end)
         actions = []
         for finding in project.checked.findings.get(cursor.file, ()):
             first, last = document.offsets_of(finding.place.span)
-            if finding.fix is not None and first <= end and cursor.offset <= last and project.is_checked(texts):
-                edit = self._edit(project, texts, finding.fix.edits)
-                diagnostics = [self._diagnostic(project, finding, texts)]
-                kind = types.CodeActionKind.QuickFix
-                action = types.CodeAction(finding.fix.message, kind, diagnostics, is_safe(finding), edit=edit)
-                actions.append(action)
+            if finding.fix is not None and first <= end and cursor.offset <= last:
+                edit = texts.workspace_edit(finding.fix.edits, has_versions=self._has_versions)
+                kind, diagnostics = types.CodeActionKind.QuickFix, [_diagnostic(finding, texts)]
+                actions.append(types.CodeAction(finding.fix.message, kind, diagnostics, is_safe(finding), edit=edit))
         return actions
 
-    async def rename(self, params: types.RenameParams) -> types.WorkspaceEdit | None:
+    async def rename(self, params: types.RenameParams) -> types.WorkspaceEdit:
         """Return the edits that rename the name at a position, after the newest texts have been linted.
 
         Raises:
-            JsonRpcException: with the reason, if the name cannot be changed.
+            RefusedError: if the name cannot be changed.
+            JsonRpcException: if the text has changed in the meantime.
         """
-        opened = self._open_documents.get(params.text_document.uri)
+        uri = params.text_document.uri
+        opened = self._open_documents.get(uri)
         if opened is None:
-            return None
+            raise RefusedError("the document is not open, or is not a YAML file")
         self.schedule(opened.project, 0.0)  # files on disk may have changed
         await self._linters[opened.project].settle()
-        located = self.cursor(opened.uri, params.position)
-        if located is None or self._open_documents.get(opened.uri) is not opened:
+        located = self.cursor(uri, params.position)
+        if located is None or self._open_documents.get(uri) is not opened:
             raise JsonRpcException("the text has changed in the meantime", types.LSPErrorCodes.ContentModified)
         project, cursor = located
-        try:
-            work = partial(rename, project, cursor, params.new_name)
-            edits = await asyncio.get_running_loop().run_in_executor(self.worker, work)
-        except RefusedError as error:
-            raise JsonRpcException(str(error), types.LSPErrorCodes.RequestFailed) from error
-        return self._edit(project, cursor.index.texts, edits)
+        work = partial(rename, project, cursor, params.new_name)
+        edits = await asyncio.get_running_loop().run_in_executor(self.worker, work)
+        return cursor.index.texts.workspace_edit(edits, has_versions=self._has_versions)
 
-    def _edit(self, project: Project, texts: Texts, edits: Sequence[Edit]) -> types.WorkspaceEdit:
-        """Return edits of files. A client that knows versions applies them only to the versions that they are for."""
-        edits_by_file: dict[str, list[types.TextEdit]] = {}
-        for edit in edits:
-            document = texts.document(edit.span.file)
-            text = edit.text.replace("\n", document.line_break)
-            text_edit = types.TextEdit(document.range_of(edit.span), text)
-            edits_by_file.setdefault(edit.span.file, []).append(text_edit)
+    @property
+    def _has_versions(self) -> bool:
+        """Whether the client applies edits only to the versions for which they were computed."""
         workspace = self.client_capabilities.workspace
-        if workspace is None or workspace.workspace_edit is None or not workspace.workspace_edit.document_changes:
-            return types.WorkspaceEdit(
-                {self._uri(project, file): list(of_file) for file, of_file in edits_by_file.items()}
-            )
-        opened = self.opened_in(project)
-        versions = {file: opened[file].version if file in opened else None for file in edits_by_file}
-        return types.WorkspaceEdit(
-            document_changes=[
-                types.TextDocumentEdit(
-                    types.OptionalVersionedTextDocumentIdentifier(self._uri(project, file), versions[file]),
-                    list[types.TextEdit | types.AnnotatedTextEdit | types.SnippetTextEdit](of_file),
-                )
-                for file, of_file in edits_by_file.items()
-            ]
-        )
+        return bool(workspace and workspace.workspace_edit and workspace.workspace_edit.document_changes)
 
-    def _uri(self, project: Project, file: str) -> str:
-        """Return the URI of a file, as the client wrote it when it opened the file."""
-        return self._uris.get((project, file)) or uris.from_fs_path(str(project.root / file)) or ""
+
+def _diagnostic(finding: Diagnostic, texts: Texts) -> types.Diagnostic:
+    return types.Diagnostic(
+        range=texts.location_of(finding.place.span).range,
+        severity=_SEVERITIES[finding.severity],
+        code=finding.code,
+        source="codra",
+        message=f"{finding.message}\n{finding.help}" if finding.help else finding.message,
+        related_information=[
+            types.DiagnosticRelatedInformation(texts.location_of(related.place.span), related.message)
+            for related in finding.related
+        ],
+    )
 
 
 class _Linter:
@@ -284,14 +258,12 @@ class _Linter:
 
     async def _lint(self) -> None:
         """Lint until the result belongs to the newest texts."""
-        project, server = self._project, self._server
+        project, server, loop = self._project, self._server, asyncio.get_running_loop()
         while self._is_outdated and self._timer is None:
             self._is_outdated = False
-            opened = server.opened_in(project)
-            documents = {file: document.document for file, document in opened.items()}
-            lint = partial(project.lint, documents, lambda: self._is_outdated)
+            lint = partial(project.lint, server.documents(project), lambda: self._is_outdated)
             try:
-                checked = await asyncio.get_running_loop().run_in_executor(server.worker, lint)
+                checked = await loop.run_in_executor(server.worker, lint)
             except OutdatedError:
                 continue
             except Exception as error:  # noqa: BLE001 - a bug of codra must not end the server
@@ -300,8 +272,8 @@ class _Linter:
                 continue
             if not self._is_outdated:
                 before, project.checked = project.checked, checked
-                server.publish(project, before, {file: document.version for file, document in opened.items()})
-                asyncio.get_running_loop().call_later(DEBOUNCE_S, self._prepare_answers, checked)
+                server.publish(project, before)
+                loop.call_later(DEBOUNCE_S, self._prepare_answers, checked)
 
     def _prepare_answers(self, checked: Checked) -> None:
         """Build tables for the next requests, unless there is a newer text, which is linted first."""

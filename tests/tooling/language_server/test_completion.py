@@ -49,16 +49,39 @@ def labels(workspace: Workspace, file: str, after: str, typed: str) -> list[str]
         ("        observable_when: [", "", ["lamp", "$(instance)_down"]),
         ("      $(instance)_down: ", "{", ["type"]),
         ("skills:\n  enter:\n", "    changes:\n      - ", ["near", "open"]),
+        ("height < ", "", ["height", "$(gap)", "$(instance)"]),
+        ("observable_when: [", "known(la", ["lamp"]),
+        ("    observable_when:\n", "      - (place == ", ['"door"', '"window"']),
+        ("use:\n", "  side: {template: shutter,\n         ", ["gap"]),
+        ("open == true,", "\n              ", ["near", "front_down"]),
+        ("preview: [open", " == true,\n              place == ", ['"door"', '"window"']),
     ],
 )
 def test_what_can_follow_is_offered(workspace: Workspace, after: str, typed: str, expected: list[str]) -> None:
     assert set(expected) <= set(labels(workspace, "hall.yaml", after, typed))
 
 
+def test_timelines_have_the_members_of_enums_and_the_words_of_the_language(workspace: Workspace) -> None:
+    assert {"door", "window"} <= set(labels(workspace, "hall.timeline.yaml", "lamp: true, place: ", ""))
+    assert {"door", "window"} <= set(labels(workspace, "hall.timeline.yaml", "believes: {", "place: {is: "))
+    assert {"stale", "any"} <= set(labels(workspace, "hall.timeline.yaml", "front_down: {unknown: ", ""))
+    assert {"find_door"} <= set(labels(workspace, "hall.timeline.yaml", "is: true, source: ", ""))
+
+
+def test_the_name_of_a_story_may_have_commas_and_brackets(workspace: Workspace) -> None:
+    story = "  a story, (with, much) {in} it:\n    0 s:\n      believes: {"
+    assert {"near", "open"} <= set(labels(workspace, "hall.timeline.yaml", "stories:\n", story))
+
+
 def test_sites_and_timelines_have_the_names_of_their_spec(workspace: Workspace) -> None:
     assert {"near", "open", "lamp"} <= set(labels(workspace, "hall.timeline.yaml", "believes: {", ""))
     assert {"find_door"} <= set(labels(workspace, "hall.timeline.yaml", "running: [", ""))
     assert {"hall"} == set(labels(workspace, "sites/north.yaml", "overlays: ", ""))
+    assert {"gap"} == set(labels(workspace, "sites/north.yaml", "front: {", ""))
+    assert {"refresh", "valid_for"} <= set(labels(workspace, "sites/north.yaml", "open: {", ""))
+    assert {"periodic"} <= set(labels(workspace, "sites/north.yaml", "open: {", "refresh: "))
+    assert {"camera"} == set(labels(workspace, "sites/north.yaml", "context:\n", "resources:\n  "))
+    assert {"call", "slots"} <= set(labels(workspace, "sites/north.yaml", "context:\n", "resources:\n  camera: {"))
 
 
 def test_a_result_is_offered_only_to_the_conditions_of_its_algorithm(workspace: Workspace) -> None:

@@ -24,7 +24,7 @@ def definitions(workspace: Workspace, cursor: Cursor) -> list[str]:
 
 
 def references(workspace: Workspace, cursor: Cursor) -> list[str]:
-    return workspace.words(cursor.index.references(cursor, workspace.project.other_files()))
+    return workspace.words(cursor.index.ranges(cursor.index.symbols(cursor), workspace.project.other_files()))
 
 
 @pytest.mark.parametrize("spec", ["kitchen", "lab", "store"])

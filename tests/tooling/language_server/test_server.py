@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pygls.exceptions import JsonRpcInvalidParams
 
 from codra_dsl.tooling.language_server import server as server_module
 from codra_dsl.tooling.language_server.methods import make_server
@@ -126,6 +127,21 @@ def test_findings_about_another_file_are_published_and_taken_back(tmp_path: Path
     session(tmp_path, play)
 
 
+def test_a_project_within_another_has_the_findings_about_its_open_documents(tmp_path: Path) -> None:
+    inner = "codra: 1\nname: inner\ncontext: {x: {type: bool, source: main_execution, valid_for: 1 s}}\n"
+    Workspace(tmp_path / "inner", {"pyproject.toml": "[tool.codra]\n", "inner.yaml": "codra: 1\nname: hall\n"})
+
+    async def play(client: Client) -> None:
+        client.open("inner/inner.yaml", f"{inner}skills: {{go: {{preview: [x]}}}}\n")
+        assert await client.findings("inner/inner.yaml", 1) == []
+        client.open("hall.yaml")
+        await client.findings("hall.yaml", 1)
+
+    client = session(tmp_path, play)
+    uris = [received["params"].get("uri") for received in client.received if "params" in received]
+    assert client.uri("inner/inner.yaml") not in uris
+
+
 def test_a_closed_document_has_the_findings_of_its_file(tmp_path: Path) -> None:
     async def play(client: Client) -> None:
         client.open("hall.yaml", "codra: 1\nname: hall\nskills: {go: {preview: [x]}}\n")
@@ -230,6 +246,17 @@ def test_every_request_has_an_answer_on_broken_text_and_in_foreign_files(tmp_pat
             assert "error" not in await client.request(f"textDocument/{method}", params)
 
     session(tmp_path, play)
+
+
+@pytest.mark.parametrize("params", [None, {}, [1], {"textDocument": {"uri": "a.yaml"}, "position": {"line": -1}}])
+def test_a_request_with_invalid_parameters_is_answered_with_an_error(tmp_path: Path, params: Any) -> None:
+    async def play(client: Client) -> None:
+        with pytest.raises(JsonRpcInvalidParams):  # pygls reports it in the log of the client
+            await client.request("textDocument/hover", params)
+
+    client = session(tmp_path, play)
+    (answer,) = [received for received in client.received if received.get("id") == "textDocument/hover"]
+    assert answer["error"]["code"] == JsonRpcInvalidParams.CODE
 
 
 def test_a_bug_is_reported_and_the_next_text_is_linted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

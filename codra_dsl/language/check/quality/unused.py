@@ -11,7 +11,7 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
 from codra_dsl.language.check.quality.reach import unreached_settings
 from codra_dsl.language.diagnostics import Diagnostic, Related
-from codra_dsl.language.model import Agent, Algorithm, DeclaredTemplate, Reference, Resource, Variable
+from codra_dsl.language.model import Agent, Algorithm, DeclaredParameter, DeclaredTemplate, Resource, Variable
 
 _PARAMETER = re.compile(r"\$\(\w+\)")
 
@@ -162,7 +162,7 @@ def _visible_elements(spec_index: SpecIndex) -> Iterator[tuple[str, _VisibleElem
 
 
 def _shadowed_name_finding(
-    template: DeclaredTemplate, parameter: Reference, noun: str, element: _VisibleElement
+    template: DeclaredTemplate, parameter: DeclaredParameter, noun: str, element: _VisibleElement
 ) -> Diagnostic:
     name = parameter.name
     return finding(

@@ -34,7 +34,7 @@ from codra_dsl.language.load.yaml.origin import Origin, Subject
 from codra_dsl.language.load.yaml.reader import entries, is_unread
 from codra_dsl.language.load.yaml.source_offsets import cut, letters_of_scalar
 from codra_dsl.language.load.yaml.traps import Openings
-from codra_dsl.language.model import DeclaredTemplate, Literal, Reference
+from codra_dsl.language.model import DeclaredParameter, DeclaredTemplate, Literal
 from codra_dsl.language.model import Letters as PlacedLetters
 from codra_dsl.language.units import parse_quantity
 
@@ -183,6 +183,15 @@ class Template:
         """Return the template's name."""
         return self.subject.name
 
+    def mentions(self) -> Mapping[str, list[Place]]:
+        """Return the places of `$(NAME)` for each parameter that is mentioned; a repaired parameter has no place."""
+        mentions: dict[str, list[Place]] = {}
+        for piece in (piece for pattern in self.patterns.values() for piece in pattern.pieces if piece.parameter):
+            place = PlacedLetters(self.origin.place, piece.letters).place(0, len(piece.text))
+            if place is not None:
+                mentions.setdefault(piece.parameter, []).append(place)
+        return mentions
+
 
 def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings: Findings) -> Template:
     """Return a template as declared. Its mistakes are reported here, once for all of its uses.
@@ -238,12 +247,19 @@ def _report_unused(subject: Subject, parameters: Iterable[Parameter], findings: 
 
 def declared_template(template: Template, *, is_used: bool) -> DeclaredTemplate:
     """Return the part of a template that a spec keeps: its declaration, and the outside names to which it refers."""
+    mentions = template.mentions()
     return DeclaredTemplate(
         name=template.name,
         place=template.subject.origin.of(template.subject.key),
         is_used=is_used,
         parameters=tuple(
-            Reference(name=name, place=parameter.place)
+            DeclaredParameter(
+                name=name,
+                type=parameter.kind.value,
+                default=None if parameter.default is None else parameter.default.text,
+                place=parameter.place,
+                mentions=tuple(mentions.get(name, ())),
+            )
             for name, parameter in template.parameters.items()
             if name != INSTANCE
         ),
