@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -70,6 +70,20 @@ JournalOption = Annotated[
 
 _MAX_SHOWN_CHANGES = 5
 _MAX_EVENT_TEXT_LENGTH = 2000
+_DECISION_CHANGES: Mapping[str, str] = {
+    "gained": "answered instead of a look",
+    "lost": "replaced by a look",
+    "other_value": "answered with another value",
+    "unknown": "unknown",
+    "assumed": "assumed",
+}
+_PREVIEW_CHANGES: Mapping[str, str] = {
+    **_DECISION_CHANGES,
+    "gained": "answered only in the replay",
+    "lost": "answered only in the run",
+    "other_value": "with another outcome",
+}
+"""What the counts of decisions and of previews mean, for those that differ from the run."""
 _REPLAY_ERRORS = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, AssertionError)
 """The errors of journals that no run has written, and of packages that cannot follow a journal."""
 
@@ -286,22 +300,11 @@ def _replay_result_text(replay_result: Replayed, header: RunHeader) -> str:
 
 
 def _decisions_text(replay_result: Replayed) -> str:
-    """Return how the decisions would have been answered, and what the journal does not show."""
-    from codra_dsl.runtime.replay.decision_counts import total
-
-    counts = replay_result.decisions
-    lines = []
-    if counts:
-        sum_ = total(counts)
-        lines.append(
-            f"decisions: context would have answered {sum_.replayed} of {sum_.decisions}; "
-            f"in the run, context answered {sum_.recorded}"
-        )
-        lines += [f"  {variable}: {_counts_text(row)}" for variable, row in counts.items() if _changes_text(row)]
-        if sum_.assumed:
-            lines.append(
-                "assumed: for these decisions, the package looks when the run looked, and with the same values"
-            )
+    """Return how the decisions and previews would have been answered, and what the journal does not show."""
+    lines = [
+        *_count_lines("decisions", replay_result.decisions, _DECISION_CHANGES),
+        *_count_lines("previews", replay_result.previews, _PREVIEW_CHANGES),
+    ]
     lines += [
         f"not in the journal: {count} of the looks of {name}, because the run did not look at these times"
         for name, count in replay_result.missing_looks.items()
@@ -315,19 +318,26 @@ def _decisions_text(replay_result: Replayed) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _counts_text(row: DecisionCounts) -> str:
-    return f"{row.replayed} of {row.decisions}, in the run {row.recorded} ({_changes_text(row)})"
+def _count_lines(kind: str, counts: Mapping[str, DecisionCounts], change_texts: Mapping[str, str]) -> Iterator[str]:
+    from codra_dsl.runtime.replay.decision_counts import total
 
-
-def _changes_text(row: DecisionCounts) -> str:
-    parts = (
-        (row.gained, "answered instead of a look"),
-        (row.lost, "replaced by a look"),
-        (row.other_value, "answered with another value"),
-        (row.unknown, "unknown"),
-        (row.assumed, "assumed"),
+    if not counts:
+        return
+    sum_ = total(counts)
+    yield (
+        f"{kind}: context would have answered {sum_.replayed} of {sum_.decisions}; "
+        f"in the run, context answered {sum_.recorded}"
     )
-    return ", ".join(f"{count} {text}" for count, text in parts if count)
+    for name, row in counts.items():
+        changes = _changes_text(row, change_texts)
+        if changes:
+            yield f"  {name}: {row.replayed} of {row.decisions}, in the run {row.recorded} ({changes})"
+    if sum_.assumed:
+        yield f"assumed: for these {kind}, the package looks when the run looked, and with the same values"
+
+
+def _changes_text(row: DecisionCounts, change_texts: Mapping[str, str]) -> str:
+    return ", ".join(f"{count} {text}" for name, text in change_texts.items() if (count := getattr(row, name)))
 
 
 def _difference_text(difference: Difference, header: RunHeader) -> str:

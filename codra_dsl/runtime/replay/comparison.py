@@ -45,6 +45,7 @@ class Replayed:
         absent: kinds of events that the journal does not hold, and that were therefore not compared.
         difference: the first difference, if there is one.
         decisions: how the decisions on each variable were answered in the run and in the replay.
+        previews: how the previews of each skill were answered in the run and in the replay.
         missing_looks: the number of looks in the replay whose results the run does not have, by algorithm or
             `main_execution`.
         skipped_inputs: after a difference, the number of inputs that were not possible in the replay, by kind of input.
@@ -56,6 +57,7 @@ class Replayed:
     absent: tuple[Kind, ...]
     difference: Difference | None
     decisions: Mapping[str, DecisionCounts] = field(default_factory=dict)
+    previews: Mapping[str, DecisionCounts] = field(default_factory=dict)
     missing_looks: Mapping[str, int] = field(default_factory=dict)
     skipped_inputs: Mapping[str, int] = field(default_factory=dict)
     ended_because: str = ""

@@ -15,7 +15,9 @@ from codra_dsl.runtime.replay.undetermined import Undetermined
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecisionCounts:
-    """The decisions of a run on one variable, or on all variables.
+    """The decisions of a run on one variable, or the previews of one skill, or their sum over all names.
+
+    Context answers a preview if it decides, without a look, whether the preview holds.
 
     Attributes:
         decisions: the number of decisions that the run made.
@@ -24,7 +26,8 @@ class DecisionCounts:
         replayed: the number of decisions for which context has the answer in the replay.
         gained: decisions for which only the replay has an answer from context.
         lost: decisions for which only the run had an answer from context.
-        other_value: decisions for which both had an answer from context, with different values.
+        other_value: decisions for which both had an answer from context, with different values; previews with different
+            outcomes.
         unknown: decisions for which the journal does not show how they would have been answered.
         assumed: decisions, among all others, whose answer rests on an assumption: the package looks when the run
             looked, and an algorithm receives the same values of context-variables as in the run.
@@ -45,7 +48,7 @@ class _Answer(NamedTuple):
 
     Attributes:
         is_context: whether context has the answer; None if the journal does not show this.
-        value: this answer.
+        value: this answer; the outcome of a preview.
     """
 
     is_context: bool | None
@@ -53,8 +56,16 @@ class _Answer(NamedTuple):
     is_assumed: bool = False
 
 
-_DecisionKey = tuple[str, float]
-"""The variable or skill of a decision, and the instant of the question."""
+class _Question(NamedTuple):
+    """A decision on a variable, or on the preview of a skill, by its kind and name, and when it was asked."""
+
+    kind: Kind
+    name: str
+    asked_s: float
+
+
+def _question(decision: Decision) -> _Question:
+    return _Question(decision.kind, decision.name, decision.asked_s)
 
 
 class DecisionComparison:
@@ -63,66 +74,69 @@ class DecisionComparison:
     def __init__(self, from_s: float) -> None:
         """Count only decisions whose questions were not asked before an instant."""
         self._from_s = from_s
-        self._recorded: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
-        self._replayed: dict[_DecisionKey, deque[_Answer]] = defaultdict(deque)
-        self._ended_keys: set[_DecisionKey] = set()
-        self._doubtful_keys: set[_DecisionKey] = set()
-        self._counts: dict[str, Counter[str]] = defaultdict(Counter)
+        self._recorded: dict[_Question, deque[_Answer]] = defaultdict(deque)
+        self._replayed: dict[_Question, deque[_Answer]] = defaultdict(deque)
+        self._ended_questions: set[_Question] = set()
+        self._doubtful_questions: set[_Question] = set()
+        self._counts: dict[tuple[Kind, str], Counter[str]] = defaultdict(Counter)
 
     def add_recorded(self, event: Event) -> None:
-        """Add a decision or preview of the run. Previews are not counted."""
-        key = (event.name, float(event.details["asked_s"]))
+        """Add a decision or preview of the run."""
+        question = _Question(event.kind, event.name, float(event.details["asked_s"]))
         if event.what == "answered" or event.kind is Kind.PREVIEW:
-            self._ended_keys.add(key)
-        if event.kind is Kind.DECISION:
-            is_context = event.what in ("answered", "shadowed")
-            self._recorded[key].append(_Answer(is_context, event.details.get("value") if is_context else None))
-            self._match(key)
+            self._ended_questions.add(question)
+        is_context = event.what in ("answered", "shadowed")
+        value = event.details.get("outcome" if event.kind is Kind.PREVIEW else "value")
+        self._recorded[question].append(_Answer(is_context, value if is_context else None))
+        self._match(question)
 
     def add_replayed(self, decision: Decision, undetermined: Undetermined) -> None:
         """Add a decision of the replay that context has answered, or for which the main execution begins to look."""
-        if isinstance(decision, Preview):
-            return
-        key = (decision.name, decision.asked_s)
-        if decision.name in undetermined.variables or key in self._doubtful_keys:
+        if isinstance(decision, Preview) and decision.looked:
+            return  # it was added when the main execution began to look
+        question = _question(decision)
+        if question in self._doubtful_questions or not undetermined.variables.isdisjoint(decision.variables):
             answer = _Answer(None)
         else:
-            value = decision.reading.content if decision.is_decided else None
-            answer = _Answer(decision.is_decided, value, decision.name in undetermined.assumed_variables)
-        self._replayed[key].append(answer)
-        self._match(key)
+            value = str(decision.answer.outcome) if isinstance(decision, Preview) else decision.reading.content
+            is_assumed = not undetermined.assumed_variables.isdisjoint(decision.variables)
+            answer = _Answer(decision.is_decided, value if decision.is_decided else None, is_assumed)
+        self._replayed[question].append(answer)
+        self._match(question)
 
     def doubt_if_ended(self, decision: Decision) -> None:
         """Count a decision of the replay as unknown, if the run has ended it already."""
-        key = (decision.name, decision.asked_s)
-        if key in self._ended_keys:
-            self._doubtful_keys.add(key)
+        question = _question(decision)
+        if question in self._ended_questions:
+            self._doubtful_questions.add(question)
 
     def take_recorded_end(self, decision: Decision) -> bool:
         """Return whether the run, as far as it was read, ended a decision without a further look; forget this."""
-        key = (decision.name, decision.asked_s)
-        has_ended = key in self._ended_keys
-        self._ended_keys.discard(key)
+        question = _question(decision)
+        has_ended = question in self._ended_questions
+        self._ended_questions.discard(question)
         return has_ended
 
-    def counts(self) -> Mapping[str, DecisionCounts]:
-        """Return the counts of each variable. A decision that the replay could not ask or answer is unknown."""
-        for key, answers in self._recorded.items():
-            for answer in answers:
-                self._count(key, answer, _Answer(None))
-        self._recorded.clear()
-        return {variable: DecisionCounts(**self._counts[variable]) for variable in sorted(self._counts)}
+    def counts(self, kind: Kind) -> Mapping[str, DecisionCounts]:
+        """Return the counts of the decisions on each variable, or of the previews of each skill.
 
-    def _match(self, key: _DecisionKey) -> None:
-        if self._recorded[key] and self._replayed[key]:
-            self._count(key, self._recorded[key].popleft(), self._replayed[key].popleft())
+        A decision that the replay could not ask or answer is unknown.
+        """
+        for question in [question for question in self._recorded if question.kind is kind]:
+            for answer in self._recorded.pop(question):
+                self._count(question, answer, _Answer(None))
+        names = sorted(name for counted_kind, name in self._counts if counted_kind is kind)
+        return {name: DecisionCounts(**self._counts[kind, name]) for name in names}
+
+    def _match(self, question: _Question) -> None:
+        if self._recorded[question] and self._replayed[question]:
+            self._count(question, self._recorded[question].popleft(), self._replayed[question].popleft())
         for answers in (self._recorded, self._replayed):
-            if not answers[key]:
-                del answers[key]
+            if not answers[question]:
+                del answers[question]
 
-    def _count(self, key: _DecisionKey, recorded: _Answer, replayed: _Answer) -> None:
-        variable, asked_s = key
-        if asked_s < self._from_s:
+    def _count(self, question: _Question, recorded: _Answer, replayed: _Answer) -> None:
+        if question.asked_s < self._from_s:
             return
         has_both = recorded.is_context and replayed.is_context
         facts = {
@@ -135,10 +149,10 @@ class DecisionComparison:
             "unknown": replayed.is_context is None,
             "assumed": replayed.is_assumed,
         }
-        self._counts[variable].update(name for name, is_true in facts.items() if is_true)
+        self._counts[question.kind, question.name].update(name for name, is_true in facts.items() if is_true)
 
 
 def total(counts: Mapping[str, DecisionCounts]) -> DecisionCounts:
-    """Return the sum of the counts of all variables."""
+    """Return the sum of the counts of all variables or skills."""
     names = DecisionCounts.__dataclass_fields__
     return DecisionCounts(**{name: sum(getattr(row, name) for row in counts.values()) for name in names})

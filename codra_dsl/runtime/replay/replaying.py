@@ -11,7 +11,7 @@ from codra_dsl.runtime.clock import PUNCTUALITY_TOLERANCE_S
 from codra_dsl.runtime.context.context import ContextManager
 from codra_dsl.runtime.context.model import ContextModel
 from codra_dsl.runtime.journal.event_log import EventLog
-from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.run_header import RunHeader
 from codra_dsl.runtime.journal.spec_summary_changes import changes_by_distance
 from codra_dsl.runtime.knowledge import KnowledgeModel, Snapshot
@@ -81,7 +81,8 @@ def replay(  # noqa: PLR0917 - the parts of a journal and of a package
         derived=comparison.derived,
         absent=comparison.absent(),
         difference=_with_changes(comparison, header),
-        decisions=decisions.counts(),
+        decisions=decisions.counts(Kind.DECISION),
+        previews=decisions.counts(Kind.PREVIEW),
         missing_looks=dict(sorted(undetermined.missing_looks.items())),
         skipped_inputs=dict(sorted(skipped_inputs.items())),
         ended_because=ended_because,

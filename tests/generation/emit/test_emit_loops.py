@@ -186,6 +186,18 @@ def test_files_beside_the_code_have_all_rules_conditions_and_edges_of_loops() ->
     assert {end for source, _, target in edges for end in (source, target)} <= {node["id"] for node in graph["nodes"]}
 
 
+def test_the_graph_shows_the_bools_of_shares_and_held_bools_and_the_actions_of_filtered_weights() -> None:
+    case = ROOT / "tests/cases/valid/loops-everything"
+    graph = json.loads(compile_paths([case / "spec.yaml"], case).files["loops_everything/graph.json"])
+    edges = {(edge["source"], edge["kind"], edge["target"]) for edge in graph["edges"]}
+
+    assert {
+        ("loops_everything/context/burden", "reads", "loops_everything/context/lifted"),
+        ("loops_everything/context/stuck", "reads", "loops_everything/context/lifted"),
+        ("loops_everything/context/filtered_weight_of_wait", "reads", "loops_everything/action/wait"),
+    } <= edges
+
+
 def test_the_file_of_a_tree_is_an_input_of_the_run_that_names_it() -> None:
     planned = compile_paths([ROOT / "specs"], ROOT).planned
 

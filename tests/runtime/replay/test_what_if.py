@@ -121,22 +121,23 @@ def run(path: Path, thresholds: Thresholds, seed: int, *, has_previews: bool = F
     return read(path)
 
 
-def decisions_of(events: Sequence[Event]) -> list[tuple[bool, object]]:
-    """Return, for each decision, whether context answered it, and the value."""
-    decisions = [event for event in events if event.kind is Kind.DECISION]
-    return [(event.what == "answered", event.details.get("value")) for event in decisions]
+def answers_of(events: Sequence[Event], kind: Kind) -> list[tuple[bool, object]]:
+    """Return, for each decision or preview, whether context answered it, and the value or the outcome."""
+    details = "outcome" if kind is Kind.PREVIEW else "value"
+    return [(event.what == "answered", event.details.get(details)) for event in events if event.kind is kind]
 
 
 def replayed(header: RunHeader, events: Sequence[Event], thresholds: Thresholds, from_s: float = 0.0) -> Replayed:
     return replay(header, events, thresholds.model(), Manager, None, from_s=from_s)
 
 
-def claim_about(header: RunHeader, events: Sequence[Event], thresholds: Thresholds, index: int) -> DecisionCounts:
-    """Return the counts of one decision: those from its question on, less those from the next question on."""
-    asked_s = [event.details["asked_s"] for event in events if event.kind is Kind.DECISION] + [math.inf]
-    now, later = (
-        total(replayed(header, events, thresholds, from_s).decisions) for from_s in asked_s[index : index + 2]
-    )
+def claim_about(
+    header: RunHeader, events: Sequence[Event], thresholds: Thresholds, index: int, kind: Kind
+) -> DecisionCounts:
+    """Return the counts of one decision or preview: those from its question on, less those from the next question."""
+    asked_s = [event.details["asked_s"] for event in events if event.kind is kind] + [math.inf]
+    results = [replayed(header, events, thresholds, from_s) for from_s in asked_s[index : index + 2]]
+    now, later = (total(result.previews if kind is Kind.PREVIEW else result.decisions) for result in results)
     names = DecisionCounts.__dataclass_fields__
     return DecisionCounts(**{name: getattr(now, name) - getattr(later, name) for name in names})
 
@@ -151,7 +152,9 @@ THRESHOLDS = st.builds(
 )
 
 
-@pytest.mark.parametrize("has_previews", [False, True])
+@pytest.mark.parametrize(
+    ("has_previews", "kind"), [(False, Kind.DECISION), (True, Kind.DECISION), (True, Kind.PREVIEW)]
+)
 @example(
     before=Thresholds(near=1, open=6, quality=2, light=3, has_spare=True),
     after=Thresholds(near=0, open=4, quality=5, light=3),
@@ -161,15 +164,15 @@ THRESHOLDS = st.builds(
 @given_examples(before=THRESHOLDS, after=THRESHOLDS, seed=st.integers(0, 10_000), index=st.integers(0, DECISIONS - 1))
 @settings(max_examples=5)
 def test_a_claim_without_an_assumption_is_what_the_changed_package_does(
-    before: Thresholds, after: Thresholds, seed: int, index: int, *, has_previews: bool
+    before: Thresholds, after: Thresholds, seed: int, index: int, *, has_previews: bool, kind: Kind
 ) -> None:
     with TemporaryDirectory() as folder:
         header, events = run(Path(folder) / "before.mcap", before, seed, has_previews=has_previews)
         _, events_after = run(Path(folder) / "after.mcap", after, seed, has_previews=has_previews)
 
-    claim = claim_about(header, events, after, index)
+    claim = claim_about(header, events, after, index, kind)
     (was_answered, value_before), (is_answered, value_after) = (
-        decisions_of(each)[index] for each in (events, events_after)
+        answers_of(each, kind)[index] for each in (events, events_after)
     )
     assert (claim.decisions, claim.recorded) == (1, was_answered)
     if not claim.unknown and not claim.assumed:
@@ -322,6 +325,7 @@ def test_a_look_that_a_preview_would_need_leaves_its_variable_undetermined(tmp_p
 
     result = replay(header, events, preview_model(light=5), Manager, None)
     assert result.decisions == {"near": DecisionCounts(decisions=1, recorded=1, unknown=1)}
+    assert result.previews == {"go": DecisionCounts(decisions=1, recorded=1, lost=1)}
     assert (result.derived[Kind.PREVIEW], result.missing_looks["main_execution"]) == (1, 2)
 
 
@@ -333,6 +337,28 @@ def test_a_preview_that_waits_only_in_the_replay_ends_after_its_time(tmp_path: P
     (preview,) = copy.of(Kind.PREVIEW)
     assert (preview.what, preview.instant_s) == ("unanswered", pytest.approx(1.7))
     assert result.decisions == {"near": DecisionCounts(decisions=1, recorded=1, lost=1)}
+    assert result.previews == {"go": DecisionCounts(decisions=1, recorded=1, lost=1)}
+
+
+def test_previews_are_counted_by_their_outcomes_apart_from_the_decisions_on_a_variable_of_this_name(
+    tmp_path: Path,
+) -> None:
+    def model(level: int) -> ContextModel:
+        condition = PreviewCondition(text="light", condition=value("light") > level)
+        skill = SkillModel(name="light", preview=("light",), preview_conditions=(condition,))
+        return forest([given("light", type=integer(0, 9))], skills=[skill])
+
+    with Manager(model(4), clock=SimClock(), resources={}, record=Journal(tmp_path / "run.mcap")) as manager:
+        manager.preview("light")
+        for level in (3, 6, 8):
+            manager.set("light", level)
+            manager.preview("light")
+        manager.decide("light", lambda: None)
+    header, events = read(tmp_path / "run.mcap")
+
+    result = replay(header, events, model(7), Manager, None)
+    assert result.previews == {"light": DecisionCounts(decisions=4, recorded=3, replayed=3, other_value=1)}
+    assert result.decisions == {"light": DecisionCounts(decisions=1, recorded=1, replayed=1)}
 
 
 def test_a_result_for_other_arguments_than_those_of_the_run_is_an_assumption(tmp_path: Path) -> None:
@@ -409,7 +435,7 @@ def test_what_the_main_execution_found_is_undetermined_if_it_might_not_have_look
             manager.decide("near", lambda: False, max_age_s=2.0)
             manager.set("light", 1)
     header, events = read(tmp_path / "run.mcap")
-    assert [was_answered for was_answered, _ in decisions_of(events)] == [True, True, False, True]
+    assert [was_answered for was_answered, _ in answers_of(events, Kind.DECISION)] == [True, True, False, True]
 
     result = replayed(header, events, Thresholds(light=6))
     assert result.decisions == {"near": DecisionCounts(decisions=4, recorded=3, lost=1, unknown=3)}
