@@ -163,10 +163,7 @@ class Loop:
         leaves: Mapping[str, Leaves],
         writers: AgentWriters,
     ) -> None:
-        """Make a loop that does not run yet; its own results can change the inputs in `fed_back`.
-
-        This raises the errors of `Mape`.
-        """
+        """Make a loop, or raise an error of `Mape`. Its own results can change the inputs in `fed_back`."""
         self._codra = codra
         self._model = model
         self._loop = loop
