@@ -96,6 +96,12 @@ def _or_zero(values: Trees) -> Trees:
     return st.one_of(values, st.just(number(0)))
 
 
+def _quotients(values: Trees, divisors: Trees) -> Trees:
+    """Return quotients whose divisor is not the literal 0, which is an error."""
+    other_divisors = divisors.filter(lambda divisor: not (isinstance(divisor, Number) and divisor.value == 0))
+    return st.builds(lambda a, b: Arithmetic(operator="/", left=a, right=b, **AT), values, other_divisors)
+
+
 def _same_dimension_expressions(values: Trees, bare: Trees, truths: Trees) -> Trees:
     """Return expressions over quantities of one dimension that keep the dimension."""
     seconds = _or_zero(values)
@@ -103,7 +109,8 @@ def _same_dimension_expressions(values: Trees, bare: Trees, truths: Trees) -> Tr
         st.builds(
             lambda op, a, b: Arithmetic(operator=op, left=a, right=b, **AT), st.sampled_from("+-"), values, seconds
         ),
-        st.builds(lambda op, a, b: Arithmetic(operator=op, left=a, right=b, **AT), st.sampled_from("*/"), values, bare),
+        st.builds(lambda a, b: Arithmetic(operator="*", left=a, right=b, **AT), values, bare),
+        _quotients(values, bare),
         values.map(lambda operand: Negative(operand=operand, **AT)),
         values.map(lambda operand: call("abs", operand)),
         st.builds(call, st.sampled_from(["min", "max"]), values, seconds),
@@ -135,7 +142,7 @@ def quantities(kind: str) -> Trees:
 def ratios() -> Trees:
     """Return quotients of equal dimensions, which are bare numbers again."""
     lengths = quantities("length")
-    return st.builds(lambda a, b: Arithmetic(operator="/", left=a, right=b, **AT), lengths, lengths)
+    return _quotients(lengths, lengths)
 
 
 def _chain(values: Trees) -> Trees:
