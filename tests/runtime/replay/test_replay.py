@@ -354,9 +354,13 @@ def unruly_look(name: str, mine: Sequence[str], names: Sequence[str], chance: ra
     )
 
 
+MIN_EVENT_COUNT = 600
+"""A run lasts at least until it has this many events, however slow the machine is."""
+
+
 def hammer(manager: Manager, clock: WallClock, seed: int, end_s: float) -> None:
     chance, names = random.Random(seed), manager.modelled()
-    while clock.now_s() < end_s:
+    while clock.now_s() < end_s or len(manager.record) < MIN_EVENT_COUNT:
         name, what = chance.choice(names), chance.randrange(8)
         try:
             if what == 0:
