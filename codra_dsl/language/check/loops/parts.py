@@ -52,7 +52,7 @@ def split_courses(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     first_adaptations: dict[str, Adaptation] = {}
     for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
-        if not isinstance(does, Course):
+        if not isinstance(does, Course) or not does.within.name:
             continue
         path = f"adaptation.{adaptation.name}.in"
         other = first_adaptations.setdefault(does.within.name, adaptation)
