@@ -276,7 +276,9 @@ def duration_help(text: str, most: str = "finite") -> str:
     """Return the help for a text that is not a duration; `most` is "forever" if `forever` is allowed, else "finite"."""
     text = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
     if parse_quantity(text) is not None:
-        return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations_help(most)
+        minutes = f"{text}in"  # `1 m` for one minute
+        suggestion = next((duration for duration in (text, minutes) if parse_duration(duration) is not None), None)
+        return f"did you mean '{suggestion}'?" if suggestion else _durations_help(most)
     number = re.match(rf"\s*({NUMBER_TEXT})\s*(.*)", text, re.DOTALL)
     suggestion = suggest_unit(number[2].rstrip()) if number else None
     unit = parse_unit(suggestion) if suggestion else None

@@ -10,6 +10,8 @@ import json
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from codra_dsl.language.check import check
 from codra_dsl.language.diagnostics import Diagnostic, Span
@@ -33,6 +35,42 @@ def marked(text: str, span: Span) -> str:
     return (
         line[span.column - 1 : span.end_column - 1] if span.end_line == span.line else f"{line[span.column - 1 :]}..."
     )
+
+
+VALID_CLAUSES = ("gap is close", "gap is not close", "people is very some_near", "bumped is true", "door is any")
+WRONG_CLAUSES = (
+    "gap < 2 m",
+    "bumped",
+    "not bumped",
+    "gap is near",
+    'door == "open"',
+    "door in (open, closed)",
+    "crowd is near",
+    "bumped for 5 s",
+    "distance(robot, dock) is close",
+    "count(some person) > 0",
+    "(gap else 10 m) is close",
+    "gap is between 1 and 2",
+)
+clauses = st.tuples(st.booleans(), st.sampled_from((*VALID_CLAUSES, *WRONG_CLAUSES)))
+
+
+@given(
+    st.lists(clauses, min_size=1, max_size=4, unique_by=lambda clause: clause[1]), st.sampled_from((" and ", " or "))
+)
+@settings(max_examples=40, deadline=None)
+def test_each_wrong_part_of_a_rule_gives_one_finding_and_the_others_none(
+    parts: list[tuple[bool, str]], operator: str
+) -> None:
+    rule = operator.join(f"({clause})" if has_parentheses else clause for has_parentheses, clause in parts)
+    text = SPECS["porter"].replace("if people is some_near or gap is close then low", f"if {rule} then low", 1)
+
+    wrong_clauses = [clause for _, clause in parts if clause in WRONG_CLAUSES]
+    rule_findings = [finding for finding in findings(text) if finding.rule.code in ("CDR3141", "CDR4131")]
+
+    assert len(rule_findings) == len(wrong_clauses)
+    places = sorted(marked(text, finding.place.span) for finding in rule_findings)
+    assert all(any(place in clause for clause in wrong_clauses) for place in places)
 
 
 @pytest.mark.parametrize("name", SPECS)

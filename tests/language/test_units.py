@@ -204,7 +204,7 @@ def test_a_duration_is_a_quantity_of_time(text: str, seconds: float) -> None:
         ("Forever", "did you mean 'forever'?"),
         ("2,5 s", "did you mean '2.5 s'?"),
         ("4 Hz", "a duration is a time: did you mean '0.25 s'?"),
-        ("5 m", "a duration is a number with ms, s, min or h, such as '500 ms', or 'forever'"),
+        ("5 m", "did you mean '5 min'?"),
         ("soon", "a duration is a number with ms, s, min or h, such as '500 ms', or 'forever'"),
     ],
 )

@@ -91,7 +91,7 @@ _OPERATOR_HELP = {
     "over": "write '>'",
     "below": "write '<'",
     "under": "write '<'",
-    "then": "write A if CONDITION else B",
+    **dict.fromkeys(("then", "when", "unless"), "write A if CONDITION else B"),
     "between": "write LOW <= x <= HIGH",
     "otherwise": "write 'else'",
     **dict.fromkeys(("becomes", "stays"), "write '=='; 'becomes' and 'stays' are allowed only in 'monitor'"),

@@ -206,7 +206,9 @@ def _read_word(condition_text: str, text: str, start: int, end: int) -> Token:
         help_text = "names hold only letters A to Z, digits and '_', and start with a letter"
         raise ExpressionError(f"{shown(text)} is not a name", start, end, help_text)
     if text == "is":
-        raise ExpressionError("'is' is not an operator", start, end, "write '==' or '!='; only fuzzy rules have 'is'")
+        raise ExpressionError(
+            "'is' is not an operator", start, end, "write '==', '!=' or '<'; only fuzzy rules have 'is'"
+        )
     if text == "for":
         raise _duration_error(condition_text[:start].strip(), condition_text[end:].strip(), start, end)
     if keyword.iskeyword(text) or text == "null":
@@ -281,9 +283,10 @@ def _unescape(text: str, start: int) -> str:
 
 def _unsupported_symbol_error(condition_text: str, text: str, start: int, end: int) -> ExpressionError:
     if text == "." and condition_text[:start][-1:].isidentifier():
-        return ExpressionError("'.' is not an operator", start, end, "names have no parts: write a name without '.'")
+        help_text = "write a name without '.'; a member is compared, as in door == \"open\""
+        return ExpressionError("'.' is not an operator", start, end, help_text)
     if text == "%" and not condition_text[:start].rstrip()[-1:].isdigit():
-        return ExpressionError("'%' is not an operator", start, end, "there is no remainder: use '+', '-', '*' and '/'")
+        return ExpressionError("'%' is not an operator", start, end, "operators for numbers are '+', '-', '*' and '/'")
     if condition_text.startswith("??", start):
         return ExpressionError("'??' is not an operator", start, end + 1, "write x else y")
     noun = "a unit" if text in "%°" else "an operator" if text in _SYMBOL_HELP else "part of a condition"

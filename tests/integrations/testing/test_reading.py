@@ -34,7 +34,11 @@ def test_mistakes_in_overrides_are_reported_with_their_places() -> None:
             "give a number with ms, s, min or h",
         ),
         (88, "'reason' is empty", "state why the operator overrides it"),
-        (105, "'hob_power' in 'overrides' of timeline 'kitchen' cannot be 'clear'", "allowed: cleared"),
+        (
+            105,
+            "'hob_power' in 'overrides' of timeline 'kitchen' cannot be 'clear'",
+            "allowed: cleared, or for example 'hob_power: {is: true, for: 10 min, reason: sensor broken}'",
+        ),
         (112, "'for' is missing in 'pot_fill' of timeline 'kitchen'", "add it, for example 'for: 10 min'"),
         (138, "unknown key 'reson' in 'pot_fill' of timeline 'kitchen'", "did you mean 'reason'?"),
     ]

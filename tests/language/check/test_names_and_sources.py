@@ -22,15 +22,22 @@ def test_an_undeclared_name_is_one_finding_with_all_its_mentions() -> None:
     assert len(lines) == 4
 
 
+RETURNED = "'angle', 'faces', 'handle', 'latched', 'markers', 'width'"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "help_text"),
     [
         ("given: [robot_is_localized]", "given: [camera_]", "declare 'camera_' under 'context'"),
         ("uses: {base: read}", "uses: {people: read}", "write the name of a resource"),
-        ("uses: {base: read}", "uses: {peopl: read}", "declare 'peopl' under 'resources'"),
+        (
+            "uses: {base: read}",
+            "uses: {peopl: read}",
+            "write one of 'base', 'camera', 'vision', or declare 'peopl' under 'resources'",
+        ),
         ("markers >= 2", "base >= 2", "write the name of a returned value"),
-        ("markers >= 2", "door_gpa >= 2", "declare 'door_gpa' under 'returns'"),
-        ("markers >= 2", f"{'w' * 101} >= 2", f"declare '{'w' * 101}' under 'returns'"),
+        ("markers >= 2", "door_gpa >= 2", f"write one of {RETURNED}, or declare 'door_gpa' under 'returns'"),
+        ("markers >= 2", f"{'w' * 101} >= 2", f"write one of {RETURNED}, or declare '{'w' * 101}' under 'returns'"),
         ("preview: [door_state, door_gap]", "preview: [door_state, width_]", "declare 'width_' under 'context'"),
     ],
 )

@@ -102,7 +102,9 @@ MISTAKES = [
     ("if heat is cold", "if heat is cool", "24:20 fll-unknown-name: unknown term of 'heat' 'cool'"),
     ("if heat is cold", "if heat cold", "24:17 fll-wrong-rule: expected 'is', found 'cold'"),
     ("if heat is cold", "if heat is then", "24:20 fll-wrong-rule: expected a term, found 'then'"),
-    ("if heat is cold", "if (heat is cold", "24:26 fll-wrong-rule: expected ')', found 'then'"),
+    ("if heat is cold", "if (heat is cold", "24:12 fll-wrong-rule: '(' is never closed"),
+    ("if heat is cold", "if heat is cold)", "24:24 fll-wrong-rule: ')' closes nothing"),
+    ("speed is slow", "speed = slow", "24:36 fll-wrong-rule: expected 'is', found '='"),
     ("speed is slow", "heat is cold", "24:30 fll-unknown-name: unknown output 'heat'"),
     ("speed is slow", "speed is", "24:9 fll-wrong-rule: the rule ends too early"),
     ("speed is slow", "speed is slow or", "24:44 fll-wrong-rule: unexpected 'or'"),
@@ -118,6 +120,13 @@ MISTAKES = [
 def test_a_mistake_is_reported_once_at_its_place(old: str, new: str, expected: str) -> None:
     assert GOOD.count(old) >= 1
     assert finding_texts(GOOD.replace(old, new, 1)) == [expected]
+
+
+def test_a_sign_in_place_of_a_keyword_is_replaced_and_a_missing_keyword_is_added() -> None:
+    (sign,) = read_fll(GOOD.replace("speed is slow", "speed = slow", 1).encode(), "fan.fll").findings
+    (nothing,) = read_fll(GOOD.replace("speed is slow", "speed slow", 1).encode(), "fan.fll").findings
+
+    assert (sign.help, nothing.help) == ("write 'is' instead", "write 'is' before it")
 
 
 def test_tsukamoto_needs_monotone_terms() -> None:

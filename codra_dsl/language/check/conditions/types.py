@@ -200,6 +200,8 @@ def _conversion_help(node: Node, given: Type, wanted_type: Type, *, may_map: boo
         return f"compare the value, e.g. with {_comparisons(given)}"
     if wanted_type.kind is Kind.ENUM:
         return _members_help(wanted_type, to_text(node) if given.kind is Kind.BOOL else "CONDITION", may_map=may_map)
+    if isinstance(node, Text) and wanted_type.is_number:
+        return f"write a number{f' in {wanted_type.unit}' if wanted_type.unit else ''}"
     return f"give {wanted_type}, or change the type of the variable to {given.kind}"
 
 

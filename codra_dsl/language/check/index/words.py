@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
+from codra_dsl.language.load.yaml.findings import MAX_LISTED, list_names
 from codra_dsl.language.model import Spec
 
 NOUNS: Mapping[str, str] = {
@@ -43,6 +44,14 @@ USERS: Mapping[str, str] = {
     "loops": "loop",
 }
 """For each section, the noun for its elements, to be followed by a name."""
+
+
+def declaration_help(name: str, place_text: str, declared_names: Iterable[str]) -> str:
+    """Return the help for an undeclared name: the declared names if they are few, and where to declare the name."""
+    names, help = sorted(declared_names), f"declare '{name}' under {place_text}"
+    if not 0 < len(names) <= MAX_LISTED:
+        return help
+    return f"write {'one of ' if len(names) > 1 else ''}{list_names(names)}, or {help}"
 
 
 def texts_of(spec: Spec) -> Iterator[str]:

@@ -10,6 +10,7 @@ from codra_dsl.language.check.index.graph_schema import STATES
 from codra_dsl.language.check.index.mentions import Mention, mention_of
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import KNOWLEDGE_SECTIONS, OBSERVER, FaultyElements, SpecIndex
+from codra_dsl.language.check.index.words import declaration_help
 from codra_dsl.language.check.knowledge.mentions import (
     edge_mentions,
     end_mentions,
@@ -138,7 +139,7 @@ def unknown_edges(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         state = _STATE_SYNONYMS.get(name) if spec_index.spec.tasks else None
         nearest_name = state or spec_index.nearest_name(name, "edges", known_words - {RT})
         help = "declare the task under 'tasks' of 'knowledge'" if name in STATES else ""
-        help = help or f"declare '{name}' under 'edges' of 'knowledge'"
+        help = help or declaration_help(name, "'edges' of 'knowledge'", spec_index.names("edges"))
         yield _unknown_name_finding(
             spec_index, "unknown-edge", "edge", _UnknownName(name_mentions, nearest_name, known_words), help=help
         )
@@ -381,15 +382,14 @@ def _unknown_name_finding(
         places = [mention.place for mention in unknown_name.mentions]
         fix = renaming_fix(first.name, nearest_name, unknown_name.candidates, places, spec_index.mentioned_words)
     section = {"type": "types", "node": "nodes"}.get(noun, "")
-    declaration_help = (
-        f"declare '{first.name}' under '{section}' of 'knowledge'" if section in KNOWLEDGE_SECTIONS else help
-    )
+    if not help and section in KNOWLEDGE_SECTIONS:
+        help = declaration_help(first.name, f"'{section}' of 'knowledge'", spec_index.names(section))
     return finding(
         rule,
         message,
         first.place,
         path=first.path,
-        help=f"did you mean '{nearest_name}'?" if nearest_name is not None else help or declaration_help,
+        help=f"did you mean '{nearest_name}'?" if nearest_name is not None else help,
         related=tuple(Related(f"also in {mention.user}", mention.place) for mention in others),
         fix=fix,
     )

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
+from codra_dsl.language.check.index.words import declaration_help
 from codra_dsl.language.check.loops.rule_texts import RULE_TEXT_CHECKS
 from codra_dsl.language.diagnostics import Diagnostic
-from codra_dsl.language.model import Course, Parameter, Reference
+from codra_dsl.language.model import ADAPTER, ANALYST, Course, Parameter, Reference
 
 
 def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnostic]:
@@ -21,7 +22,8 @@ def unknown_parts(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
         nearest_name = spec_index.nearest_name(reference.name, section, spec_index.names(section))
         setting_name = _adaptation_of(spec_index, reference.name) if section == "adaptation" else None
         nearest_name = setting_name or nearest_name
-        help = f"did you mean '{nearest_name}'?" if nearest_name else f"declare '{reference.name}' under '{section}'"
+        help = declaration_help(reference.name, f"'{section}'", spec_index.names(section) - {ADAPTER, ANALYST})
+        help = f"did you mean '{nearest_name}'?" if nearest_name else help
         message = f"unknown {noun} '{reference.name}' in {user_text}"
         yield finding("unknown-part", message, reference.place, path=path, help=help)
 
@@ -44,7 +46,8 @@ def references_in_loops(spec_index: SpecIndex) -> Iterator[tuple[str, str, Refer
     for adaptation in spec_index.spec.adaptation:
         path, does = f"adaptation.{adaptation.name}", adaptation.does
         if isinstance(does, Course):
-            references = (*does.choose, *(rule.action for rule in does.always), does.otherwise)
+            actions = (*does.choose, *(rule.action for rule in does.always))
+            references = (*actions, does.otherwise) if does.choose else actions
             yield from (("actions", "action", reference, path) for reference in references)
             yield "trees", "tree", does.within, f"{path}.in"
     for tree in spec_index.spec.trees:

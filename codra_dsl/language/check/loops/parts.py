@@ -53,7 +53,7 @@ def split_courses(spec_index: SpecIndex, _: FaultyElements) -> Iterator[Diagnost
     adapting_loops, executing_loops = _loops_by_part(spec_index, "adapt"), _loops_by_part(spec_index, "execute")
     for adaptation in spec_index.spec.adaptation:
         does = adaptation.does
-        if not isinstance(does, Course):
+        if not isinstance(does, Course) or not does.within.name:
             continue
         path = f"adaptation.{adaptation.name}.in"
         other = first_adaptations.setdefault(does.within.name, adaptation)

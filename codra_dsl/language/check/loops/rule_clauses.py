@@ -48,7 +48,7 @@ _HEDGE = "|".join(Hedge)
 _HEDGES = rf"(?:(?:{_HEDGE})\s+)*"
 _WORD = r"""(?P<words>"[^"]*"|'[^']*'|[A-Za-z]\w*)"""
 _WORDS = r"\((?P<words>[^()\d]+)\)"
-_NOT_BEFORE_TERM, _IS_MISSING = "'not' stands before a term", "'is' stands between a variable and its term"
+_NOT_BEFORE_TERM, _IS_MISSING = "'not' must be directly before a term", "'is' joins a variable and its term"
 _ONE_TERM = "a description of '{name}' has one term"
 _DESCRIPTIONS = tuple(
     (re.compile(pattern, _FLAGS), hedge, message)
@@ -142,7 +142,7 @@ class RuleText:
         if name is not None and name not in self.names.outputs:
             yield Mistake(*conclusion.span("name"), *self.names.unknown_conclusion(name), is_unknown_name=True)
         elif name is not None and name != own:
-            message, help = f"a rule of '{own}' concludes a term of '{own}'", f"write the rule under '{name}'"
+            message, help = f"a rule of '{own}' concludes only terms of '{own}'", f"write the rule under '{name}'"
             yield Mistake(conclusion.start("name"), conclusion.end("term"), message, help)
         elif name is not None and conclusion["sign"] != "is":
             message, help = "a conclusion is a term", f"write 'then {term}' or 'then {own} is {term}'"
@@ -208,9 +208,9 @@ class RuleText:
             words = [name.name for name in names_in(tree) if name.pose_comparison is None]
         unknown_name = next((word for word in words if is_name(word) and word not in self.names.variables), None)
         if unknown_name is not None:
-            start = self.text.index(unknown_name, start)
-            message, help = self.names.unknown_variable(unknown_name)
-            yield Mistake(start, start + len(unknown_name), message, help, is_unknown_name=True)
+            place = re.compile(rf"\b{unknown_name}\b", re.ASCII).search(self.text, start)
+            name_span = span if place is None else place.span()
+            yield Mistake(*name_span, *self.names.unknown_variable(unknown_name), is_unknown_name=True)
         elif isinstance(tree, Compare | In) and len(set(words)) == 1:
             yield Mistake(*span, f"a rule describes '{words[0]}' by a term", self._comparison_help(tree, words[0]))
         elif isinstance(tree, Node):

@@ -20,14 +20,14 @@ from codra_dsl.language.check.index.mentions import (
 )
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, FaultyElements, SpecIndex
-from codra_dsl.language.check.index.words import NOUNS
+from codra_dsl.language.check.index.words import NOUNS, declaration_help
 from codra_dsl.language.check.names.misspelt import find_misspelt_declarations, misspelt_finding
 from codra_dsl.language.check.types.literals import LiteralHelp, compared_literal_help, intended_literal_help
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, is_slip
 from codra_dsl.language.load.templates.templates import INSTANCE
 from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.load.yaml.traps import is_derivation
-from codra_dsl.language.model import ADAPTER, Access, Agent, Algorithm, Resource, Variable
+from codra_dsl.language.model import ADAPTER, ANALYST, Access, Agent, Algorithm, Resource, Variable
 
 _RULES_AND_NOUNS = {
     "context": ("unknown-variable", "context-variable"),
@@ -299,7 +299,11 @@ def _undeclared_name_finding(
     if nearest_name is not None and is_slip(first.name, nearest_name):
         spec_index.corrections.add_misspelt_reference(section, first.name, nearest_name)
     fix = _renaming(spec_index, first, others, nearest_name, candidates)
-    help = f"did you mean '{nearest_name}'?" if nearest_name else _declaration_help(spec_index, first, section)
+    help = (
+        f"did you mean '{nearest_name}'?"
+        if nearest_name
+        else _declaration_help(spec_index, first, section, spec_index.names(section))
+    )
     return _mention_finding(rule, message, help, first, others, fix=fix)
 
 
@@ -318,7 +322,7 @@ def _renaming(
     )
 
 
-def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str) -> str:
+def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str, declared_names: Iterable[str]) -> str:
     """Return the help for a name without a similar declaration."""
     specific_help = _parameter_help(spec_index, mention) or compared_literal_help(spec_index, mention)
     if specific_help is not None:
@@ -328,11 +332,11 @@ def _declaration_help(spec_index: SpecIndex, mention: Mention, section: str) -> 
     if section == "agents":
         if mention.name == OPERATOR:
             return "remove it: an operator can override every variable, and an agent needs another name"
-        others = "'observer', 'main_execution'" if mention.path.startswith("context.") else "'main_execution'"
-        return f"write {others}, or declare '{mention.name}' under 'agents'"
+        sources = [OBSERVER, MAIN_EXECUTION] if mention.path.startswith("context.") else [MAIN_EXECUTION]
+        return declaration_help(mention.name, "'agents'", {*sources, *declared_names} - {ANALYST})
     if section == "context" and mention.name in GRAPH_FUNCTIONS:
         return f"write {GRAPH_FUNCTIONS[mention.name]}, in 'derived'"
-    return f"declare '{mention.name}' under '{section}'"
+    return declaration_help(mention.name, f"'{section}'", () if section == "context" else declared_names)
 
 
 def _invalid_name_help(spec_index: SpecIndex, mention: Mention, section: str) -> str:
@@ -378,7 +382,9 @@ def _unknown_returned_value_finding(
     nearest_name = spec_index.nearest_name(first.name, f"returned by {algorithm}", returned)
     if nearest_name is not None and is_slip(first.name, nearest_name):
         spec_index.corrections.add_misspelt_reference((algorithm,), first.name, nearest_name)
-    help = f"did you mean '{nearest_name}'?" if nearest_name else _declaration_help(spec_index, first, "returns")
+    help = (
+        f"did you mean '{nearest_name}'?" if nearest_name else _declaration_help(spec_index, first, "returns", returned)
+    )
     fix = _renaming(spec_index, first, others, nearest_name, returned)
     return _mention_finding("unknown-returned-value", message, help, first, others, fix=fix)
 

@@ -11,8 +11,8 @@ from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.load.schema.other_forms import (
     CHOICE_KEYS,
     choice_help,
+    example_text,
     lists_without_brackets,
-    literal_text,
     long_form,
     meant_key,
     other_form_help,
@@ -61,7 +61,7 @@ def explain(
         The keys that cannot be read, as `Spec.damaged_keys` lists them. Misspelt keys can be read. An unknown key may
         mean any absent key, so all absent keys count as unreadable.
     """
-    explanation = _Explanation(subject, node, findings, examples or {})
+    explanation = _Explanation(definition, subject, node, findings, examples or {})
     errors = errors_of(definition, node.data)
     unknown_keys = explanation.unknown_keys(errors)
     for mapping, corrections in unknown_keys:
@@ -78,7 +78,7 @@ def explain_outline(definition: str, root: MappingNode, subject: Subject, findin
     """
     if has_shape(definition, _outline(root)):
         return
-    explanation = _Explanation(subject, root, findings, {})
+    explanation = _Explanation(definition, subject, root, findings, {})
     for mapping, corrections in explanation.unknown_keys(errors_of(definition, _outline(root))):
         _rename(mapping, {key: known_key or key for key, known_key in corrections.items()})
     errors = errors_of(definition, _outline(root))
@@ -113,8 +113,11 @@ def _rename(mapping: MappingNode, corrections: Mapping[str, str | None]) -> None
 class _Explanation:
     """Converts the errors of one element to findings, and lists the keys that they damage."""
 
-    def __init__(self, subject: Subject, root: YamlNode, findings: Findings, examples: Mapping[str, object]) -> None:
-        self._subject, self._root, self._findings, self._examples = subject, root, findings, examples
+    def __init__(
+        self, definition: str, subject: Subject, root: YamlNode, findings: Findings, examples: Mapping[str, object]
+    ) -> None:
+        self._definition, self._subject, self._root = definition, subject, root
+        self._findings, self._examples = findings, examples
         self._reported_paths: set[tuple[str | int, ...]] = set()
         self._unmatched_keys: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
         self.damaged: set[str] = set()
@@ -189,6 +192,8 @@ class _Explanation:
         """Return the name of a mapping for messages: the element itself, or a named part of it."""
         if not path:
             return str(self._subject)
+        if isinstance(path[-1], int):
+            return self._value_name(path)
         if len(path) == 2 and path[0] in _PART_NOUNS:
             return f"{_PART_NOUNS[path[0]]} {shown(str(path[1]))} of {self._subject}"
         return f"{shown(str(path[-1]))} of {self._subject}"
@@ -290,7 +295,7 @@ class _Explanation:
             "missing-key",
             f"{shown(key)} is missing in {self._mapping_name(error.path)}",
             self._place_of_name(error.path),
-            help=f"add it, for example {_example_text(key, self._subschema(error, key))}",
+            help=f"add it, for example {example_text(key, self._subschema(error, key))}",
             path=self._subject.part(*error.path, key),
         )
 
@@ -322,7 +327,8 @@ class _Explanation:
         property_schema = error.schema.get("properties", {}).get(key)
         if key == "type" and isinstance(error.data, dict) and "values" in error.data:
             return {"examples": ["enum"]}
-        return resolve(property_schema or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
+        definition = schema()["$defs"].get(self._definition, {})
+        return resolve(property_schema or definition.get("properties", {}).get(key, {}))
 
     def _place_of_name(self, path: tuple[str | int, ...]) -> Place:
         if not path:
@@ -369,8 +375,10 @@ class _Explanation:
         value_name = self._value_name(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
         key = error.path[-1] if error.path else self._subject.key.written
-        examples = {"examples": [self._examples[str(key)]]} if error.path and key in self._examples else {}
-        example = f"for example {_example_text(key, error.schema | examples)}"
+        known_example = self._examples.get(str(key)) if error.path else None
+        known_example = known_example if error.mapping_example is None else error.mapping_example
+        examples = {} if known_example is None else {"examples": [known_example]}
+        example = f"for example {example_text(key, error.schema | examples)}"
         if str(key) in error.schema.get("properties", ()):
             example = "indent it further, as a key of the element above"
         if error.keyword == "not":
@@ -378,7 +386,7 @@ class _Explanation:
             return (
                 "misplaced-key",
                 f"{value_name} is not allowed here: {reason}",
-                "remove the key, or change the element so that it may have this key",
+                f"remove {shown(str(key))}, or change the element so that it may have this key",
             )
         if error.keyword == "uniqueItems":
             return "repeated-value", f"{_describe(node)} occurs twice in {value_name}", "remove one of them"
@@ -389,7 +397,9 @@ class _Explanation:
         if allowed and isinstance(error.data, str):
             suggestion, _ = self._intended_word(error.path, error.data, allowed)
             choices = [word for word in allowed if word in title.split()] or allowed
-            help_text = f"did you mean '{suggestion}'?" if suggestion else f"allowed: {', '.join(choices)}"
+            mapping_help = "" if error.mapping_example is None else f", or {example}"
+            help_text = f"allowed: {', '.join(choices)}{mapping_help}"
+            help_text = f"did you mean '{suggestion}'?" if suggestion else help_text
             return "unknown-value", f"{value_name} cannot be {shown(error.data)}", help_text
         if isinstance(node, ScalarNode) and not node.text:
             return "wrong-type", f"{value_name} has no value; it must be {title}", example
@@ -471,11 +481,6 @@ def _repeated_index(items: Sequence[object]) -> int:
             return index
         seen_texts.add(item_text)
     return 0
-
-
-def _example_text(key: str | int, subschema: dict[str, Any]) -> str:
-    example = literal_text(subschema["examples"][0]) if "examples" in subschema else "..."
-    return f"'{example}'" if isinstance(key, int) else f"'{key}: {example}'"
 
 
 def _describe(node: YamlNode) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from typing import Any
 
-from codra_dsl.language.expression import And, Compare, In, Not, Or, parse_derivation
+from codra_dsl.language.expression import And, Compare, In, Not, Or, is_name, parse_derivation
 from codra_dsl.language.load.schema.schema import Error, resolve
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.language.load.yaml.origin import Subject
@@ -64,13 +64,16 @@ def other_form_help(subject: Subject, error: Error, node: YamlNode, holder: Yaml
             return f"write 'value: {_choice(conditions)}'"
         case "a rule", MappingNode():
             return _rule_help(texts)
+        case "a name or a condition", MappingNode() if comparisons := _comparisons(node):
+            return f"write '{comparisons}'"
         case "a list of conditions" | "a list of names and conditions", MappingNode():
             comparisons = _comparisons(node)
             return f"write '{key}: [{comparisons}]'" if comparisons else None
         case "a type", SequenceNode():
             return f"write 'type: enum' and 'values: {literal_text(error.data)}'"
         case _, MappingNode() if node.entries and title.startswith("a list of "):
-            return f"write '{key}: [{', '.join(node.entries)}]'"
+            has_names = resolve(error.schema.get("items", {})).get("type") == "string"
+            return f"write '{key}: [{', '.join(node.entries) if has_names else literal_text(error.data)}]'"
         case _, SequenceNode() if node.items and all(isinstance(item, MappingNode) for item in node.items):
             entries = {name: value for item in error.data for name, value in item.items()}
             return f"write '{key}: {literal_text(entries)}'"
@@ -125,6 +128,12 @@ def choice_help(mapping: MappingNode, known_keys: Collection[str]) -> str | None
     return f"write '{target}: {texts['then']} if {texts['if']} else {texts['else']}'"
 
 
+def example_text(key: str | int, subschema: Mapping[str, Any]) -> str:
+    """Return the first example of a schema, with its key unless it is an item of a list."""
+    example = literal_text(subschema["examples"][0]) if "examples" in subschema else "..."
+    return f"'{example}'" if isinstance(key, int) else f"'{key}: {example}'"
+
+
 def literal_text(value: object) -> str:
     """Return a value as YAML on one line."""
     if isinstance(value, dict):
@@ -149,7 +158,8 @@ def _text_help(node: ScalarNode, key: str, title: str) -> str | None:
         return "write a blank after the '-' of each item"
     is_on_one_line = node.style is not Style.PLAIN or node.end - node.start == len(node.text)
     items = _ITEMS.fullmatch(node.text) if is_on_one_line else None
-    return "begin each item with '- ' on a line of its own" if items is None else f"write '{key}: [{items[1]}]'"
+    text = node.text if "condition" in title and is_derivation(node.text) else items and items[1]
+    return f"write '{key}: [{text}]'" if text else "begin each item with '- ' on a line of its own"
 
 
 def _texts(node: MappingNode | SequenceNode) -> Mapping[str, str]:
@@ -181,7 +191,7 @@ def _rule_help(texts: Mapping[str, str]) -> str | None:
 def _comparisons(node: MappingNode) -> str:
     """Return the entries of a mapping as comparisons, such as `door == "open"`; empty if they are none."""
     texts = [
-        f'{key} == "{value.text}"' if isinstance(value.data, str) else f"{key} == {value.text}"
+        f'{key} == "{value.text}"' if is_name(value.text) else f"{key} == {value.text}"
         for key, (_, value) in node.entries.items()
         if isinstance(value, ScalarNode)
     ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -94,13 +94,20 @@ def _without_annotations(part: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """A difference between data and the schema: `path` leads from the element to the wrong value."""
+    """A difference between data and the schema.
+
+    Attributes:
+        path: the way from the element to the wrong value.
+        mapping_example: if the value can be a word or a mapping, and is neither: an example of a mapping; otherwise
+            None.
+    """
 
     path: tuple[str | int, ...]
     keyword: str
     limit: Any
     schema: dict[str, Any]
     data: Any
+    mapping_example: Any = None
 
 
 def errors_of(definition: str, data: object) -> tuple[Error, ...]:
@@ -147,20 +154,24 @@ def _errors_of(definition: str, data: object, path: tuple[str | int, ...]) -> It
     for error in _explainer(definition).iter_errors(data):
         error_path = (*path, *error.absolute_path)
         schema_here = error.schema if isinstance(error.schema, dict) else {}
-        branch = _branch(schema_here.get("$anchor"), error.instance) if error.validator == "anyOf" else None
-        if branch is not None:
-            yield from _errors_of(branch, error.instance, error_path)
-        else:
+        anchor = str(schema_here.get("$anchor"))
+        branch = _branch(anchor, error.instance) if error.validator == "anyOf" else None
+        if branch is None:
             yield Error(error_path, str(error.validator), error.validator_value, schema_here, error.instance)
+            continue
+        for inner_error in _errors_of(branch, error.instance, error_path):
+            is_word = anchor in _FORMS and inner_error.path == error_path and allowed_words(inner_error.schema)
+            mapping = schema()["$defs"][_FORMS[anchor][0]] if is_word else {}
+            yield replace(inner_error, mapping_example=mapping.get("examples", [None])[0])
 
 
-def _branch(anchor: str | None, data: object) -> str | None:
+def _branch(anchor: str, data: object) -> str | None:
     """Return the definition that applies to a value with several possible forms."""
     if anchor == "identification" and isinstance(data, dict) and {"enter", "leave", "confirm"} & data.keys():
         return "hysteresis"
     if anchor == "pattern_or_patterns":
         return "some_patterns" if isinstance(data, list) else "pattern"
-    forms = _FORMS.get(anchor or "")
+    forms = _FORMS.get(anchor)
     return None if forms is None else forms[0 if isinstance(data, dict) else 1]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from codra_dsl.language.expression import Negative, Node, parse, parse_derivation
+from codra_dsl.language.expression import Negative, Node, is_name, parse, parse_derivation
 from codra_dsl.language.expression.tokens import shown
 
 _KEY_AND_VALUE = re.compile(r"(?P<key>[A-Za-z]\w*):\s+(?P<value>\S+)")
@@ -154,7 +154,9 @@ def torn_mapping_trap(scalar_text: str) -> Trap:
 def torn_condition_trap(scalar_text: str) -> Trap:
     """Return the trap of a condition with `: ` in it: `x: true` for `x == true`, `c ? a : b` for `a if c else b`."""
     pair_match, choice_match = _KEY_AND_VALUE.fullmatch(scalar_text), _CHOICE.fullmatch(scalar_text)
-    replacement = "" if pair_match is None else f"{pair_match['key']} == {pair_match['value']}"
+    value = "" if pair_match is None else pair_match["value"]
+    value = f'"{value}"' if is_name(value) else value
+    replacement = "" if pair_match is None else f"{pair_match['key']} == {value}"
     if choice_match is not None:
         replacement = f"{choice_match['then']} if {choice_match['condition']} else {choice_match['otherwise']}"
     if not is_condition(replacement):
