@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
-from codra_dsl.runtime.context.decisions import Decision, Preview, ReadNow, ValueDecision
+from codra_dsl.runtime.context.decisions import ContextNow, Decision, Preview, ValueDecision
 from codra_dsl.runtime.observers.waiting import wait_until
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError
@@ -45,7 +45,7 @@ class Pending(Generic[DecisionT]):
         *,
         commands: Commands,
         clock: Clock,
-        read: ReadNow,
+        context: ContextNow,
         convert: Callable[[str, object], Value | None],
     ) -> None:
         """Continue a decision that was just requested.
@@ -54,13 +54,13 @@ class Pending(Generic[DecisionT]):
             decision: the return value of `commands.ask` or `commands.ask_preview`.
             commands: executes the further steps.
             clock: measures the wait.
-            read: returns the reading of a variable now; takes no lock.
+            context: the present context.
             convert: converts a result to the type of a variable, or raises `NotOfTypeError`.
         """
         self._decision = decision
         self._commands = commands
         self._clock = clock
-        self._read = read
+        self._context = context
         self._convert = convert
         self.state = DecisionState.WAITING if decision.is_waiting else self._state_after_wait()
 
@@ -91,7 +91,7 @@ class Pending(Generic[DecisionT]):
 
     def next_check_s(self) -> float:
         """Return the next instant at which time alone can end the wait."""
-        return self._decision.next_check_s(self._read, self._clock.now_s())
+        return self._decision.next_check_s(self._context, self._clock.now_s())
 
     def abandon(self, why: str) -> None:
         """Stop waiting or looking, for example because of a more urgent task. If the decision is over, do nothing."""
@@ -111,7 +111,7 @@ class Pending(Generic[DecisionT]):
 
     def _is_wait_over(self) -> bool:
         """Return whether context can answer now, or is closed."""
-        return self._commands.is_closed or self._decision.can_be_decided(self._read, self._clock.now_s())
+        return self._commands.is_closed or self._decision.can_be_decided(self._context, self._clock.now_s())
 
     def _end_wait(self) -> None:
         self._commands.resume(self._decision)
