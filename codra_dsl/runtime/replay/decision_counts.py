@@ -11,6 +11,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.context.decisions import Decision, Preview
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.replay.undetermined import Undetermined
+from codra_dsl.runtime.values.declarations import OPERATOR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,11 +85,13 @@ class DecisionComparison:
         if isinstance(decision, Preview):
             return
         key = (decision.name, decision.asked_s)
-        if decision.name in undetermined.variables or key in self._doubtful_keys:
+        is_observed = decision.reading.source != OPERATOR  # the journal shows all overrides
+        if (is_observed and decision.name in undetermined.variables) or key in self._doubtful_keys:
             answer = _Answer(None)
         else:
             value = decision.reading.content if decision.is_decided else None
-            answer = _Answer(decision.is_decided, value, decision.name in undetermined.assumed_variables)
+            is_assumed = is_observed and decision.name in undetermined.assumed_variables
+            answer = _Answer(decision.is_decided, value, is_assumed)
         self._replayed[key].append(answer)
         self._match(key)
 
