@@ -98,7 +98,7 @@ class AnsweringContext(Generic[VariableName, SkillName]):
             self.commands.ask(request),
             commands=self.commands,
             clock=self._clock,
-            context=self.commands.context_now,
+            context=self.commands.decision_context,
             convert=self._convert,
         )
 
@@ -109,7 +109,7 @@ class AnsweringContext(Generic[VariableName, SkillName]):
 
         The arguments are those of `ask`.
         """
-        request, context = self._decision_request(name, max_age_s, since_s, 0.0), self.commands.context_now
+        request, context = self._decision_request(name, max_age_s, since_s, 0.0), self.commands.decision_context
         return request.permits(context.reading(name), context, self._clock.now_s())
 
     def preview(
@@ -179,7 +179,7 @@ class AnsweringContext(Generic[VariableName, SkillName]):
             self.commands.ask_preview(request),
             commands=self.commands,
             clock=self._clock,
-            context=self.commands.context_now,
+            context=self.commands.decision_context,
             convert=self._convert,
         )
 

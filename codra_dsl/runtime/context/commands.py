@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.context.decisions import (
-    ContextNow,
     Decision,
+    DecisionContext,
     DecisionRequest,
     Explain,
     Preview,
@@ -55,7 +55,7 @@ class Commands:
     """The commands of programs, with names and values that are already checked. No command waits.
 
     Attributes:
-        context_now: the present context, as decisions read it.
+        decision_context: the present context, as decisions read it.
         declarations: the variables that are declared, and by whom.
         is_closed: whether the context manager is closed.
     """
@@ -89,7 +89,7 @@ class Commands:
         self._clock = clock
         self._event_writer = event_writer
         self._store = store
-        self.context_now: ContextNow = store
+        self.decision_context: DecisionContext = store
         self._forest = forest
         self._slots = slots
         self._expectations = expectations

@@ -15,7 +15,7 @@ from codra_dsl.runtime.values.model import SkillModel
 from codra_dsl.runtime.values.previews import PreviewAnswer, PreviewOutcome, evaluate, with_details
 
 
-class ContextNow(Protocol):
+class DecisionContext(Protocol):
     """The present context, as decisions read it. No method takes a lock."""
 
     def reading(self, name: str) -> Reading[Value]:
@@ -49,7 +49,7 @@ class _Limits:
         if any(map(math.isnan, (self.max_age_s, self.wait_up_to_s, *since_s))):
             raise ValueError("`max_age_s`, `since_s` and `wait_up_to_s` of a decision must not be NaN")
 
-    def permits(self, reading: Reading[Value], context: ContextNow, now_s: float) -> bool:
+    def permits(self, reading: Reading[Value], context: DecisionContext, now_s: float) -> bool:
         """Return whether a present reading is known and may be used."""
         if not reading.known or not reading.age_s(now_s) <= self.max_age_s:
             return False
@@ -197,15 +197,15 @@ class ValueDecision(_State):
             **({"shadow": True} if self.request.shadow and not self.is_decided else {}),
         }
 
-    def can_be_decided(self, context: ContextNow, now_s: float) -> bool:
+    def can_be_decided(self, context: DecisionContext, now_s: float) -> bool:
         """Return whether context has the answer now."""
         return self.request.permits(context.reading(self.name), context, now_s)
 
-    def next_check_s(self, _context: ContextNow, _now_s: float) -> float:
+    def next_check_s(self, _context: DecisionContext, _now_s: float) -> float:
         """Return the next instant at which time alone can end the wait."""
         return self.until_s
 
-    def look_up(self, context: ContextNow, now_s: float) -> None:
+    def look_up(self, context: DecisionContext, now_s: float) -> None:
         """Look up the answer in the context."""
         self.reading = context.reading(self.name)
         self.is_decided = self.request.permits(self.reading, context, now_s)
@@ -317,17 +317,17 @@ class Preview(_State):
             **look_details,
         }
 
-    def can_be_decided(self, context: ContextNow, now_s: float) -> bool:
+    def can_be_decided(self, context: DecisionContext, now_s: float) -> bool:
         """Return whether context, with what was found by looking, decides the preview now."""
         return evaluate(self.skill, self._preview_context(context, now_s)).outcome is not PreviewOutcome.UNKNOWN
 
-    def next_check_s(self, context: ContextNow, now_s: float) -> float:
+    def next_check_s(self, context: DecisionContext, now_s: float) -> float:
         """Return the next instant at which the wait ends, or an age in a condition passes its limit."""
         preview_context = self._preview_context(context, now_s)
         waits_s = (condition.condition.flips_s(preview_context) for condition in self.skill.preview_conditions)
         return min([self.until_s, *(now_s + wait_s for wait_s in waits_s if wait_s is not None)])
 
-    def look_up(self, context: ContextNow, now_s: float) -> None:
+    def look_up(self, context: DecisionContext, now_s: float) -> None:
         """Evaluate the preview."""
         self.context = self._preview_context(context, now_s)
         self.answer = evaluate(self.skill, self.context)
@@ -337,7 +337,7 @@ class Preview(_State):
         readings = (self.context.readings[variable.name] for variable in self.answer.unknown)
         self.answer = with_details(self.answer, {reading.name: explain(reading).detail for reading in readings})
 
-    def _preview_context(self, context: ContextNow, now_s: float) -> PreviewContext:
+    def _preview_context(self, context: DecisionContext, now_s: float) -> PreviewContext:
         readings = {name: context.reading(name) for name in self.skill.preview}
         permitted = {name for name, reading in readings.items() if self.request.permits(reading, context, now_s)}
         return PreviewContext(readings, permitted, self.looked, now_s)

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
-from codra_dsl.runtime.context.decisions import ContextNow, Decision, Preview, ValueDecision
+from codra_dsl.runtime.context.decisions import Decision, DecisionContext, Preview, ValueDecision
 from codra_dsl.runtime.observers.waiting import wait_until
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError
@@ -45,7 +45,7 @@ class Pending(Generic[DecisionT]):
         *,
         commands: Commands,
         clock: Clock,
-        context: ContextNow,
+        context: DecisionContext,
         convert: Callable[[str, object], Value | None],
     ) -> None:
         """Continue a decision that was just requested.
@@ -82,9 +82,10 @@ class Pending(Generic[DecisionT]):
 
         If `longest_s` is infinite, the decision does not wait any more after this call, even if the clock was closed.
         """
-        if self.poll() is DecisionState.WAITING:
-            until_s = min(self._decision.until_s, self._clock.now_s() + longest_s)
-            wait_until(self._is_wait_over, self.next_check_s, self._clock, until_s)
+        until_s = min(self._decision.until_s, self._clock.now_s() + longest_s)
+        while self.poll() is DecisionState.WAITING:  # an answer can be lost before `poll` reads it
+            if not wait_until(self._is_wait_over, self.next_check_s, self._clock, until_s):
+                break
         if self.poll() is DecisionState.WAITING and longest_s == math.inf:  # the clock was closed
             self._end_wait()
         return self.state

@@ -103,12 +103,13 @@ class Player:
 
     def next_check_s(self, number: int) -> float:
         """Return the next instant at which time alone can end the wait of a decision."""
-        return self.decisions[number].next_check_s(self._commands.context_now, self.clock.now_s())
+        return self.decisions[number].next_check_s(self._commands.decision_context, self.clock.now_s())
 
     def is_wait_over(self, number: int, until_s: float) -> bool:
         """Return whether context can answer a decision now, or its wait ends by an instant."""
         decision = self.decisions[number]
-        return decision.until_s <= until_s or decision.can_be_decided(self._commands.context_now, self.clock.now_s())
+        context, now_s = self._commands.decision_context, self.clock.now_s()
+        return decision.until_s <= until_s or decision.can_be_decided(context, now_s)
 
     def resume(self, number: int) -> None:
         """Look up the answer to a decision again after its wait."""
