@@ -169,7 +169,7 @@ class Flickering:
     def reading(self, name: str) -> Reading[Value]:
         self._check_count += 1
         reading = self._context.reading(name)
-        return replace(reading, content=True, reason=None) if self._check_count == 3 else reading
+        return replace(reading, content=True, reason=None) if self._check_count == 2 else reading
 
     def has_evidence_since(self, reading: Reading[Value], since_s: Mapping[str, float]) -> bool:
         return self._context.has_evidence_since(reading, since_s)
