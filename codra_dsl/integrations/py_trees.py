@@ -10,7 +10,7 @@ P1, section 3.3: the main execution declares what its skills need, and asks cont
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
 
@@ -125,8 +125,8 @@ class ContextIs(_ContextNode):
     def update(self) -> Status:
         """Read the variable."""
         now_s, reading = self._clock.now_s(), self._codra.get(self._variable)
-        is_fresh = reading.known and reading.age_s(now_s) <= self._max_age_s
-        if is_fresh and reading.start_s >= _evidence_start_s(self, self._variable):
+        limits_s = _action_ends_s(self)
+        if reading.known and self._codra.can_answer(self._variable, max_age_s=self._max_age_s, since_s=limits_s):
             self.feedback_message = f"{reading.value!r}"
             return _status(self._holds(reading.value))
         self.feedback_message = _unknown_text(reading)
@@ -186,7 +186,7 @@ class Decide(_ContextNode, Decorator):
             self._pending_decision = self._codra.ask(
                 self._variable,
                 max_age_s=self._max_age_s,
-                since_s=_evidence_start_s(self, self._variable),
+                since_s=_action_ends_s(self),
                 wait_up_to_s=self._wait_up_to_s,
                 shadow=self._shadow,
             )
@@ -268,11 +268,10 @@ class PreviewHolds(_ContextNode):
 
     def initialise(self) -> None:
         """Start the decision."""
-        variables = self._skill_model(self._skill).preview
         self._pending_preview = self._codra.ask_preview(
             self._skill,
             max_age_s=self._max_age_s,
-            since_s={variable: _evidence_start_s(self, variable) for variable in variables},
+            since_s=_action_ends_s(self),
             wait_up_to_s=self._wait_up_to_s,
         )
 
@@ -340,12 +339,13 @@ class DuringSkill(_ContextNode, Decorator):
         """Record when an action of the skill ended."""
         self._last_action_end_s = instant_s
 
-    def last_action_end_s(self, variable: str) -> float:
-        """Return when the last action of the skill ended.
+    @property
+    def action_ends_s(self) -> Mapping[str, float]:
+        """Return when the last action of the skill ended, for each variable that the skill changes.
 
-        Return minus infinity if no action has ended yet, or the skill does not change the variable.
+        The instant is minus infinity if no action has ended yet.
         """
-        return self._last_action_end_s if variable in self._changes else -math.inf
+        return dict.fromkeys(self._changes, self._last_action_end_s)
 
 
 class Acting(_ContextNode, Decorator):
@@ -435,12 +435,16 @@ def _skills_above(node: Behaviour) -> Iterator[DuringSkill]:
         ancestor = ancestor.parent
 
 
-def _evidence_start_s(node: Behaviour, variable: str) -> float:
-    """Return when the last action that changes a variable ended, in the skills around a node.
+def _action_ends_s(node: Behaviour) -> Mapping[str, float]:
+    """Return, for each variable that a skill around a node changes, when the last action that changes it ended.
 
     Evidence from before this instant is not used.
     """
-    return max((skill.last_action_end_s(variable) for skill in _skills_above(node)), default=-math.inf)
+    ends_s: dict[str, float] = {}
+    for skill in _skills_above(node):
+        for variable, end_s in skill.action_ends_s.items():
+            ends_s[variable] = max(end_s, ends_s.get(variable, -math.inf))
+    return ends_s
 
 
 def _is_true(value: object) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -17,9 +18,9 @@ from py_trees.composites import Parallel, Selector, Sequence
 from py_trees.trees import BehaviourTree
 
 from codra_dsl.integrations.py_trees import Acting, ContextIs, Decide, DuringSkill, Expecting, PreviewHolds
-from codra_dsl.logic import Value
+from codra_dsl.logic import Value, value
 from codra_dsl.runtime import ContextManager, ContextModel, Kind, SimClock, UnknownNameError
-from codra_dsl.runtime.values.model import VariableModel, real
+from codra_dsl.runtime.values.model import SkillModel, VariableModel, boolean, real
 from tests.runtime.cycler import HOLDS, OBSERVED, cycler
 from tests.runtime.door import Door, Manager, started
 
@@ -555,6 +556,31 @@ def test_a_preview_uses_no_evidence_from_before_the_end_of_an_action_that_change
 
         assert manager.get("open").known
         assert preview.feedback_message == "unknown: open (too_old)"
+
+
+def test_a_derived_variable_uses_no_evidence_of_its_inputs_from_before_the_end_of_an_action() -> None:
+    """The lid is seen shortly before the end of the action; `localized`, the other input, is much older."""
+    ready = VariableModel(name="ready", type=boolean(), derived=value("open") & value("localized"))
+    skill = SkillModel(name="pass_door", preview=("ready",), monitor=("open",), changes=("open",))
+    model = replace(OBSERVED, variables=(*OBSERVED.variables, ready), skills=(skill,))
+    clock = SimClock()
+    with Manager(model, clock=clock, resources={"door": Door(angle_rad=1.0)}) as manager:
+        manager.set("localized", True)
+        manager.expect("pass_door")
+        clock.sleep(3.0)
+        nodes = [
+            PreviewHolds("preview", "pass_door", unknown=Status.SUCCESS),
+            ContextIs("condition", "ready", unknown=Status.SUCCESS),
+            Decide("decision", Success("look"), "ready", result=lambda: None, unknown=Status.SUCCESS),
+            Decide("later", Success("look"), "ready", result=lambda: None, wait_up_to_s=5.0),
+        ]
+        act = Acting("act", Takes("pull", clock, 1.0, done=partial(write_late, manager, clock)))
+        tree = tree_of(DuringSkill("pass", Sequence("steps", True, [act, *nodes]), "pass_door"), manager, clock)
+        assert tick_until_end(tree, clock) is Status.SUCCESS
+
+        assert nodes[0].feedback_message == "unknown: ready (too_old)"
+        assert [event.what for event in manager.record.of(Kind.DECISION)] == ["fell_back", "answered"]
+        assert nodes[3].feedback_message == "True, from context"
 
 
 def test_an_interrupted_preview_is_abandoned() -> None:

@@ -240,7 +240,7 @@ class Bridge:
         pending_decision: PendingDecision = self._do(
             lambda: self._codra.ask(
                 variable,
-                since_s=self._action_ends_s.get(variable, -math.inf),
+                since_s=self._action_ends_s,
                 wait_up_to_s=wait_up_to_s,
                 max_age_s=max_age_s,
                 shadow=self._answers is Answers.SHADOW,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Generic, TypeVar
 
 from codra_dsl.isolation.error_text import type_name
@@ -14,7 +14,6 @@ from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDec
 from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.journal import EventLog
 from codra_dsl.runtime.locked_clock import LockedClock
-from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import SkillModel, VariableModel
 from codra_dsl.runtime.values.previews import PreviewAnswer
 
@@ -85,28 +84,33 @@ class AnsweringContext(Generic[VariableName, SkillName]):
         name: VariableName,
         *,
         max_age_s: float = math.inf,
-        since_s: float = -math.inf,
+        since_s: float | Mapping[str, float] = -math.inf,
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
     ) -> PendingDecision:
         """Return a pending decision: the same as `decide`, but in steps, for a main execution that must not block.
 
-        The arguments are those of `decide`. If a look is necessary, the main execution looks between two steps.
+        The arguments are those of `decide`. For a derived variable, `since_s` can also be one instant for each of some
+        of its inputs; other names have no effect. If a look is necessary, the main execution looks between two steps.
         """
-        request = DecisionRequest(
-            variable=self._model(name).name,
-            max_age_s=float(max_age_s),
-            since_s=float(since_s),
-            wait_up_to_s=float(wait_up_to_s),
-            shadow=shadow,
-        )
+        request = self._decision_request(name, max_age_s, since_s, wait_up_to_s, shadow=shadow)
         return PendingDecision(
             self.commands.ask(request),
             commands=self.commands,
             clock=self._clock,
-            read=self._reading,
+            context=self.commands.decision_context,
             convert=self._convert,
         )
+
+    def can_answer(
+        self, name: VariableName, *, max_age_s: float = math.inf, since_s: float | Mapping[str, float] = -math.inf
+    ) -> bool:
+        """Return whether context would answer a decision on a variable now; no event is recorded.
+
+        The arguments are those of `ask`.
+        """
+        request, context = self._decision_request(name, max_age_s, since_s, 0.0), self.commands.decision_context
+        return request.permits(context.reading(name), context, self._clock.now_s())
 
     def preview(
         self,
@@ -130,7 +134,7 @@ class AnsweringContext(Generic[VariableName, SkillName]):
                 main execution may `set` the variable. Without `otherwise` there is no look.
             max_age_s: the largest permitted age of the evidence of each variable.
             since_s: the taking of the evidence must have begun at or after this instant; also one instant for each of
-                some variables. Names outside the preview have no effect.
+                some variables, which can be inputs of derived variables. Other names have no effect.
             wait_up_to_s: how long to wait for observers if the preview is unknown.
 
         Raises:
@@ -167,9 +171,7 @@ class AnsweringContext(Generic[VariableName, SkillName]):
         request = PreviewRequest(
             skill=skill,
             max_age_s=float(max_age_s),
-            since_s={
-                name: float(limits_s[name]) for name in model.preview if limits_s.get(name, -math.inf) != -math.inf
-            },
+            since_s=self._limits_s(limits_s, model.preview),
             wait_up_to_s=float(wait_up_to_s),
             looks=looks,
         )
@@ -177,23 +179,44 @@ class AnsweringContext(Generic[VariableName, SkillName]):
             self.commands.ask_preview(request),
             commands=self.commands,
             clock=self._clock,
-            read=self._reading,
+            context=self.commands.decision_context,
             convert=self._convert,
         )
 
     def _convert(self, name: str, value: object) -> Value | None:
         return self._model(name).type.convert(value)
 
-    def _reading(self, name: str) -> Reading[Value]:
-        """Return the reading of a variable now.
+    def _decision_request(
+        self,
+        name: str,
+        max_age_s: float,
+        since_s: float | Mapping[str, float],
+        wait_up_to_s: float,
+        *,
+        shadow: bool = False,
+    ) -> DecisionRequest:
+        variable = self._model(name).name
+        limits_s = self._limits_s(since_s, (variable,)) if isinstance(since_s, Mapping) else float(since_s)
+        return DecisionRequest(
+            variable=variable,
+            max_age_s=float(max_age_s),
+            since_s=limits_s,
+            wait_up_to_s=float(wait_up_to_s),
+            shadow=shadow,
+        )
 
-        Raises:
-            UnknownNameError: if the spec has no such variable; the same holds for `_model`.
-        """
-        raise NotImplementedError
+    def _limits_s(self, since_s: Mapping[str, float], names: Iterable[str]) -> Mapping[str, float]:
+        """Return the instants that limit the evidence of some variables and of their inputs."""
+        relevant_names = self.commands.with_inputs(names)
+        limits_s = {name: float(instant_s) for name, instant_s in since_s.items() if name in relevant_names}
+        return {name: instant_s for name, instant_s in limits_s.items() if instant_s != -math.inf}
 
     def _model(self, name: str) -> VariableModel:
-        """Return the declaration of a variable."""
+        """Return the declaration of a variable.
+
+        Raises:
+            UnknownNameError: if the spec has no such variable.
+        """
         raise NotImplementedError
 
     def _skill(self, name: str) -> SkillModel:

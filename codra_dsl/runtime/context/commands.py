@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from codra_dsl.logic import Value
 from codra_dsl.runtime.context.decisions import (
     Decision,
+    DecisionContext,
     DecisionRequest,
     Explain,
     Preview,
@@ -51,7 +52,13 @@ class NotDeclaredError(PermissionError):
 
 
 class Commands:
-    """The commands of programs, with names and values that are already checked. No command waits."""
+    """The commands of programs, with names and values that are already checked. No command waits.
+
+    Attributes:
+        decision_context: the present context, as decisions read it.
+        declarations: the variables that are declared, and by whom.
+        is_closed: whether the context manager is closed.
+    """
 
     def __init__(
         self,
@@ -82,6 +89,7 @@ class Commands:
         self._clock = clock
         self._event_writer = event_writer
         self._store = store
+        self.decision_context: DecisionContext = store
         self._forest = forest
         self._slots = slots
         self._expectations = expectations
@@ -93,7 +101,7 @@ class Commands:
         self._urgencies = Urgencies(
             {name: observer.model.identifies for name, observer in observers},
             {name: observer.needs() for name, observer in observers},
-            self._with_inputs,
+            self.with_inputs,
         )
         self.is_closed = False
         self._expected_skills: dict[str, list[str]] = {}
@@ -102,6 +110,10 @@ class Commands:
         self._decision_count = 0
         self._tickets: dict[int, Ticket] = {}
         self._slot_request_count = 0
+
+    def with_inputs(self, names: Iterable[str]) -> frozenset[str]:
+        """Return some variables, with all inputs of those that are derived."""
+        return with_inputs(names, self._store.cells)
 
     # Declarations of the main execution (P1, Equation 4)
 
@@ -138,7 +150,7 @@ class Commands:
             self._skill_count += 1
             number, skill = self._skill_count, self._skills[name]
             self._skills_under_way[number] = (caller, skill)
-            self._event_triggers.begin(self._with_inputs(skill.monitor))
+            self._event_triggers.begin(self.with_inputs(skill.monitor))
             self.declarations.declare_exactly(skill_holder(skill.name, number), (*skill.preview, *skill.monitor))
             self._hold_expected([other for other in self._expected_skills.get(caller, ()) if other != name], caller)
             self._forest.look_again()
@@ -351,9 +363,6 @@ class Commands:
 
     # Internal
 
-    def _with_inputs(self, names: Iterable[str]) -> frozenset[str]:
-        return with_inputs(names, self._store.cells)
-
     def _check_open(self) -> None:
         """Raise an error if the context manager is closed, so that no observer starts after the closing.
 
@@ -368,7 +377,7 @@ class Commands:
     def _finish(self, number: int) -> None:
         _caller, skill = self._skills_under_way.pop(number)
         self._expectations.finish(number)
-        self._event_triggers.finish(number, self._with_inputs(skill.monitor))
+        self._event_triggers.finish(number, self.with_inputs(skill.monitor))
         self.declarations.declare_exactly(skill_holder(skill.name, number), ())
         self._forest.look_again()  # the skill may have acted until its end
 
@@ -428,7 +437,7 @@ class Commands:
             self._urgencies.wait(decision.number, *decision.unknown)
 
     def _look_up(self, decision: Decision) -> None:
-        decision.look_up(self._store.reading, self._clock.now_s())
+        decision.look_up(self._store, self._clock.now_s())
 
     def _answer_or_look(self, decision: Decision) -> None:
         """Answer a decision from context, or note that the main execution begins to look."""

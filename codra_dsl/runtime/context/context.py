@@ -241,7 +241,8 @@ class ContextManager(AnsweringContext[VariableName, SkillName], Overrides[Variab
 
         Raises:
             UnknownNameError: if the spec does not declare the name, and no event up to the instant has this name.
-            ValueError: if the instant lies in the future, or before the start of the event log.
+            ValueError: if the instant lies in the future, or before the start of the event log, or if the event log
+                does not have the event.
         """
         with self._lock:
             now_s, record = self._clock.now_s(), self.record.copy()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.journal import Kind
@@ -14,8 +14,18 @@ from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import SkillModel
 from codra_dsl.runtime.values.previews import PreviewAnswer, PreviewOutcome, evaluate, with_details
 
-ReadNow = Callable[[str], Reading[Value]]
-"""Returns the reading of a variable now."""
+
+class DecisionContext(Protocol):
+    """The present context, as decisions read it. No method takes a lock."""
+
+    def reading(self, name: str) -> Reading[Value]:
+        """Return the reading of a variable now."""
+        ...
+
+    def has_evidence_since(self, reading: Reading[Value], since_s: Mapping[str, float]) -> bool:
+        """Return whether the value of a present reading follows from evidence since some instants, by variable."""
+        ...
+
 
 Explain = Callable[[Reading[Value]], Reading[Value]]
 """Adds to an unknown reading the reason why the variable cannot be observed now."""
@@ -39,10 +49,13 @@ class _Limits:
         if any(map(math.isnan, (self.max_age_s, self.wait_up_to_s, *since_s))):
             raise ValueError("`max_age_s`, `since_s` and `wait_up_to_s` of a decision must not be NaN")
 
-    def permits(self, reading: Reading[Value], now_s: float) -> bool:
-        """Return whether a reading is known and may be used at an instant."""
-        since_s = self.since_s.get(reading.name, -math.inf) if isinstance(self.since_s, Mapping) else self.since_s
-        return reading.known and reading.start_s >= since_s and reading.age_s(now_s) <= self.max_age_s
+    def permits(self, reading: Reading[Value], context: DecisionContext, now_s: float) -> bool:
+        """Return whether a present reading is known and may be used."""
+        if not reading.known or not reading.age_s(now_s) <= self.max_age_s:
+            return False
+        if isinstance(self.since_s, Mapping):
+            return not self.since_s or context.has_evidence_since(reading, self.since_s)
+        return reading.start_s >= self.since_s
 
     def input_details(self) -> dict[str, object]:
         """Return the details of the request for the journal: all that differ from their defaults."""
@@ -63,14 +76,15 @@ class DecisionRequest(_Limits):
     Attributes:
         variable: the variable.
         max_age_s: the largest permitted age of the evidence.
-        since_s: the taking of the evidence must have begun at or after this instant.
+        since_s: the taking of the evidence must have begun at or after this instant; or an instant for each of some
+            variables, which can be inputs of a derived variable.
         wait_up_to_s: the longest wait for observers.
         shadow: whether the main execution looks in any case.
     """
 
     variable: str
     max_age_s: float = math.inf
-    since_s: float = -math.inf
+    since_s: float | Mapping[str, float] = -math.inf
     wait_up_to_s: float = 0.0
     shadow: bool = False
 
@@ -81,7 +95,8 @@ class PreviewRequest(_Limits):
 
     Attributes:
         max_age_s: the largest permitted age of the evidence of each variable.
-        since_s: for some variables, the instant at or after which the taking of the evidence must have begun.
+        since_s: for some variables, the instant at or after which the taking of the evidence must have begun; they can
+            be inputs of derived variables.
         wait_up_to_s: the longest wait for observers.
         looks: whether the main execution looks for the variables that are still unknown after the wait.
     """
@@ -182,18 +197,18 @@ class ValueDecision(_State):
             **({"shadow": True} if self.request.shadow and not self.is_decided else {}),
         }
 
-    def can_be_decided(self, read: ReadNow, now_s: float) -> bool:
+    def can_be_decided(self, context: DecisionContext, now_s: float) -> bool:
         """Return whether context has the answer now."""
-        return self.request.permits(read(self.name), now_s)
+        return self.request.permits(context.reading(self.name), context, now_s)
 
-    def next_check_s(self, _read: ReadNow, _now_s: float) -> float:
+    def next_check_s(self, _context: DecisionContext, _now_s: float) -> float:
         """Return the next instant at which time alone can end the wait."""
         return self.until_s
 
-    def look_up(self, read: ReadNow, now_s: float) -> None:
+    def look_up(self, context: DecisionContext, now_s: float) -> None:
         """Look up the answer in the context."""
-        self.reading = read(self.name)
-        self.is_decided = self.request.permits(self.reading, now_s)
+        self.reading = context.reading(self.name)
+        self.is_decided = self.request.permits(self.reading, context, now_s)
 
     def explain(self, explain: Explain) -> None:
         """Add to what is unknown the reason why it cannot be observed now."""
@@ -203,16 +218,23 @@ class ValueDecision(_State):
 
 @dataclass(frozen=True, slots=True)
 class PreviewContext:
-    """The context as a preview sees it: readings that the request permits, and otherwise what was found by looking."""
+    """The context as a preview sees it: readings that the request permits, and otherwise what was found by looking.
 
-    request: PreviewRequest
+    Attributes:
+        readings: the readings of the preview's variables.
+        permitted: the variables whose readings the request permits.
+        looked: what the main execution found, by variable.
+        now_s: the present instant.
+    """
+
     readings: Mapping[str, Reading[Value]]
+    permitted: Collection[str]
     looked: Mapping[str, Reading[Value]]
     now_s: float
 
     def usable_reading(self, name: str) -> Reading[Value] | None:
         """Return the reading of a variable that the preview uses; None if there is none."""
-        if self.request.permits(self.readings[name], self.now_s):
+        if name in self.permitted:
             return self.readings[name]
         looked_reading = self.looked.get(name)
         return looked_reading if looked_reading is not None and looked_reading.known else None
@@ -295,19 +317,19 @@ class Preview(_State):
             **look_details,
         }
 
-    def can_be_decided(self, read: ReadNow, now_s: float) -> bool:
+    def can_be_decided(self, context: DecisionContext, now_s: float) -> bool:
         """Return whether context, with what was found by looking, decides the preview now."""
-        return evaluate(self.skill, self._context(read, now_s)).outcome is not PreviewOutcome.UNKNOWN
+        return evaluate(self.skill, self._preview_context(context, now_s)).outcome is not PreviewOutcome.UNKNOWN
 
-    def next_check_s(self, read: ReadNow, now_s: float) -> float:
+    def next_check_s(self, context: DecisionContext, now_s: float) -> float:
         """Return the next instant at which the wait ends, or an age in a condition passes its limit."""
-        context = self._context(read, now_s)
-        waits_s = (condition.condition.flips_s(context) for condition in self.skill.preview_conditions)
+        preview_context = self._preview_context(context, now_s)
+        waits_s = (condition.condition.flips_s(preview_context) for condition in self.skill.preview_conditions)
         return min([self.until_s, *(now_s + wait_s for wait_s in waits_s if wait_s is not None)])
 
-    def look_up(self, read: ReadNow, now_s: float) -> None:
+    def look_up(self, context: DecisionContext, now_s: float) -> None:
         """Evaluate the preview."""
-        self.context = self._context(read, now_s)
+        self.context = self._preview_context(context, now_s)
         self.answer = evaluate(self.skill, self.context)
 
     def explain(self, explain: Explain) -> None:
@@ -315,8 +337,10 @@ class Preview(_State):
         readings = (self.context.readings[variable.name] for variable in self.answer.unknown)
         self.answer = with_details(self.answer, {reading.name: explain(reading).detail for reading in readings})
 
-    def _context(self, read: ReadNow, now_s: float) -> PreviewContext:
-        return PreviewContext(self.request, {name: read(name) for name in self.skill.preview}, self.looked, now_s)
+    def _preview_context(self, context: DecisionContext, now_s: float) -> PreviewContext:
+        readings = {name: context.reading(name) for name in self.skill.preview}
+        permitted = {name for name, reading in readings.items() if self.request.permits(reading, context, now_s)}
+        return PreviewContext(readings, permitted, self.looked, now_s)
 
 
 Decision = ValueDecision | Preview

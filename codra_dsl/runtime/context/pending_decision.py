@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from codra_dsl.logic import Value
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.context.commands import Commands
-from codra_dsl.runtime.context.decisions import Decision, Preview, ReadNow, ValueDecision
+from codra_dsl.runtime.context.decisions import Decision, DecisionContext, Preview, ValueDecision
 from codra_dsl.runtime.observers.waiting import wait_until
 from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import NotOfTypeError
@@ -45,7 +45,7 @@ class Pending(Generic[DecisionT]):
         *,
         commands: Commands,
         clock: Clock,
-        read: ReadNow,
+        context: DecisionContext,
         convert: Callable[[str, object], Value | None],
     ) -> None:
         """Continue a decision that was just requested.
@@ -54,13 +54,13 @@ class Pending(Generic[DecisionT]):
             decision: the return value of `commands.ask` or `commands.ask_preview`.
             commands: executes the further steps.
             clock: measures the wait.
-            read: returns the reading of a variable now; takes no lock.
+            context: the present context.
             convert: converts a result to the type of a variable, or raises `NotOfTypeError`.
         """
         self._decision = decision
         self._commands = commands
         self._clock = clock
-        self._read = read
+        self._context = context
         self._convert = convert
         self.state = DecisionState.WAITING if decision.is_waiting else self._state_after_wait()
 
@@ -82,16 +82,17 @@ class Pending(Generic[DecisionT]):
 
         If `longest_s` is infinite, the decision does not wait any more after this call, even if the clock was closed.
         """
-        if self.poll() is DecisionState.WAITING:
-            until_s = min(self._decision.until_s, self._clock.now_s() + longest_s)
-            wait_until(self._is_wait_over, self.next_check_s, self._clock, until_s)
+        until_s = min(self._decision.until_s, self._clock.now_s() + longest_s)
+        while self.poll() is DecisionState.WAITING:  # an answer can be lost before `poll` reads it
+            if not wait_until(self._is_wait_over, self.next_check_s, self._clock, until_s):
+                break
         if self.poll() is DecisionState.WAITING and longest_s == math.inf:  # the clock was closed
             self._end_wait()
         return self.state
 
     def next_check_s(self) -> float:
         """Return the next instant at which time alone can end the wait."""
-        return self._decision.next_check_s(self._read, self._clock.now_s())
+        return self._decision.next_check_s(self._context, self._clock.now_s())
 
     def abandon(self, why: str) -> None:
         """Stop waiting or looking, for example because of a more urgent task. If the decision is over, do nothing."""
@@ -111,7 +112,7 @@ class Pending(Generic[DecisionT]):
 
     def _is_wait_over(self) -> bool:
         """Return whether context can answer now, or is closed."""
-        return self._commands.is_closed or self._decision.can_be_decided(self._read, self._clock.now_s())
+        return self._commands.is_closed or self._decision.can_be_decided(self._context, self._clock.now_s())
 
     def _end_wait(self) -> None:
         self._commands.resume(self._decision)

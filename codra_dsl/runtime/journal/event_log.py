@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from codra_dsl.logic import Value
@@ -88,13 +87,16 @@ class EventLog:
         """Return the latest events up to an instant, or only those before one of the events of this log.
 
         Raises:
-            ValueError: if the events of that time have been dropped.
+            ValueError: if the events of that time have been dropped, or the log does not have the event.
         """
-        dropped_until_s = self._latest_dropped_events.until_s
-        if dropped_until_s > until_s or (before is not None and dropped_until_s >= before.instant_s):
-            raise ValueError(f"events before {dropped_until_s} s have been dropped from memory: read the journal")
-        events = takewhile(lambda entry: entry is not before, self._events)
-        return LatestEvents.of(map(_to_event, events), until_s, self._latest_dropped_events)
+        if self._latest_dropped_events.until_s > until_s:
+            raise ValueError(
+                f"events before {self._latest_dropped_events.until_s} s have been dropped from memory: read the journal"
+            )
+        events = map(_to_event, self._events)
+        return LatestEvents.of(
+            events if before is None else _events_before(before, tuple(events)), until_s, self._latest_dropped_events
+        )
 
     def _drop_surplus_events(self) -> None:
         surplus_count = len(self._events) - int(self.limit)
@@ -166,6 +168,13 @@ def _select_events(
             else entry.kind is kind and entry.name == name
         )
     ]
+
+
+def _events_before(event: Event, events: tuple[Event, ...]) -> tuple[Event, ...]:
+    """Return the events before one of them; raise ValueError if it is not among them."""
+    if event not in events:
+        raise ValueError(f"the event log has no such event: {event.kind} {event.name} {event.what}")
+    return events[: events.index(event)]
 
 
 def _to_event(entry: Event | StoredReading) -> Event:

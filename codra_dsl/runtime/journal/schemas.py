@@ -296,7 +296,7 @@ def _input_schema(_name: str, _summary: SpecSummary) -> tuple[str, JsonSchema]:
         since_s=field_schema("number", "The earliest instant of usable evidence."),
         wait_up_to_s=field_schema("number", "How long the decision waits for observers."),
         shadow=field_schema("boolean", "Whether the main execution looks in any case."),
-        since=field_schema("string", "For variables of a preview, the earliest instant of usable evidence, as JSON."),
+        since=field_schema("string", "For some variables, the earliest instant of usable evidence, as JSON."),
         looks=field_schema("boolean", "Whether the main execution looks for variables that a preview lacks."),
         raised=field_schema("string", "The error that the acquisition raised, or why the decision was abandoned."),
         resources=list_schema("string", "The resources whose slots are requested."),

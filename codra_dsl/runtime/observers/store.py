@@ -11,7 +11,7 @@ from codra_dsl.runtime.journal import EventWriter, Kind
 from codra_dsl.runtime.observers.derivations import Derivations
 from codra_dsl.runtime.values.cell import FOREVER_S, Cell, Override, Reading, Reason
 from codra_dsl.runtime.values.declarations import DERIVED, MAIN, OPERATOR
-from codra_dsl.runtime.values.derived import DerivedCell
+from codra_dsl.runtime.values.derived import DerivedCell, has_evidence_since
 from codra_dsl.runtime.values.model import VariableModel
 
 
@@ -56,6 +56,13 @@ class Store:
     def reading(self, name: str) -> Reading[Value]:
         """Return the reading of a variable now. Any thread may call this, without the lock."""
         return self.cells[name].now(self._clock.now_s())
+
+    def has_evidence_since(self, reading: Reading[Value], since_s: Mapping[str, float]) -> bool:
+        """Return whether the value of a present reading follows from evidence since some instants, by variable.
+
+        For a derived variable, the instants of its inputs count as well. Any thread may call this, without the lock.
+        """
+        return has_evidence_since(self.cells, reading.name, since_s, self._clock.now_s(), reading.content)
 
     def write_all(self, readings: Iterable[Reading[Value]]) -> None:
         """Store readings that are identified together."""

@@ -11,6 +11,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.context.decisions import Decision, Preview
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.replay.undetermined import Undetermined
+from codra_dsl.runtime.values.declarations import OPERATOR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,12 +95,14 @@ class DecisionComparison:
         """Add a decision of the replay that context has answered, or for which the main execution begins to look."""
         if isinstance(decision, Preview) and decision.looked:
             return  # it was added when the main execution began to look
-        question = _question(decision)
-        if question in self._doubtful_questions or not undetermined.variables.isdisjoint(decision.variables):
+        question, variables = _question(decision), decision.variables
+        if not isinstance(decision, Preview) and decision.reading.source == OPERATOR:
+            variables = ()  # the journal shows all overrides
+        if question in self._doubtful_questions or not undetermined.variables.isdisjoint(variables):
             answer = _Answer(None)
         else:
             value = str(decision.answer.outcome) if isinstance(decision, Preview) else decision.reading.content
-            is_assumed = not undetermined.assumed_variables.isdisjoint(decision.variables)
+            is_assumed = not undetermined.assumed_variables.isdisjoint(variables)
             answer = _Answer(decision.is_decided, value if decision.is_decided else None, is_assumed)
         self._replayed[question].append(answer)
         self._match(question)

@@ -103,12 +103,13 @@ class Player:
 
     def next_check_s(self, number: int) -> float:
         """Return the next instant at which time alone can end the wait of a decision."""
-        return self.decisions[number].next_check_s(self.manager.get, self.clock.now_s())
+        return self.decisions[number].next_check_s(self._commands.decision_context, self.clock.now_s())
 
     def is_wait_over(self, number: int, until_s: float) -> bool:
         """Return whether context can answer a decision now, or its wait ends by an instant."""
         decision = self.decisions[number]
-        return decision.until_s <= until_s or decision.can_be_decided(self.manager.get, self.clock.now_s())
+        context, now_s = self._commands.decision_context, self.clock.now_s()
+        return decision.until_s <= until_s or decision.can_be_decided(context, now_s)
 
     def resume(self, number: int) -> None:
         """Look up the answer to a decision again after its wait."""
@@ -197,14 +198,13 @@ class Player:
     def _decide(self, event: Event, details: Mapping[str, Any]) -> None:
         number = details.get("number", 0)
         request_fields = {key: value for key, value in details.items() if key not in _POSITION_DETAILS}
+        if "since" in request_fields:
+            request_fields["since_s"] = parse_json(request_fields.pop("since"))
         match event.what:
             case "decide":
                 self._note_decision(number, self._commands.ask(DecisionRequest(**request_fields)))
             case "preview":
-                since_s = parse_json(request_fields.pop("since", "{}"))
-                self._note_decision(
-                    number, self._commands.ask_preview(PreviewRequest(**request_fields, since_s=since_s))
-                )
+                self._note_decision(number, self._commands.ask_preview(PreviewRequest(**request_fields)))
             case "waited":
                 self.resume(number)
             case "found" | "looked" if "raised" in details:

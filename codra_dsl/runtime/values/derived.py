@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from codra_dsl.logic import Choice, Conjunction, Disjunction, Operand, Scope, Term, Value, literal
-from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Cell, Reading, Reason, known_reading
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S, FOREVER_S, Cell, Override, Reading, Reason, known_reading
 from codra_dsl.runtime.values.declarations import DERIVED
 from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
 
@@ -228,6 +228,54 @@ class _PresentContext(ContextAt):
 
     def _derive(self, cell: DerivedCell) -> Reading[Value]:
         return cell.derive_now(self)
+
+
+class _ContextSince(_PresentContext):
+    """The context as it is now. Variables are unknown if the taking of their evidence began before their instants.
+
+    Overrides are no evidence, so they do not hide derived variables that follow from limited variables.
+    """
+
+    __slots__ = ("_since_s",)
+
+    def __init__(self, cells: Mapping[str, Cell], instant_s: float, since_s: Mapping[str, float]) -> None:
+        super().__init__(cells, instant_s)
+        self._since_s = since_s
+
+    def _is_stored(self, cell: DerivedCell) -> bool:
+        return isinstance(cell.now(self.instant_s), Override) and not self.limits(cell.reading.name)
+
+    def limits(self, name: str) -> bool:
+        """Return whether an instant limits the evidence of a variable, or of one of its inputs."""
+        return not with_inputs((name,), self.cells).isdisjoint(self._since_s)
+
+    def _read(self, cell: Cell) -> Reading[Value]:
+        return self._limited(cell.now(self.instant_s))
+
+    def _derive(self, cell: DerivedCell) -> Reading[Value]:
+        return self._limited(cell.derive_in(self))
+
+    def _limited(self, reading: Reading[Value]) -> Reading[Value]:
+        if reading.start_s >= self._since_s.get(reading.name, BEFORE_ALL_S):
+            return reading
+        return Reading(name=reading.name, reason=Reason.STALE, evidence_s=reading.evidence_s)
+
+
+def has_evidence_since(
+    cells: Mapping[str, Cell], name: str, since_s: Mapping[str, float], instant_s: float, content: Value | None
+) -> bool:
+    """Return whether a variable has a value now even without the evidence from before some instants.
+
+    Args:
+        cells: the cells of all variables.
+        name: the variable.
+        since_s: for some variables, the instant at or after which the taking of evidence must have begun. For a derived
+            variable, the instants of its inputs count as well.
+        instant_s: the present instant.
+        content: the value.
+    """
+    context = _ContextSince(cells, instant_s, since_s)
+    return not context.limits(name) or context.value(name) == content
 
 
 def derived_cells_among(names: Iterable[str], cells: Mapping[str, Cell]) -> list[DerivedCell]:

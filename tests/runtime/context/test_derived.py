@@ -6,6 +6,7 @@ import math
 import operator
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -15,7 +16,8 @@ from hypothesis import settings
 from hypothesis import strategies as some
 
 from codra_dsl.logic import Term
-from codra_dsl.runtime import ContextModel, Kind, NotASourceError, SimClock
+from codra_dsl.runtime import ContextModel, DecisionState, Journal, Kind, NotASourceError, SimClock
+from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.values.cell import Reading, Reason
 from codra_dsl.runtime.values.conditions import age, choose, first_known, known, maximum, value
 from codra_dsl.runtime.values.derived import ContextAt
@@ -34,6 +36,7 @@ from tests.runtime.forests import (
     takes,
     variable,
 )
+from tests.runtime.journal.journals import read
 
 Tree = tuple[Any, ...]
 """An expression as plain data: the word of its operation, and its operands."""
@@ -385,6 +388,30 @@ def test_an_unknown_variable_names_the_inputs_because_of_which_it_is_unknown() -
         assert codra.get("calm").detail == "ready is unknown (rejected), agreed is unknown (never_observed)"
         codra.set("told", False)
         assert codra.get("ready").value is False
+
+
+def test_instants_of_inputs_limit_the_evidence_of_a_derived_variable(tmp_path: Path) -> None:
+    variables = [given("told"), given("heard"), variable("both", derived=value("told") & value("heard"))]
+    path, clock = tmp_path / "run.mcap", SimClock()
+    with Manager(forest(variables), clock=clock, resources={"world": World()}, record=Journal(path)) as codra:
+        codra.set("told", True)
+        codra.set("heard", True, evidence_s=0.0)
+        clock.sleep(5.0)
+        codra.set("heard", True)
+        assert codra.can_answer("both", since_s={"heard": 5.0, "nothing": 9.0})
+        assert not codra.can_answer("both", since_s={"heard": 5.0, "told": 1.0})
+        assert not codra.can_answer("both", since_s=5.0)
+        assert codra.ask("both", since_s={"told": 1.0}).state is DecisionState.LOOKING
+        assert codra.ask("both", since_s={"heard": 1.0}).value is True
+        codra.set("heard", False)
+        assert codra.can_answer("both", since_s={"told": 1.0})  # `heard` alone decides the value
+        codra.override("both", False, for_s=9.0, reason="test")
+        assert codra.can_answer("both", since_s={"told": 1.0})
+        codra.override("both", True, for_s=9.0, reason="test")
+        assert not codra.can_answer("both", since_s={"told": 1.0})
+        assert codra.can_answer("both", since_s={"nothing": 1.0})
+    header, recorded_events = read(path)
+    assert replay(header, recorded_events, forest(variables), Manager, None).difference is None
 
 
 def test_an_input_is_missing_only_once() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codra_dsl.logic import Value
 from codra_dsl.runtime import ContextManager, DecisionState, Journal, Kind, NotOfTypeError, SimClock, WallClock
+from codra_dsl.runtime.context.decisions import DecisionContext
 from codra_dsl.runtime.observers.urgency import Urgency
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.values.cell import Reading
 from codra_dsl.runtime.values.model import real
 from tests.runtime.door import GIVEN_NEAR, MODEL, Door, Manager, started
 from tests.runtime.forests import World, forest, variable
@@ -152,3 +157,27 @@ def test_a_decision_whose_clock_was_closed_looks(wait_up_to_s: float) -> None:
         codra.declare("open")
         assert codra.decide("open", lambda: True, wait_up_to_s=wait_up_to_s) is True
         assert [event.what for event in codra.record.of(Kind.DECISION)] == ["fell_back"]
+
+
+class Flickering:
+    """A context in which a variable is known while a waiting thread checks it for the second time, and never again."""
+
+    def __init__(self, context: DecisionContext) -> None:
+        self._context = context
+        self._check_count = 0
+
+    def reading(self, name: str) -> Reading[Value]:
+        self._check_count += 1
+        reading = self._context.reading(name)
+        return replace(reading, content=True, reason=None) if self._check_count == 2 else reading
+
+    def has_evidence_since(self, reading: Reading[Value], since_s: Mapping[str, float]) -> bool:
+        return self._context.has_evidence_since(reading, since_s)
+
+
+def test_a_wait_goes_on_if_the_answer_is_lost_before_the_decision_reads_it() -> None:
+    with started(Door(markers=0)) as (manager, clock):
+        pending_decision = manager.ask("open", wait_up_to_s=5.0)
+        pending_decision._context = Flickering(pending_decision._context)
+        assert pending_decision.wait(math.inf) is DecisionState.LOOKING
+        assert clock.now_s() == 5.0

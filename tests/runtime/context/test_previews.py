@@ -26,7 +26,7 @@ from codra_dsl.runtime import (
     SimClock,
     UnknownNameError,
 )
-from codra_dsl.runtime.context.decisions import PreviewContext, PreviewRequest
+from codra_dsl.runtime.context.decisions import PreviewContext
 from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.fields import preview_schema
 from codra_dsl.runtime.observers.urgency import Urgency
@@ -82,7 +82,7 @@ def test_a_variable_on_which_no_undecided_condition_depends_is_no_reason() -> No
         unknown: Reading[Value] = Reading(name="a", reason=Reason.NEVER_OBSERVED)
         readings = {"a": unknown, "b": replace(unknown, name="b", content=False, reason=None)}
         readings["c"] = replace(unknown, name="c")
-        answer = evaluate(skill, PreviewContext(PreviewRequest(skill="go"), readings, {}, 0.0))
+        answer = evaluate(skill, PreviewContext(readings, readings.keys() - {"a", "c"}, {}, 0.0))
         assert [variable.name for variable in answer.unknown] == ["a"]
 
 

@@ -226,6 +226,21 @@ def test_a_look_that_the_run_did_not_make_has_no_invented_result(tmp_path: Path)
     assert result.missing_looks["measure"] > 0
 
 
+def test_a_decision_that_an_override_answers_is_known_even_if_the_variable_beneath_it_is_not(tmp_path: Path) -> None:
+    path, clock, world = tmp_path / "run.mcap", SimClock(), World({"measure": {"number": 6, "quality": 9}})
+    with Manager(Thresholds(light=5).model(), clock=clock, resources={"world": world}, record=Journal(path)) as manager:
+        manager.declare("near")
+        manager.set("light", 3)
+        clock.sleep(1.2)
+        manager.decide("near", lambda: None)
+        for content in (True, None):
+            manager.override("near", content, for_s=5.0, reason="sensor broken")
+            manager.decide("near", lambda: None)
+
+    result = replayed(*read(path), Thresholds(light=0))
+    assert result.decisions["near"] == DecisionCounts(decisions=3, recorded=1, replayed=1, unknown=1)
+
+
 def test_an_unchanged_package_gives_the_counts_of_the_run(tmp_path: Path) -> None:
     header, events = door_run(tmp_path / "run.mcap", light=5)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 from typing import Any
 
@@ -346,6 +346,8 @@ def test_a_value_that_a_decision_looked_for_is_explained_with_the_state_before_t
             "context could not answer the decision of 0.5 s: never_observed: near",
         )
         assert (why_before.at_s, why_before.reading.reason) == (1.5, Reason.NEVER_OBSERVED)
+        with pytest.raises(ValueError, match="the event log has no such event: decision open fell_back"):
+            manager.why("open", before=replace(decision, instant_s=0.7))
         clock.sleep(0.5)
         manager.set("open", True)
         assert manager.why("open").story[0] == "written by main_execution at 2 s"
