@@ -76,7 +76,7 @@ class CodraServer(LanguageServer):
 
     Attributes:
         worker: the thread that lints.
-        is_shut_down: whether the client has asked the server to shut down.
+        is_shut_down: whether the client has asked the server to shut down. Then nothing is linted any more.
     """
 
     def __init__(self) -> None:
@@ -261,7 +261,7 @@ class _Linter:
         project, server, loop = self._project, self._server, asyncio.get_running_loop()
         while self._is_outdated and self._timer is None:
             self._is_outdated = False
-            lint = partial(project.lint, server.documents(project), lambda: self._is_outdated)
+            lint = partial(project.lint, server.documents(project), lambda: self._is_outdated or server.is_shut_down)
             try:
                 checked = await loop.run_in_executor(server.worker, lint)
             except OutdatedError:

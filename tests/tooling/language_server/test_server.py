@@ -248,6 +248,21 @@ def test_every_request_has_an_answer_on_broken_text_and_in_foreign_files(tmp_pat
     session(tmp_path, play)
 
 
+def test_after_a_request_to_shut_down_nothing_is_linted(tmp_path: Path) -> None:
+    server = make_server()
+
+    async def play() -> None:
+        client = Client(server, tmp_path)
+        await client.request("initialize", {"processId": None, "rootUri": None, "capabilities": {}})
+        client.open("hall.yaml")
+        await client.request("shutdown", None)
+        for linter in server._linters.values():
+            await linter.settle()
+        assert client.received == []
+
+    asyncio.run(play())
+
+
 @pytest.mark.parametrize("params", [None, {}, [1], {"textDocument": {"uri": "a.yaml"}, "position": {"line": -1}}])
 def test_a_request_with_invalid_parameters_is_answered_with_an_error(tmp_path: Path, params: Any) -> None:
     async def play(client: Client) -> None:
