@@ -314,7 +314,7 @@ class _Completion:
         """Yield the members of the variables or of the returned values around the cursor that a text can mean."""
         owners = self._meant("context", written)
         owners |= {f"{algorithm}.{written}" for algorithm in self._meant("perception", self._algorithm)}
-        for member in (member for names in self._specs for owner in owners for member in names.members(owner)):
+        for member in (member for names in self._specs for owner in sorted(owners) for member in names.members(owner)):
             yield _Choice(f"{quote}{member}{quote}", types.CompletionItemKind.EnumMember)
 
     def _meant(self, section: str, written: str) -> set[str]:

@@ -79,7 +79,10 @@ def _variable_lines(names: SpecNames, variable: Variable) -> Iterator[str]:
         yield f"- in observer `{tables.claims[variable.name][0].name}`"
     if variable.derived is not None:
         yield f"- derived: `{variable.derived.text}`"
-    sources = () if variable.is_computed else variable.sources
+    if variable.rate is not None:
+        rate = variable.rate
+        yield f"- computed by loops: `{rate.kind}: {rate.of.name}, {rate.duration_key}: {rate.over_s:g} s`"
+    sources = () if variable.is_computed or variable.rate is not None else variable.sources
     writers = [source.name for source in sources if source.name != OBSERVER]
     if writers:
         yield f"- written by {', '.join(f'`{writer}`' for writer in writers)}"
@@ -97,7 +100,8 @@ def _reasons(names: SpecNames, variable: Variable) -> Iterator[str]:
         inputs = ", ".join(f"`{name}`" for name in tables.derived_inputs.get(variable.name, ()))
         yield f"while {inputs or 'what it is computed from'} is unknown and decides the value"
         return
-    yield "until it is identified for the first time" if producers else "until it is written for the first time"
+    done = "identified" if producers else "written" if variable.rate is None else "computed"
+    yield f"until it is {done} for the first time"
     if variable.valid_for_s < FOREVER_S:
         yield f"when its evidence is older than {variable.valid_for_s:g} s"
     if producers and variable.when_unobservable is WhenUnobservable.FORGET:

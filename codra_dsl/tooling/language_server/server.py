@@ -76,7 +76,7 @@ class CodraServer(LanguageServer):
 
     Attributes:
         worker: the thread that lints.
-        is_shut_down: whether the client has asked the server to shut down.
+        is_shut_down: whether the client has asked the server to shut down. Then nothing is linted any more.
     """
 
     def __init__(self) -> None:
@@ -95,12 +95,16 @@ class CodraServer(LanguageServer):
         path = None if path_text is None else Path(path_text)
         if path is None or not path.is_absolute() or path.suffix not in _ENDINGS:
             return
+        document = Document(item.text, self.workspace.position_encoding or UTF16, item.uri, item.version)
+        self._assign(document, path)
+        self.schedule(self._open_documents[item.uri].project, 0.0)
+
+    def _assign(self, document: Document, path: Path) -> None:
+        """Add a document to the project of its file."""
         project = self._projects.project_of(path)
         file = project.file_of(path)
-        project.uris[file] = item.uri
-        document = Document(item.text, self.workspace.position_encoding or UTF16, item.uri, item.version)
-        self._open_documents[item.uri] = OpenDocument(project, file, document)
-        self.schedule(project, 0.0)
+        project.uris[file] = document.uri
+        self._open_documents[document.uri] = OpenDocument(project, file, document)
 
     def change(self, params: types.DidChangeTextDocumentParams) -> None:
         """Change the text of a document."""
@@ -131,8 +135,10 @@ class CodraServer(LanguageServer):
         self._linters[project].schedule(delay_s)
 
     def schedule_all(self) -> None:
-        """Lint all projects, because files on disk may have changed."""
-        for project in self._linters:
+        """Lint all projects, because files on disk may have changed, also those that make a folder a project."""
+        for opened in list(self._open_documents.values()):
+            self._assign(opened.document, opened.project.root / opened.file)
+        for project in {**self._linters, **dict.fromkeys(opened.project for opened in self._open_documents.values())}:
             self.schedule(project, DEBOUNCE_S)
 
     def publish(self, project: Project, before: Checked) -> None:
@@ -146,7 +152,7 @@ class CodraServer(LanguageServer):
             if file in documents or findings != before.findings.get(file, ()):
                 document = texts.document(file)
                 if file not in documents and document.uri in self._open_documents:
-                    continue  # the document belongs to a project within this one, which has its newest text
+                    continue  # the document belongs to another project, which has its newest text
                 diagnostics = [_diagnostic(finding, texts) for finding in findings]
                 params = types.PublishDiagnosticsParams(document.uri, diagnostics, document.version)
                 self.text_document_publish_diagnostics(params)
@@ -261,7 +267,7 @@ class _Linter:
         project, server, loop = self._project, self._server, asyncio.get_running_loop()
         while self._is_outdated and self._timer is None:
             self._is_outdated = False
-            lint = partial(project.lint, server.documents(project), lambda: self._is_outdated)
+            lint = partial(project.lint, server.documents(project), lambda: self._is_outdated or server.is_shut_down)
             try:
                 checked = await loop.run_in_executor(server.worker, lint)
             except OutdatedError:

@@ -50,6 +50,18 @@ def test_a_derived_variable_is_described_with_its_expression(workspace: Workspac
     assert "- unknown while `near`, `lamp` is unknown and decides the value" in text
 
 
+def test_a_value_that_loops_compute_is_described_with_its_input(tmp_path: Path) -> None:
+    spec = FILES["hall.yaml"].replace("  open: {", "  near_for: {type: bool, held: near, for: 5 s}\n  open: {", 1)
+    shown = hover(Workspace(tmp_path, {**FILES, "hall.yaml": spec}).cursor("hall.yaml", "  near_f"))
+
+    assert shown is not None
+    assert isinstance(shown.contents, types.MarkupContent)
+    assert shown.contents.value.splitlines()[2:] == [
+        "- computed by loops: `held: near, for: 5 s`",
+        "- unknown until it is computed for the first time",
+    ]
+
+
 def test_a_returned_value_and_an_algorithm_are_described(workspace: Workspace) -> None:
     assert description(workspace, "open: an") == (
         "`angle`: float in rad from 0 to 2\n\nreturned by algorithm `find_door`"

@@ -110,5 +110,24 @@ def test_a_name_is_not_changed_while_a_text_that_uses_it_is_broken(workspace: Wo
         rename(workspace.project, workspace.cursor("hall.yaml", "derived: near and la"), "sun")
 
 
+def test_a_name_is_not_changed_while_an_element_has_a_mistake_that_may_hide_a_use(workspace: Workspace) -> None:
+    workspace.edit("hall.yaml", FILES["hall.yaml"].replace("  enter:", "  pass:"))
+    workspace.lint()
+
+    with pytest.raises(RefusedError, match="skill 'pass' cannot be read at the moment"):
+        rename(workspace.project, workspace.cursor("hall.yaml", "derived: ne"), "close_by")
+
+
+@pytest.mark.parametrize("word", ["main_execution", "observer", "operator"])
+def test_the_writers_of_the_language_keep_their_names_and_no_agent_gets_one(tmp_path: Path, word: str) -> None:
+    spec = FILES["hall.yaml"].replace("source: main_execution, valid_for: 20 s", "source: [house, main_execution]")
+    workspace = Workspace(tmp_path, {**FILES, "hall.yaml": f"{spec}agents: {{house: {{}}}}\n"})
+
+    with pytest.raises(RefusedError, match="'main_execution' is a word of the language"):
+        rename(workspace.project, workspace.cursor("hall.yaml", "source: [house, main"), "planner")
+    with pytest.raises(RefusedError, match=f"'{word}' would cause"):
+        rename(workspace.project, workspace.cursor("hall.yaml", "agents: {ho"), word)
+
+
 def test_a_change_of_case_is_a_new_name(workspace: Workspace) -> None:
     assert "Near: {" in renamed(workspace, workspace.cursor("hall.yaml", "  ne"), "Near")["hall.yaml"]

@@ -163,6 +163,21 @@ def test_a_change_on_disk_is_noticed_when_the_client_reports_it(tmp_path: Path) 
     session(tmp_path, play)
 
 
+def test_a_document_belongs_to_a_project_that_is_made_while_the_document_is_open(tmp_path: Path) -> None:
+    async def play(client: Client) -> None:
+        (tmp_path / "pyproject.toml").unlink()
+        client.open("parts/lights.yaml")
+        assert [finding["code"] for finding in await client.findings("parts/lights.yaml", 1)] == ["CDR0008"]
+        (tmp_path / "pyproject.toml").write_text("[tool.codra]\n", "utf-8")
+        client.notify("workspace/didChangeWatchedFiles", {"changes": []})
+        assert await client.findings("parts/lights.yaml", 1) == []
+        document, position = {"uri": client.uri("parts/lights.yaml")}, {"line": 2, "character": 3}
+        params = {"textDocument": document, "position": position, "context": {"includeDeclaration": False}}
+        assert len((await client.request("textDocument/references", params))["result"]) > 1
+
+    session(tmp_path, play)
+
+
 def test_files_of_the_project_are_watched_if_the_client_can(tmp_path: Path) -> None:
     async def play(client: Client) -> None:
         client.open("hall.yaml")
@@ -246,6 +261,21 @@ def test_every_request_has_an_answer_on_broken_text_and_in_foreign_files(tmp_pat
             assert "error" not in await client.request(f"textDocument/{method}", params)
 
     session(tmp_path, play)
+
+
+def test_after_a_request_to_shut_down_nothing_is_linted(tmp_path: Path) -> None:
+    server = make_server()
+
+    async def play() -> None:
+        client = Client(server, tmp_path)
+        await client.request("initialize", {"processId": None, "rootUri": None, "capabilities": {}})
+        client.open("hall.yaml")
+        await client.request("shutdown", None)
+        for linter in server._linters.values():
+            await linter.settle()
+        assert client.received == []
+
+    asyncio.run(play())
 
 
 @pytest.mark.parametrize("params", [None, {}, [1], {"textDocument": {"uri": "a.yaml"}, "position": {"line": -1}}])
