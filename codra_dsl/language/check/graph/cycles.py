@@ -291,6 +291,10 @@ class _Search:
         ]
 
     def _can_run(self, producer: _Producer) -> bool:
+        if isinstance(producer, Algorithm) and any(
+            self._is_unknown(condition.tree) for condition in producer.observable_when
+        ):
+            return False  # cheap: an algorithm is judged again for each variable that becomes knowable
         unknown_names = self._unknown_names(producer)
         if isinstance(producer, Variable):
             # derived variables are computed in order, so each of them waits for all derived variables that it reads
@@ -301,6 +305,11 @@ class _Search:
         if not unknown_names and all(type(condition.tree) is Name for condition in producer.observable_when):
             return True  # the common case: all needed variables are knowable
         return _hold(self._spec_index, self._requirements_of(producer), unknown_names)
+
+    def _is_unknown(self, tree: Node | None) -> bool:
+        return (
+            isinstance(tree, Name) and tree.name not in self._knowable_names and tree.name in self._spec_index.variables
+        )
 
     def _unknown_names(self, producer: _Producer) -> frozenset[str]:
         unknown_names = frozenset(self._needs[id(producer)]).difference(self._knowable_names)
