@@ -16,7 +16,7 @@ name: bay
 context:
   left_open: {type: bool}
   right_open: {type: bool}
-  speed: {type: float, unit: m/s, range: [0, 2], source: adaptation}
+  speed: {type: float, unit: m/s, range: [0, 2], source: adaptation, valid_for: forever}
 knowledge:
   types:
     camera: {view: {horizontal: 70 deg, vertical: 50 deg, farthest: 6 m}}

@@ -356,7 +356,7 @@ loops:
   driving: {analyse: [safety], adapt: [speed]}
 """
     )
-    speed = "  max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation}\nagents:"
+    speed = "  max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation, valid_for: forever}\nagents:"
     lines = [line for line in text.replace("agents:", speed).splitlines() if not line.startswith(("  load", "  trip"))]
     (tmp_path / "truck.yaml").write_text("\n".join(lines) + "\n")
 

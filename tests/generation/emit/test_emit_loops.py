@@ -287,7 +287,7 @@ name: fan
 context:
   heat: {type: float, range: [0, 40], valid_for: 10 s, terms: {hot: ramp 20 30}}
   plugged: {type: bool, source: main_execution}
-  rpm: {type: float, range: [0, 3000], source: adaptation}
+  rpm: {type: float, range: [0, 3000], source: adaptation, valid_for: forever}
 perception:
   feel:
     call: tests.generation.emit.test_emit_loops:feel
@@ -370,7 +370,7 @@ context:
   gap: {type: float, unit: m, range: [0, 10], source: guard, valid_for: forever}
   blocked: {type: bool, derived: gap < 1 m}
   blocked_long: {type: bool, held: blocked, for: 5 s, valid_for: 1 min}
-  horn: {type: bool, source: adaptation}
+  horn: {type: bool, source: adaptation, valid_for: forever}
 agents: {guard: {}}
 adaptation:
   warn: {set: horn, value: blocked_long, otherwise: false}

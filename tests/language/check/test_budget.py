@@ -137,7 +137,7 @@ codra: 1
 name: oven
 context:
   heat: {{type: float, range: [0, 40], source: probe, valid_for: forever}}
-  count: {{type: float, range: [0, 9], source: adaptation}}
+  count: {{type: float, range: [0, 9], source: adaptation, valid_for: forever}}
 agents: {{probe: {{}}}}
 adaptation:
   b: {{set: count, value: '50 if {text} > 1 and {text} < 2 else 3'}}

@@ -11,7 +11,7 @@ codra: 1
 name: truck
 context:
   distance: {{type: float, unit: m, range: [0, 10], source: laser, valid_for: forever}}
-  max_speed: {{type: float, unit: m/s, range: [0, 1.5], source: {source}}}
+  max_speed: {{type: float, unit: m/s, range: [0, 1.5], source: {source}, valid_for: forever}}
 agents: {{laser: {{}}}}
 adaptation:
   speed: {{set: max_speed, value: '{value}', dwell: {dwell}}}
@@ -68,7 +68,7 @@ codra: 1
 name: truck
 context:
   gap: {type: float, unit: m, range: [0, 10], source: laser, valid_for: forever}
-  max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation}
+  max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation, valid_for: forever}
   fast: {type: bool, derived: READ}
   calm: {type: float, range: [0, 1], derived: 1.0 if fast else 0.0, terms: {much: ramp 0 1}}
 agents: {laser: {}}

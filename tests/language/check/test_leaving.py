@@ -14,7 +14,7 @@ context:
   glow: {{type: float, unit: mm, range: [0, 1000], source: probe, valid_for: forever}}
   odd: {{type: int, source: probe, valid_for: forever}}
   open: {{type: bool, source: probe, valid_for: forever}}
-  count: {{type: {kind}, source: adaptation}}
+  count: {{type: {kind}, source: adaptation, valid_for: forever}}
 agents: {{probe: {{}}}}
 adaptation:
   b: {{set: count, value: '{value}'}}

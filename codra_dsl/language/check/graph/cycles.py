@@ -15,6 +15,7 @@ from itertools import combinations, pairwise
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, SpecIndex
+from codra_dsl.language.check.solver.case_split import names_of
 from codra_dsl.language.check.solver.contradictions import (
     StatedCondition,
     contradiction,
@@ -63,6 +64,7 @@ def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
     components = graph.strong_components(_drop_acyclic_names(needs))
     component_index_by_name = {name: index for index, component in enumerate(components) for name in component}
     feedback_by_algorithm: dict[str, tuple[str, ...]] = {}
+    definitions = _definitions(spec_index) if components else {}
     for algorithm in spec_index.algorithms.values() if components else ():
         own_component_indices = {component_index_by_name.get(entry.variable.name) for entry in algorithm.identifies} - {
             None
@@ -72,8 +74,9 @@ def feedback(spec_index: SpecIndex) -> Mapping[str, tuple[str, ...]]:
             for need in spec_index.needs[algorithm.name]
             if component_index_by_name.get(need) in own_component_indices
         ]
+        requirements = tuple(_requirements(spec_index, algorithm, definitions)) if cycle_needs else ()
         feedback_by_algorithm[algorithm.name] = tuple(
-            sorted(need for need in cycle_needs if _runs_without(spec_index, algorithm, need))
+            need for need in sorted(cycle_needs) if _hold(spec_index, requirements, frozenset({need}))
         )
     return feedback_by_algorithm
 
@@ -102,47 +105,55 @@ CYCLE_CHECKS = (cycles,)
 
 @dataclass(frozen=True, slots=True)
 class _Requirement:
-    """A requirement of an algorithm: conditions that are judged together, or a `given` name that must be known."""
+    """A requirement of an algorithm: a condition, or a `given` name that must be known.
 
-    conditions: tuple[Node, ...]
-    given: str | None = None
+    Attributes:
+        names: the names that the requirement reads, also in the definitions.
+        condition: the condition; None for a `given` name.
+        definitions: the definitions of the derived variables that the condition reads, judged together with it.
+    """
 
-    @property
-    def names(self) -> frozenset[str]:
-        """Return the names that the requirement reads."""
-        condition_names = frozenset(name.name for condition in self.conditions for name in names_in(condition))
-        return condition_names if self.given is None else condition_names | {self.given}
+    names: frozenset[str]
+    condition: Node | None = None
+    definitions: tuple[Node, ...] = ()
 
 
-def _requirements(spec_index: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
+def _requirements(
+    spec_index: SpecIndex, algorithm: Algorithm, definitions: Mapping[str, _Requirement]
+) -> Iterator[_Requirement]:
     """Yield the requirements of an algorithm. Each part of an `and` is a separate requirement.
 
     Conditions with a reported problem are left out.
     """
     for _, tree in _sound_conditions(spec_index, algorithm):
-        parts = tree.operands if isinstance(tree, And) else (tree,)
-        yield from (_Requirement((part, *_definitions(spec_index, part))) for part in parts)
+        for part in tree.operands if isinstance(tree, And) else (tree,):
+            needs = graph.closure(spec_index.derived_inputs, variables_in(part)) if definitions else ()
+            own_definitions = [definitions[name] for name in needs if name in definitions]
+            names = frozenset(names_of((part,))).union(*(definition.names for definition in own_definitions))
+            conditions = (definition.condition for definition in own_definitions)
+            yield _Requirement(names, part, tuple(condition for condition in conditions if condition is not None))
     for reference in algorithm.given:
-        yield _Requirement((), reference.name)
+        yield _Requirement(frozenset((reference.name,)))
 
 
-def _definitions(spec_index: SpecIndex, condition: Node) -> Iterator[Node]:
-    """Yield, for each derived bool that a condition reads, the condition that it has the value of its expression.
+def _definitions(spec_index: SpecIndex) -> Mapping[str, _Requirement]:
+    """Return, for each derived bool, the requirement that it has the value of its expression.
 
     Without them, a condition on a derived variable seems to hold although the expression cannot be true. Expressions
     with a fallback are left out.
     """
-    inputs = spec_index.derived_inputs
-    for name in graph.closure(inputs, variables_in(condition)):
-        type_ = spec_index.context_types.get(name)
-        tree = spec_index.sound_tree(spec_index.variables[name].derived) if name in inputs else None
+    definitions: dict[str, _Requirement] = {}
+    for name in spec_index.derived_inputs:
+        type_, tree = spec_index.context_types.get(name), spec_index.sound_tree(spec_index.variables[name].derived)
         if tree is None or type_ is None or type_.kind is not Kind.BOOL:
             continue
         if not any(isinstance(part, Fallback) for part in walk(tree)):
             variable = Name(start=0, end=0, name=name)
             is_true, is_false = (variable, tree), (_negated(variable), _negated(tree))
             cases = (_negated(known_call(name)), *(And(start=0, end=0, operands=case) for case in (is_true, is_false)))
-            yield Or(start=0, end=0, operands=cases)
+            condition = Or(start=0, end=0, operands=cases)
+            definitions[name] = _Requirement(frozenset(names_of((condition,))), condition)
+    return definitions
 
 
 def _negated(condition: Node) -> Node:
@@ -179,15 +190,18 @@ class _Search:
     def __init__(self, spec_index: SpecIndex, faults: FaultyElements) -> None:
         self._spec_index = spec_index
         self._faults = faults
+        self._definitions = _definitions(spec_index)
+        self._requirements: dict[str, tuple[_Requirement, ...]] = {}
         derivations = [spec_index.variables[name] for name in spec_index.derived_inputs]
         self.producers: dict[str, _Producer] = {
             **spec_index.algorithms,
             **{f"derived {variable.name}": variable for variable in derivations},  # no algorithm can have this name
         }
         self._knowable_names = {name for name in spec_index.variables if self._has_other_source(name)}
+        self._needs = {id(producer): _needs(spec_index, producer) for producer in self.producers.values()}
         self._readers: dict[str, list[str]] = {}
         for name, producer in self.producers.items():
-            for need in _needs(spec_index, producer):
+            for need in self._needs[id(producer)]:
                 self._readers.setdefault(need, []).append(name)
         self.blocked: dict[str, _Producer] = {}
 
@@ -224,9 +238,12 @@ class _Search:
     def could_run(self, name: str) -> bool:
         """Return whether an algorithm could run if all variables were knowable."""
         producer = self.blocked[name]
-        return isinstance(producer, Variable) or _hold(
-            self._spec_index, tuple(_requirements(self._spec_index, producer)), frozenset()
-        )
+        return isinstance(producer, Variable) or _hold(self._spec_index, self._requirements_of(producer), frozenset())
+
+    def _requirements_of(self, algorithm: Algorithm) -> tuple[_Requirement, ...]:
+        if algorithm.name not in self._requirements:
+            self._requirements[algorithm.name] = tuple(_requirements(self._spec_index, algorithm, self._definitions))
+        return self._requirements[algorithm.name]
 
     def awaited_names(self) -> Mapping[str, tuple[str, ...]]:
         """Return a mapping from each variable that is not knowable to the variables that it waits for."""
@@ -242,9 +259,9 @@ class _Search:
         """Return the variables that block a producer: if some of these were knowable, the producer could run."""
         unknown_names = self._unknown_names(producer)
         if isinstance(producer, Variable):
-            names = tuple(name for name in _needs(self._spec_index, producer) if name in unknown_names)
+            names = tuple(name for name in self._needs[id(producer)] if name in unknown_names)
             return tuple(name for name in names if name in self._spec_index.derived_inputs) or names
-        requirements = tuple(_requirements(self._spec_index, producer))
+        requirements = self._requirements_of(producer)
         unmet_requirements = [
             requirement for requirement in requirements if not _hold(self._spec_index, (requirement,), unknown_names)
         ]
@@ -274,6 +291,10 @@ class _Search:
         ]
 
     def _can_run(self, producer: _Producer) -> bool:
+        if isinstance(producer, Algorithm) and any(
+            self._is_unknown(condition.tree) for condition in producer.observable_when
+        ):
+            return False  # cheap: an algorithm is judged again for each variable that becomes knowable
         unknown_names = self._unknown_names(producer)
         if isinstance(producer, Variable):
             # derived variables are computed in order, so each of them waits for all derived variables that it reads
@@ -283,11 +304,16 @@ class _Search:
             return is_in_order and (tree is None or can_be_known(tree, unknown_names, types))
         if not unknown_names and all(type(condition.tree) is Name for condition in producer.observable_when):
             return True  # the common case: all needed variables are knowable
-        return _hold(self._spec_index, tuple(_requirements(self._spec_index, producer)), unknown_names)
+        return _hold(self._spec_index, self._requirements_of(producer), unknown_names)
+
+    def _is_unknown(self, tree: Node | None) -> bool:
+        return (
+            isinstance(tree, Name) and tree.name not in self._knowable_names and tree.name in self._spec_index.variables
+        )
 
     def _unknown_names(self, producer: _Producer) -> frozenset[str]:
-        needs, variables = _needs(self._spec_index, producer), self._spec_index.variables
-        return frozenset(name for name in needs if name not in self._knowable_names and name in variables)
+        unknown_names = frozenset(self._needs[id(producer)]).difference(self._knowable_names)
+        return unknown_names.intersection(self._spec_index.variables)
 
     def _mark_knowable(self, names: Iterable[str]) -> list[str]:
         """Mark variables as knowable. Return the blocked algorithms that read a variable that was not marked before."""
@@ -298,24 +324,21 @@ class _Search:
 
 
 def _hold(spec_index: SpecIndex, requirements: Sequence[_Requirement], unknown_names: frozenset[str]) -> bool:
-    if any(requirement.given in unknown_names for requirement in requirements):
+    """Return whether requirements can be met while some names are unknown."""
+    given_names = {name for requirement in requirements if requirement.condition is None for name in requirement.names}
+    if not given_names.isdisjoint(unknown_names):
         return False
-    conditions = [condition for requirement in requirements for condition in requirement.conditions]
-    read_names = {name for requirement in requirements if requirement.given is None for name in requirement.names}
-    conditions += [
-        known_call(requirement.given)
-        for requirement in requirements
-        if requirement.given is not None and requirement.given in read_names
-    ]
-    return can_hold(
-        conditions,
-        unknown_names & {name for requirement in requirements for name in requirement.names},
-        spec_index.context_types,
+    types = spec_index.context_types
+    conditions = [requirement.condition for requirement in requirements if requirement.condition is not None]
+    definitions = [definition for requirement in requirements for definition in requirement.definitions]
+    if definitions and not can_hold(conditions, unknown_names.intersection(names_of(conditions)), types):
+        return False  # the most frequent case, and cheap
+    conditions += definitions
+    read_names = frozenset[str]().union(
+        *(requirement.names for requirement in requirements if requirement.condition is not None)
     )
-
-
-def _runs_without(spec_index: SpecIndex, algorithm: Algorithm, name: str) -> bool:
-    return _hold(spec_index, tuple(_requirements(spec_index, algorithm)), frozenset({name}))
+    conditions += [known_call(name) for name in sorted(given_names & read_names)]
+    return can_hold(conditions, unknown_names & read_names, types)
 
 
 def _innermost_components(awaited_names: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:

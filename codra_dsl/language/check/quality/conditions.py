@@ -17,7 +17,7 @@ from codra_dsl.language.check.solver.contradictions import (
     state_condition,
     types_without_ranges,
 )
-from codra_dsl.language.check.solver.satisfiable import always_holds, can_hold
+from codra_dsl.language.check.solver.satisfiable import always_holds, can_hold, has_exact_answers
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Compare, Comparison, Name, Node, Not, Truth, names_in, spelt_out
 from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
@@ -78,6 +78,38 @@ def _always_holding_findings(
                 yield _always_holds_finding(algorithm, key, condition, returned_types, algorithm.returns)
 
 
+def overlapping_hysteresis(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """No accepted result satisfies both `enter` and `leave`."""
+    yield from _once_per_shape(spec_index, faults, _overlap_findings)
+
+
+def _overlap_findings(spec_index: SpecIndex, faults: FaultyElements, algorithm: Algorithm) -> Iterator[Diagnostic]:
+    """Yield a finding for each hysteresis with two conditions that certainly overlap."""
+    types = spec_index.returned_types[algorithm.name]
+    for entry in algorithm.identifies:
+        name = entry.variable.name
+        if not isinstance(entry.by, Hysteresis) or entry.by.leave is None or not faults.is_sound("context", name):
+            continue
+        stated_conditions = [*sound_conditions(spec_index, [entry.by.enter, entry.by.leave])]
+        accepted_conditions = [condition.tree for condition in sound_conditions(spec_index, algorithm.accept_when)]
+        if len(stated_conditions) < 2 or any(isinstance(condition.tree, Truth) for condition in stated_conditions):
+            continue
+        enter, leave = stated_conditions
+        both = [*accepted_conditions, enter.tree, leave.tree]
+        is_exact = all(map(has_exact_answers, both))
+        if not is_exact or not can_hold(both, (), types) or current_budget().has_undecided:
+            continue
+        if can_hold([*accepted_conditions, _negation(enter), leave.tree], (), types):  # or else `leave` is never used
+            yield finding(
+                "overlapping-hysteresis",
+                f"'{enter.text}' and '{leave.text}' can hold together: then 'enter' decides, and '{name}' is true",
+                leave.place,
+                path=f"perception.{algorithm.name}.identifies.{name}",
+                help="let the conditions exclude each other; the variable keeps its value where neither of them holds",
+                related=(Related("'enter' is here", enter.place),),
+            )
+
+
 def never_derived_values(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
     """The expression of a derived number has some value in the range of the variable."""
     types = spec_index.context_types
@@ -103,7 +135,12 @@ def never_derived_values(spec_index: SpecIndex, faults: FaultyElements) -> Itera
             )
 
 
-CONDITION_CHECKS = (never_holding_conditions, always_holding_conditions, never_derived_values)
+CONDITION_CHECKS = (
+    never_holding_conditions,
+    always_holding_conditions,
+    overlapping_hysteresis,
+    never_derived_values,
+)
 """The checks of this module."""
 
 

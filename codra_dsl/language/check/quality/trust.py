@@ -11,7 +11,7 @@ from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Fault
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Call, Name, Node, walk
-from codra_dsl.language.model import ADAPTER, Algorithm, Variable, WhenUnobservable
+from codra_dsl.language.model import ADAPTER, Algorithm, Parameter, Variable, WhenUnobservable
 
 
 def unnoticed_preconditions(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
@@ -45,15 +45,15 @@ def unnoticed_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
     Otherwise the parameter follows a value that stays although its writer has stopped. What loops compute or set is
     ignored, and so is a variable that a precondition reads, which has a finding of its own.
     """
-    reported_names = set(_first_trusting_algorithms(spec_index))
+    reported_names, seen_names = set(_first_trusting_algorithms(spec_index)), set[str]()
     for site in spec_index.sites:
         if site.role is not Role.VALUE or spec_index.judgements[id(site.condition)].problems:
             continue
         aged_names = _names_with_ages(site.condition.tree)
-        values = site.values if faults.is_sound(*site.owner) else ()
-        for name, input_name in _names_with_inputs(spec_index, values):
+        names = (name for name in site.values if faults.is_sound(*site.owner) and name.name not in aged_names)
+        for name, input_name in _names_with_inputs(spec_index, names, seen_names):
             variable = spec_index.variables.get(input_name)
-            if variable is None or input_name in reported_names or name.name in aged_names:
+            if variable is None or input_name in reported_names:
                 continue
             if _is_computed(variable) or not faults.is_sound("context", input_name):
                 continue
@@ -72,14 +72,44 @@ def unnoticed_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
                 )
 
 
-def _names_with_inputs(spec_index: SpecIndex, names: Iterable[Name]) -> Iterator[tuple[Name, str]]:
+def unnoticed_stops(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[Diagnostic]:
+    """Every variable that an adaptation sets states how long it is valid; else it outlives its loop.
+
+    A variable that a precondition reads has a finding of its own.
+    """
+    reported_names = _first_trusting_algorithms(spec_index)
+    for adaptation in spec_index.spec.adaptation:
+        if not isinstance(adaptation.does, Parameter) or not faults.is_sound("adaptation", adaptation.name):
+            continue
+        target = adaptation.does.variable
+        variable = spec_index.variables.get(target.name)
+        if variable is None or variable.states_validity or target.name in reported_names:
+            continue
+        if faults.is_sound("context", target.name) and spec_index.is_readable("context", target.name, "valid_for"):
+            yield finding(
+                "unnoticed-stop",
+                f"adaptation '{adaptation.name}' sets '{target.name}', whose value never expires: "
+                "after the loop has stopped, the last value stays",
+                variable.place,
+                path=f"context.{target.name}",
+                help="add 'valid_for', such as 'valid_for: 5 s'; or 'valid_for: forever' if the last value may stay",
+                related=(Related(f"adaptation '{adaptation.name}' sets it", target.place),),
+            )
+
+
+def _names_with_inputs(
+    spec_index: SpecIndex, names: Iterable[Name], seen_names: set[str]
+) -> Iterator[tuple[Name, str]]:
     """Yield each name with its variable, or, if this is derived, with each variable from which it is derived."""
-    return ((name, input_name) for name in names for input_name in _with_inputs(spec_index, name.name))
+    return ((name, input_name) for name in names for input_name in _with_inputs(spec_index, name.name, seen_names))
 
 
-def _with_inputs(spec_index: SpecIndex, name: str) -> Iterator[str]:
-    """Yield a variable, or, if it is derived, the variables from whose values it is derived."""
-    pending_names, seen_names = [name], set[str]()
+def _with_inputs(spec_index: SpecIndex, name: str, seen_names: set[str]) -> Iterator[str]:
+    """Yield a variable, or, if it is derived, the variables from whose values it is derived.
+
+    Variables in `seen_names` are left out; all others are added to it.
+    """
+    pending_names = [name]
     while pending_names:
         other = pending_names.pop()
         if other in seen_names:
@@ -105,7 +135,7 @@ def _is_computed(variable: Variable) -> bool:
     return variable.is_derived or variable.rate is not None or is_adapted
 
 
-TRUST_CHECKS = (unnoticed_preconditions, unnoticed_inputs)
+TRUST_CHECKS = (unnoticed_preconditions, unnoticed_inputs, unnoticed_stops)
 """The checks of this module."""
 
 
@@ -116,6 +146,7 @@ def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algo
     by a function.
     """
     trusting_algorithms: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
+    seen_names: set[str] = set()
     sites: dict[str, list[Site]] = {}
     for site in spec_index.sites:
         if site.role is Role.OBSERVABLE_WHEN and not spec_index.judgements[id(site.condition)].problems:
@@ -126,12 +157,13 @@ def _first_trusting_algorithms(spec_index: SpecIndex) -> Mapping[str, tuple[Algo
         algorithm_sites = sites.get(algorithm.name, [])
         bounded_names = {bound.name for site in algorithm_sites for bound in upper_bounds(site.condition)}
         for site in algorithm_sites:
-            for name, input_name in _names_with_inputs(spec_index, site.values):
-                if name.name not in bounded_names and input_name not in trusting_algorithms:
-                    trusting_algorithms[input_name] = algorithm, partial(site.condition.place_of, name)
+            names = (name for name in site.values if name.name not in bounded_names)
+            for name, input_name in _names_with_inputs(spec_index, names, seen_names):
+                trusting_algorithms[input_name] = algorithm, partial(site.condition.place_of, name)
         for reference in algorithm.given:
-            for input_name in () if reference.name in bounded_names else _with_inputs(spec_index, reference.name):
-                trusting_algorithms.setdefault(input_name, (algorithm, partial(getattr, reference, "place")))
+            if reference.name not in bounded_names:
+                for input_name in _with_inputs(spec_index, reference.name, seen_names):
+                    trusting_algorithms[input_name] = algorithm, partial(getattr, reference, "place")
     return trusting_algorithms
 
 

@@ -12,11 +12,21 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import chain
 
 from codra_dsl.language.check.conditions.types import Types
+from codra_dsl.language.check.solver.breakpoints import is_curved
 from codra_dsl.language.check.solver.case_split import conjuncts, may_have_case, names_of
 from codra_dsl.language.check.solver.intervals import Interval
-from codra_dsl.language.check.solver.values import EITHER, UNKNOWN, Values, age_key, known_key, known_values
+from codra_dsl.language.check.solver.values import (
+    EITHER,
+    UNKNOWN,
+    Values,
+    age_key,
+    known_key,
+    known_values,
+    own_comparisons,
+)
 from codra_dsl.language.expression import (
     And,
     Arithmetic,
@@ -55,6 +65,15 @@ def can_hold(conditions: Sequence[Node], unknown_names: Iterable[str], types: Ty
     values = {name: UNKNOWN if name in unknown_name_set else known_values(types.get(name)) | UNKNOWN for name in names}
     values |= _ages(names, types)
     return may_have_case(conditions, None, values, types)
+
+
+def has_exact_answers(condition: Node) -> bool:
+    """Return whether a condition, beside others like it, can certainly hold if `can_hold` says so.
+
+    Each of its comparisons depends on one name at most, and is linear between kinks.
+    """
+    sides = [(left, right) for part in walk(condition) for _, left, right in own_comparisons(part)]
+    return not is_curved(*chain(*sides)) and all(len(names_of(pair)) <= 1 for pair in sides)
 
 
 def can_be_known(value: Node, unknown_names: Iterable[str], types: Types) -> bool:
