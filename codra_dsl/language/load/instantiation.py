@@ -13,8 +13,9 @@ from codra_dsl.language.load.schema.misspelt_names import NO_WORDS, misspelt_dec
 from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.site.overlay import Overlay
 from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
+from codra_dsl.language.load.templates.declared import declared_template
 from codra_dsl.language.load.templates.substitution import Filler, example_value
-from codra_dsl.language.load.templates.templates import EXAMPLES, Template, declare, declared_template
+from codra_dsl.language.load.templates.templates import EXAMPLES, Template, declare
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.load.yaml.names import check_name
 from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode

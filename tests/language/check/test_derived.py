@@ -89,7 +89,9 @@ def test_variables_that_read_each_other_often_are_judged_once_each() -> None:
     ]
     first_steps = [f"  step_{number}: {{type: bool, derived: told and door}}" for number in range(2)]
     text = spec_text("step_59").replace("  ready:", "\n".join([*first_steps, *steps, "  ready:"]))
-    text = text.replace("context:", "context:\n  speed: {type: float, range: [0, 1], source: adaptation, valid_for: forever}")
+    text = text.replace(
+        "context:", "context:\n  speed: {type: float, range: [0, 1], source: adaptation, valid_for: forever}"
+    )
     text += "adaptation:\n  pace: {set: speed, value: 1 if step_59 else 0}\nloops:\n  pace: {adapt: [pace]}\n"
     rules = [finding.rule.name for finding in check_text(text)[1]]
     assert rules == ["unknown-adapted-value"]

@@ -26,6 +26,7 @@ MODEL_CLASSES = [
 ]
 WHOLE_VALUE_CLASSES = {
     "Condition": "conditions are compared by meaning",
+    "DeclaredParameter": "specs are compared with their templates expanded",
     "DeclaredTemplate": "specs are compared with their templates expanded",
     "FuzzyTerm": "the terms of an element are compared together",
     "Handle": "handles are compared with their resources, by their text",

@@ -308,13 +308,13 @@ class _Inference:
             return Typed(node, None, (left, right))
         if node.operator in "+-":
             return Typed(node, self._common_type((left, right)), (left, right))
-        if node.operator == "/" and isinstance(node.right, Number) and node.right.value == 0:
-            message = f"{to_text(node)} has no value, because it divides by 0"
-            self.problems.append(Problem("wrong-operand", node, message, "divide by another number"))
-            return Typed(node, None, (left, right))
         return Typed(node, self._product(node, left.type, right.type), (left, right))
 
     def _product(self, node: Arithmetic, left: Type, right: Type) -> Type | None:
+        if node.operator == "/" and isinstance(node.right, Number) and node.right.value == 0:
+            message = f"{to_text(node)} has no value, because it divides by 0"
+            self.problems.append(Problem("wrong-operand", node, message, "divide by another number"))
+            return None
         unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
         has_large_exponent = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
         if has_large_exponent or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
