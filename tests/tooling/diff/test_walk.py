@@ -49,6 +49,7 @@ WHOLE_VALUE_CLASSES = {
 }
 IGNORED_CLASSES = {
     "Condition": "by meaning only",
+    "DeclaredParameter": "see above",
     "DeclaredTemplate": "see above",
     "Handle": "by their text only",
     "Letters": "only places",

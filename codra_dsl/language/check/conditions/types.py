@@ -318,9 +318,8 @@ class _Inference:
         unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
         has_large_exponent = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
         if has_large_exponent or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
-            self.problems.append(
-                Problem("wrong-operand", node, "the unit of the result is out of bounds", "simplify it")
-            )
+            problem = Problem("wrong-operand", node, "the unit of the result is out of bounds", "simplify it")
+            self.problems.append(problem)
             return None
         is_int = node.operator == "*" and left.kind is right.kind is Kind.INT
         return Type(Kind.INT if is_int else Kind.FLOAT, unit, is_literal=left.is_literal and right.is_literal)
