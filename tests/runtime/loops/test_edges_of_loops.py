@@ -178,9 +178,9 @@ def test_a_context_manager_has_one_set_of_loops_at_a_time(knowledge: KnowledgeMo
     with ContextManager(MODEL, clock=clock, resources={}, knowledge=knowledge) as codra:
         with pytest.raises(TreeError) as error_info:
             Mape(codra, MAPE, clock=clock, robot=Robot())
-        with Mape(codra, MAPE, clock=clock, robot=robot) as mape:
-            with pytest.raises(AgentTakenError, match="the loops cannot write as agent 'analysis'"):
-                Mape(codra, MAPE, clock=clock, robot=robot)
+        message = "the loops cannot write as agent 'analysis'"
+        with Mape(codra, MAPE, clock=clock, robot=robot) as mape, pytest.raises(AgentTakenError, match=message):
+            Mape(codra, MAPE, clock=clock, robot=robot)
         with Mape(codra, MAPE, clock=clock, robot=robot):
             mape.close()  # a second time: the loops that are open now stay open
             with pytest.raises(AgentTakenError):
