@@ -65,9 +65,13 @@ def _parse_over_context(text: str) -> Node | SyntaxProblem:
 
 
 def spelt_out(tree: Node) -> Node:
-    """Return a condition over context in which each name of a comparison with poses is replaced by the comparison."""
+    """Return a condition over context in which each name of a comparison with poses is replaced by the comparison.
+
+    A count of the matches of a path reads no name. It stays one name.
+    """
     if isinstance(tree, Name):
-        return tree if tree.pose_comparison is None else tree.pose_comparison
+        comparison = tree.pose_comparison
+        return tree if comparison is None or not names_in(comparison) else comparison
     if not any(part.pose_comparison is not None for part in names_in(tree)):
         return tree
     return map_parts(tree, spelt_out)

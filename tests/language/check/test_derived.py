@@ -7,7 +7,7 @@ import pytest
 from codra_dsl.generation.algorithm2 import plan
 from codra_dsl.generation.build_plan.values import EdgeKind
 from codra_dsl.language.check.latency import worst_cases
-from tests.language.check.specs import check_sound_text, check_text
+from tests.language.check.specs import check_sound_text, check_text, findings
 
 SPEC = """\
 codra: 1
@@ -146,3 +146,43 @@ def test_a_derived_number_that_can_be_in_its_range_is_not_reported(declared: str
 def test_a_division_by_the_number_0_is_an_error() -> None:
     message = "pallets / 0 has no value, because it divides by 0 ('derived' of context-variable 'number')"
     assert number_findings("float", "pallets / 0") == [("CDR4102", message)]
+
+
+COUNTS = """\
+codra: 1
+name: hall
+agents: {{eye: {{}}}}
+knowledge:
+  types: {{person: {{source: eye}}}}
+  nodes: {{robot: robot}}
+context:
+  late: {{type: bool}}
+  anyone: {{type: bool, derived: exists(some person)}}
+  crowded: {{type: bool, derived: count(some person) > 2}}
+  busy: {{type: bool, derived: crowded or late}}
+  empty: {{type: bool, derived: not anyone and count(some person) == 0}}
+  seen: {{type: bool}}
+perception:
+  look:
+    call: robot.eyes:look
+    returns: {{b: {{type: bool}}}}
+    observable_when: [{conditions}]
+    identifies: {{seen: b}}
+  look_at_clock: {{call: robot.eyes:look_at_clock, returns: {{b: {{type: bool}}}}, identifies: {{late: b}}}}
+skills:
+  greet: {{preview: [seen, anyone, crowded, busy, empty]}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("conditions", "codes"),
+    [
+        ("not crowded", []),
+        ("anyone or crowded", []),
+        ("crowded, known(crowded)", []),
+        ("not busy, anyone", ["CDR7101"]),
+        ("known(late), crowded, not busy", ["CDR7101", "CDR5102"]),
+    ],
+)
+def test_a_precondition_may_depend_on_a_count(conditions: str, codes: list[str]) -> None:
+    assert [finding.rule.code for finding in findings(COUNTS.format(conditions=conditions))] == codes

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.language.check.conditions.types import Type
-from codra_dsl.language.check.solver.satisfiable import can_hold, is_always_known
+from codra_dsl.language.check.solver.satisfiable import can_hold, has_exact_answers, is_always_known
 from codra_dsl.language.expression import (
     And,
     Call,
@@ -125,6 +125,45 @@ def test_a_condition_that_holds_in_some_world_can_hold(tree: Node, world: World)
         held = None
     if held is True:
         assert can_hold([tree], unknown, TYPES)
+
+
+NUMBERS = {"r": Type(Kind.FLOAT, range=(0.0, 4.0)), "n": Type(Kind.INT, range=(0.0, 4.0)), "b1": Type(Kind.BOOL)}
+COMPARISONS = st.builds(
+    "{} {} {}".format,
+    st.sampled_from(["r", "n", "(r if r > 2 else 0)"]),
+    st.sampled_from(["<", "<=", ">", ">=", "==", "!="]),
+    st.integers(-1, 5),
+)
+LINEAR = st.recursive(
+    st.one_of(COMPARISONS, st.sampled_from(["b1", "r in (1, 3)", "0 < n < 3", "known(r)"])),
+    lambda conditions: st.one_of(
+        conditions.map("not ({})".format),
+        st.builds("({}) and ({})".format, conditions, conditions),
+        st.builds("({}) or ({})".format, conditions, conditions),
+    ),
+    max_leaves=4,
+)
+
+
+@settings(max_examples=100)
+@given(st.lists(LINEAR, min_size=1, max_size=3))
+def test_for_linear_comparisons_of_one_name_can_hold_is_exact(texts: list[str]) -> None:
+    trees = [tree for tree in map(parse, texts) if isinstance(tree, Node)]
+    quarters, whole_numbers = (None, *(quarter / 4 for quarter in range(17))), (None, *range(5))
+    some_worlds = (
+        World({"r": r, "n": n, "b1": b1}, dict.fromkeys(NUMBERS, 1.0))
+        for r, n, b1 in product(quarters, whole_numbers, (None, True, False))
+    )
+    expected = any(all(meaning(tree, world) is True for tree in trees) for world in some_worlds)
+    assert all(map(has_exact_answers, trees))
+    assert can_hold(trees, (), NUMBERS) is expected
+
+
+@pytest.mark.parametrize("condition", ["r > x", "r * r > 3", "1 / r > 3", "b1 and x + r > 3"])
+def test_a_comparison_of_two_names_or_one_that_is_curved_is_not_exact(condition: str) -> None:
+    tree = parse(condition)
+    assert isinstance(tree, Node)
+    assert not has_exact_answers(tree)
 
 
 def is_possible(condition: str, *unknown: str) -> bool:
