@@ -9,11 +9,11 @@ resource that it reads, the values of `given` variables, and `job`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import Place, Related, replacement_fix
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.called_modules import MissingModule, Module, ProjectModules, Signature
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.model import Access, Algorithm

@@ -6,13 +6,14 @@ import codecs
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import yaml
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, is_slip
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.document import KEYS
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.parser_error import Parser

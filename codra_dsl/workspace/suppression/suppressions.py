@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from codra_dsl.language.diagnostics import (
     in_file_order,
     once_per_template,
 )
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.source import MAX_BYTES, Source, accept
 from codra_dsl.language.project import covers

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.traps import quote_text
 from codra_dsl.language.model import Kind, Variable
 

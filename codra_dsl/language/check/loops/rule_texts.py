@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cached_property
 
@@ -16,6 +15,7 @@ from codra_dsl.language.check.loops.rule_forms import MAX_WORD_LENGTH, OtherForm
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression import is_name
 from codra_dsl.language.expression.tokens import with_escapes
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.source import MAX_LISTED, shown
 from codra_dsl.language.fuzzy.words import Hedge
 from codra_dsl.language.model import Kind, Output, Variable
