@@ -222,8 +222,7 @@ class SpecIndex:
 
     def is_readable(self, section: str, name: str, *keys: str) -> bool:
         """Return whether all these keys of an element could be read."""
-        damaged_keys = self.spec.damaged_keys
-        return not damaged_keys or damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
+        return (section, name) not in self.spec.damaged_keys or self.spec.damaged_keys[section, name].isdisjoint(keys)
 
     def has_damage(self, section: str, *keys: str) -> bool:
         """Return whether some elements of a section, or one of these keys of an element, could not be read."""
