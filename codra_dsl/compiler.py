@@ -8,7 +8,7 @@ time. If no input of a spec has changed since an earlier run, the earlier result
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from codra_dsl.language.behavior_trees.named import named_tree_files, read_trees
 from codra_dsl.language.check import CheckedSpec, check
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_binding_errors, has_errors
 from codra_dsl.language.file_queries import Answers, PresentAnswers, merged_answers, recorded_queries
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
 from codra_dsl.language.load.site.both_files import name_both_files
 from codra_dsl.language.load.site.site_file import RequestedSites, find_sites, sites_without_spec

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,6 +36,7 @@ from codra_dsl.cli.options import (
     Specs,
     TimingsOption,
 )
+from codra_dsl.language.frozen import dataclass
 
 if TYPE_CHECKING:
     from codra_dsl.compiler import Compilation

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import typer
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.regular_files import real_path
 from codra_dsl.tooling.installation import pip_install
 

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated
@@ -26,6 +26,7 @@ from codra_dsl.cli.console import (
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, OutputOption
+from codra_dsl.language.frozen import dataclass
 
 if TYPE_CHECKING:
     from codra_dsl.language.diagnostics import Diagnostic

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from codra_dsl.cli.console import STANDARD_INPUT, common_root, existing
+from codra_dsl.language.frozen import dataclass
 
 if TYPE_CHECKING:
     from codra_dsl.compiler import Planned

@@ -26,10 +26,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Concatenate
+
+from codra_dsl.language.frozen import dataclass
 
 if TYPE_CHECKING:
     from codra_dsl.generation.build_plan import BuildPlan

@@ -35,7 +35,6 @@ variables in C_M, and further variables that agents or loops read or write.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import chain, pairwise
 
 from codra_dsl.generation.build_plan.dependencies import dependencies
@@ -44,6 +43,7 @@ from codra_dsl.generation.build_plan.names import MODULE_NAMES, class_name, pyth
 from codra_dsl.generation.build_plan.values import Branch, BuildPlan, Tree
 from codra_dsl.language import graph
 from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import ObserverSetting
 
 

@@ -16,12 +16,12 @@ import shutil
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from codra_dsl.collector import paused_collector
 from codra_dsl.language.diagnostics import Diagnostic, Place, Severity, Span, rules
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.project import MANIFEST, MANIFEST_FORMAT, covers
 from codra_dsl.regular_files import read_beginning, read_regular_file
 

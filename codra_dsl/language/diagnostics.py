@@ -11,9 +11,11 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from typing import Protocol
+
+from codra_dsl.language.frozen import dataclass
 
 __all__ = [
     "Applicability",

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import lru_cache
 
 from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.frozen import dataclass
 
 __all__ = [
     "Dimension",

@@ -15,12 +15,12 @@ import subprocess
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePath, PurePosixPath
 from typing import IO
 
 from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.project import SETTINGS
 from codra_dsl.regular_files import read_beginning
 

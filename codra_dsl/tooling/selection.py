@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.frozen import dataclass
 
 Edge = tuple[str, str]
 """The ids of a needed node and of a node that needs it."""

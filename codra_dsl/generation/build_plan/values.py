@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from itertools import chain
 from typing import NamedTuple
 
 from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Use
 
 

@@ -9,10 +9,10 @@ the calls go directly to the context manager.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from codra_dsl.generation.emit.layout import WIDTH, lay_out, make_brackets
 from codra_dsl.generation.emit.literals import text_literal
+from codra_dsl.language.frozen import dataclass
 
 _METHOD_INDENT, _ARGUMENT_INDENT = 8 * " ", 12 * " "
 _ANY_NAME_ALIAS = "VariableName"

@@ -10,7 +10,6 @@ first line of each handle therefore tells mypy to accept it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from codra_dsl.generation.build_plan import BuildPlan
 from codra_dsl.generation.build_plan.dependencies import node_type_names
@@ -22,6 +21,7 @@ from codra_dsl.generation.emit.literals import text_literal
 from codra_dsl.language.check.checked.knowledge import CheckedKnowledge
 from codra_dsl.language.check.index.graph_schema import STATES, DeclaredGraph, holds_poses
 from codra_dsl.language.check.knowledge.owners import writable_elements
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import CONTEXT_NODE, TASK_ATTRIBUTES, TASK_TYPE
 
 MAX_HANDLES = 50

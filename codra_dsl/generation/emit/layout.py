@@ -8,8 +8,9 @@ precedence.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from codra_dsl.language.frozen import dataclass
 
 WIDTH = 120
 _STEP = 4

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from codra_dsl.generation.build_plan import Branch, Tree
 from codra_dsl.generation.emit.conditions import condition_with_words
 from codra_dsl.generation.emit.imports import Imports
 from codra_dsl.generation.emit.layout import WIDTH, Expression, call, lay_out, spread_call, spread_list
 from codra_dsl.generation.emit.literals import literal
+from codra_dsl.language.frozen import dataclass
 
 _SINGLE_BRANCH_NAME = "perception"
 _BODY = "    return "

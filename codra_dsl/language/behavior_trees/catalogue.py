@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 
 from codra_dsl.language.behavior_trees.values import NodeKind
+from codra_dsl.language.frozen import dataclass
 
 
 class PortContent(StrEnum):

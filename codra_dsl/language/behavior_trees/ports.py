@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+from codra_dsl.language.frozen import dataclass
 
 _KEY = re.compile(r"@?[A-Za-z_][A-Za-z0-9_.]*")
 _SAME_NAME_VALUES = ("{=}", "=")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from codra_dsl.language.expression.tree import (
     And,
@@ -27,6 +26,7 @@ from codra_dsl.language.expression.tree import (
     Text,
     Truth,
 )
+from codra_dsl.language.frozen import dataclass
 
 MAX_DEPTH = 40
 """The maximum nesting depth of a script."""

@@ -25,12 +25,12 @@ time than their timeouts.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from itertools import pairwise
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import DEFAULT_PERIOD_S, Access, Spec, needed_of
 
 MAX_STEPS = 100_000

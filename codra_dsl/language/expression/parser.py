@@ -7,7 +7,6 @@ The operators, from loosest to tightest binding: `A if C else B`, `or`, `and`, `
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import IntEnum
 
 from codra_dsl.language.diagnostics import suggest
@@ -42,6 +41,7 @@ from codra_dsl.language.expression.tree import (
     Truth,
     parts,
 )
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.units import parse_unit
 
 MAX_DEPTH = 64

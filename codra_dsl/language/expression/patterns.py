@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from codra_dsl.language.expression.poses import parse_with_dotted_names
 from codra_dsl.language.expression.tokens import MAX_LENGTH, ExpressionError, SyntaxProblem, is_name, shown
 from codra_dsl.language.expression.tree import Name, Node
+from codra_dsl.language.frozen import dataclass
 
 MAX_LINKS = 16
 """The maximum number of edges of a path."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import keyword
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.units import NUMBER_TEXT, UNIT_TEXT, parse_number, parse_unit, suggest_unit, units_help
 
 MAX_LENGTH = 2000

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
+
+from codra_dsl.language.frozen import dataclass
 
 
 class Comparison(StrEnum):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import (
     And,
     Antecedent,

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from enum import Enum, auto
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import Call, Formula, Name, Number
 
 _INLINE_OPERATORS = ("+", "-", "*")

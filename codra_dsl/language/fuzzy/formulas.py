@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import Call, Formula, Name, Number
 from codra_dsl.language.fuzzy.source import Findings, Word, shown, split
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.words import Comparator, Defuzzification, Hedge, Method, Shape, SNorm, TNorm, Weighting
 
 DEFAULT_RESOLUTION = 1000

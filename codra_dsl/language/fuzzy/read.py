@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.antecedents import Names, parse_rule
 from codra_dsl.language.fuzzy.check import engine_problems
 from codra_dsl.language.fuzzy.formulas import parse_formula

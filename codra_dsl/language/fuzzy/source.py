@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, suggest
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.rules import RULES
 
 MAX_BYTES = 1024 * 1024

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import Term
 from codra_dsl.language.fuzzy.words import Shape
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum, StrEnum
+
+from codra_dsl.language.frozen import dataclass
 
 KEYWORDS = frozenset({"if", "is", "then", "and", "or", "with"})
 """The keywords of a rule, which cannot be names."""

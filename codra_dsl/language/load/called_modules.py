@@ -11,12 +11,12 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import MAX_SUGGESTED_LENGTH, max_slips
 from codra_dsl.language.file_queries import folder_names, is_folder, leads_into, read_file, real_path
+from codra_dsl.language.frozen import dataclass
 
 MAX_MODULE_BYTES = 512 * 1024
 MAX_TOTAL_BYTES = 2 * 1024 * 1024

@@ -10,11 +10,11 @@ under `with`, and with `clock` if there is a parameter of this name.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import Place, Related, replacement_fix
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.called_modules import MissingModule, Module, ProjectModules, Signature
 from codra_dsl.language.load.yaml.findings import Findings, list_names
 from codra_dsl.language.model import Access, Algorithm, Handle

@@ -6,13 +6,14 @@ import codecs
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import yaml
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span, is_slip
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.document import KEYS
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.parser_error import Parser
@@ -21,9 +22,10 @@ from codra_dsl.language.load.yaml.source import AS_ON_DISK, MAX_BYTES, file_plac
 from codra_dsl.language.project import yaml_files
 from codra_dsl.regular_files import OutsideError, UnsuitableFileError, read_beginning, real_path
 
-_NAME_KEY_PATTERN = re.compile(rb"\bname[\"']?[ \t]*:")
+# Python searches for a pattern that begins with letters 15 times as fast as for one that begins with `\b`.
+_NAME_KEY_PATTERN = re.compile(rb"name(?<!\wname)[\"']?[ \t]*:")
 _VERSION_KEY_PATTERN = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
-_SITE_KEY_PATTERN = re.compile(rb"\bover\w*[\"']?[ \t]*:")
+_SITE_KEY_PATTERN = re.compile(rb"over(?<!\wover)\w*[\"']?[ \t]*:")
 _LANGUAGE_KEYS = frozenset({"codra", "templates", "use", *KEYS})
 _UTF16_BYTE_ORDER_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from codra_dsl.language.diagnostics import Place, Related
 from codra_dsl.language.expression.tokens import shown
 from codra_dsl.language.file_queries import file_size, folder_names, is_file, real_path
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.document import Document, read_document
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import ScalarNode

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from enum import StrEnum
 from itertools import chain
 from typing import Any
 
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression import Node
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import Term
 
 FOREVER_S = math.inf

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model.elements import FOREVER_S, Condition, Literal, Reference, ValueType
 
 CONTEXT_NODE = "context"

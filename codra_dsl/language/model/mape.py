@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.words import Defuzzification, SNorm, TNorm
 from codra_dsl.language.model.elements import Condition, FuzzyTerm, Letters, Reference
 

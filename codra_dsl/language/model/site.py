@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from codra_dsl.language.diagnostics import Place, Span
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model.elements import Literal
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model.elements import (
     Algorithm,
     ObserverSetting,

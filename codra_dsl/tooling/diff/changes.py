@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import StrEnum
 
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.frozen import dataclass
 
 
 class Level(StrEnum):

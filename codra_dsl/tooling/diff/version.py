@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 from codra_dsl.generation.build_plan import BuildPlan, Tree
@@ -11,6 +10,7 @@ from codra_dsl.language.check.checked.spec import CheckedAlgorithm
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph
 from codra_dsl.language.check.latency import worst_cases
 from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Access, Spec, Variable
 
 

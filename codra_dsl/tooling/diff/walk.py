@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from codra_dsl.language.diagnostics import Place, suggest
 from codra_dsl.language.expression import Node
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Condition, FuzzyTerm, Phrase, Reference, Spec, ValueType
 from codra_dsl.tooling.diff.changes import Category, Change
 from codra_dsl.tooling.diff.guards import normal_text

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.tooling.diff import Change, Latency, Level, Review
 from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdown, range_of, span_text, visible_text
 from codra_dsl.tooling.report.github import render_github

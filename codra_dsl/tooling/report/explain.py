@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import Rule, Severity
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.tooling.report.findings import as_json
 from codra_dsl.workspace.suppression import known_rules
 

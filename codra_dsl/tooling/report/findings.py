@@ -10,9 +10,10 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, Severity, Span
+from codra_dsl.language.frozen import dataclass
 
 Sources = Callable[[str], str | None]
 """Returns the text of a file, or None if the file is not available. The argument is the file's path in findings."""

@@ -8,13 +8,14 @@ right: from the variables that perception needs, through the variables that it i
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from codra_dsl.generation.build_plan import BuildPlan, EdgeKind, Node, NodeKind
 from codra_dsl.generation.build_plan.names import entry_names, module_name
 from codra_dsl.generation.emit.graph_nodes import node_id
 from codra_dsl.generation.emit.records import graph_nodes, list_of, object_of, places
 from codra_dsl.language.check.latency import worst_cases
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.tooling.selection import Choice, Choices
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 
 from codra_dsl.generation.build_plan import EdgeKind
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.tooling.report.findings import visible_text
 from codra_dsl.tooling.report.graphs import Element, Graph
 

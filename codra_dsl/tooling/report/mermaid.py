@@ -7,9 +7,9 @@ and for each file. So the entire graph is shown, and `--select` shows parts of i
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from codra_dsl.generation.build_plan import EdgeKind
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.tooling.report.graphs import Element, Graph
 from codra_dsl.tooling.report.looks import (
     EDGE_LOOKS,

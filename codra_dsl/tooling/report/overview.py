@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.tooling.report.graphs import Element, Graph
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from codra_dsl.language.diagnostics import Diagnostic, Severity
 from codra_dsl.language.file_queries import Answers, PresentAnswers
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.project import project_of
 from codra_dsl.workspace.cache.inputs import answers_about
 from codra_dsl.workspace.cache.records import (

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, MutableMapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from codra_dsl.language.diagnostics import Diagnostic, Place
 from codra_dsl.language.file_queries import Answers
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.workspace.cache.records import (
     answers_from,
     finding_from,

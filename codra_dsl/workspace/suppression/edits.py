@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 from codra_dsl.language.diagnostics import Edit
+from codra_dsl.language.frozen import dataclass
 
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
 _LINE_BREAK = re.compile(r"\r\n|\r|\n")

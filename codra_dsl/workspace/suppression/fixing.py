@@ -10,9 +10,10 @@ import re
 from bisect import bisect, insort
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from codra_dsl.language.diagnostics import Diagnostic, Edit, Severity, is_safe
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.workspace.suppression.edits import EditableText, Splice, editable_text, splices_of
 
 MAX_ROUNDS = 50

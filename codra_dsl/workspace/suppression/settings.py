@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span, suggest
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.project import MAX_SETTINGS_BYTES, SETTINGS, parse_settings, settings_in
 from codra_dsl.workspace.suppression.rules import RULES, known_rules, nearest_code
 from codra_dsl.workspace.suppression.toml_places import Steps, TomlPlaces

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from codra_dsl.language.diagnostics import (
     in_file_order,
     once_per_template,
 )
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.source import MAX_BYTES, Source, accept
 from codra_dsl.language.project import covers
@@ -34,7 +35,8 @@ from codra_dsl.workspace.suppression.comments import XML_END, XML_START, comment
 from codra_dsl.workspace.suppression.rules import OWN_PREFIX, RULES, known_rules, nearest_code
 from codra_dsl.workspace.suppression.settings import Settings
 
-_POSSIBLE_SUPPRESSION = re.compile(rb"(?:#|<!--)[ \t]*codra[ \t]*:", re.IGNORECASE)
+# Two patterns, because Python searches for a pattern that begins with a fixed text 15 times as fast as for another one.
+_POSSIBLE_SUPPRESSIONS = tuple(re.compile(rb"%s[ \t]*(?i:codra)[ \t]*:" % begin) for begin in (b"#", b"<!--"))
 _SUPPRESSION_COMMENT = re.compile(
     r"(?:#|<!--)[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?",
     re.IGNORECASE,
@@ -82,7 +84,7 @@ def read_sources(
     texts_with_comments: dict[str, str] = {}
     for file in sorted(set(files)):
         data = texts_in_memory[file] if file in texts_in_memory else _read_bytes(root / file, root)
-        if _POSSIBLE_SUPPRESSION.search(data):
+        if any(pattern.search(data) for pattern in _POSSIBLE_SUPPRESSIONS):
             texts_with_comments[file] = data.decode("utf-8", "replace")
     return Sources(texts=texts_with_comments, paths=tuple(paths))
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression import Path
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Agent
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from codra_dsl.language.behavior_trees import CheckedForest
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import Engine, Term
 from codra_dsl.language.model import Adaptation, Loop, Output, RateKind, TreeElement, Variable
 

@@ -7,11 +7,12 @@ Only `codra_dsl.language.check` makes a `CheckedSpec`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from codra_dsl.language.check.checked.knowledge import CheckedKnowledge
 from codra_dsl.language.check.checked.loops import CheckedMape
 from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Algorithm, Spec, Variable
 
 

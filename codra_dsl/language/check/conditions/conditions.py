@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 from codra_dsl.language.check.conditions.lowering import to_python
@@ -19,6 +19,7 @@ from codra_dsl.language.expression import (
 )
 from codra_dsl.language.expression.fallbacks import meant_fallbacks
 from codra_dsl.language.expression.tokens import with_escapes
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import (
     Adaptation,
     Agent,

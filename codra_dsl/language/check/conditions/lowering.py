@@ -8,7 +8,6 @@ comparisons. Parentheses are added where Python or a reader needs them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
 
@@ -30,6 +29,7 @@ from codra_dsl.language.expression import (
     Text,
     Truth,
 )
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.units import ONE, UNITS, Unit, convert, ratio
 
 

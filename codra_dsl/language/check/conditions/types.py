@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
@@ -29,6 +29,7 @@ from codra_dsl.language.expression import (
     Truth,
     to_text,
 )
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import FOREVER_S, Kind, ValueType
 from codra_dsl.language.units import ONE, UNITS, Unit, parse_unit
 

@@ -9,7 +9,6 @@ complete cycle.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 from codra_dsl.language import graph
@@ -26,6 +25,7 @@ from codra_dsl.language.check.solver.contradictions import (
 from codra_dsl.language.check.solver.satisfiable import can_be_known, can_hold, known_call
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import And, Fallback, Name, Node, Not, Or, names_in, variables_in, walk
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Algorithm, Condition, Kind, Variable
 
 MAX_COMBINED_NAMES = 8

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from typing import Any, TypeVar
 
 from codra_dsl.language.expression import Name, Node, Path, names_in
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import (
     Agent,
     AgentRule,

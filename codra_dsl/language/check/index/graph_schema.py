@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
 from codra_dsl.language.check.conditions.types import BOOL, Type, declared_type
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression import NodeTerm, Path, reads_of
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import (
     CONTEXT_NODE,
     RESULT,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
 
 from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, Site
 from codra_dsl.language.check.index.spec_index import KNOWLEDGE_SECTIONS, MAIN_EXECUTION, OBSERVER, SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression import Name, is_name
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Parameter, Reference, Writer
 
 

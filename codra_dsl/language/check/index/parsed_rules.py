@@ -7,10 +7,10 @@ Each character of a rule keeps its place in the spec, so that findings of the pa
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Span
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.antecedents import parse_rule_about
 from codra_dsl.language.fuzzy.model import Rule, Term, propositions
 from codra_dsl.language.fuzzy.source import Findings, Word

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeVar
@@ -28,6 +28,7 @@ from codra_dsl.language.check.index.parsed_rules import ParsedRules
 from codra_dsl.language.check.index.words import NOUNS, texts_of
 from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.expression import Name, Node, Text, names_in, spelt_out, variables_in, walk
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.misspelt_names import Vocabulary
 from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import (
@@ -221,7 +222,7 @@ class SpecIndex:
 
     def is_readable(self, section: str, name: str, *keys: str) -> bool:
         """Return whether all these keys of an element could be read."""
-        return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
+        return (section, name) not in self.spec.damaged_keys or self.spec.damaged_keys[section, name].isdisjoint(keys)
 
     def has_damage(self, section: str, *keys: str) -> bool:
         """Return whether some elements of a section, or one of these keys of an element, could not be read."""

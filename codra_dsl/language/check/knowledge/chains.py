@@ -9,7 +9,7 @@ point of these statements.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 from codra_dsl.language import graph
@@ -22,6 +22,7 @@ from codra_dsl.language.check.knowledge.owners import is_knowledge_checkable, st
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Related
 from codra_dsl.language.expression import Path
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Agent, AgentRule, EdgeType, Task, TaskState
 
 

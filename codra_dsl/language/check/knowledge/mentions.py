@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from codra_dsl.language.check.conditions.conditions import Role
 from codra_dsl.language.check.index.mentions import Mention, mention_of, user_of
 from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.expression import Count, EdgeTerm, Name, Node, NodeTerm, Path, names_in, reads_of, walk
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Agent, AgentRule, Condition, Course, PoseCondition, Variable
 
 

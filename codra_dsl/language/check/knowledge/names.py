@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
 from codra_dsl.language.check.index.fixes import renaming_fix
 from codra_dsl.language.check.index.graph_schema import STATES
@@ -23,6 +22,7 @@ from codra_dsl.language.check.knowledge.mentions import (
 )
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, is_slip, suggest
 from codra_dsl.language.expression import Node, reads_of
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.names import is_identifier
 from codra_dsl.language.model import RT, TASK_ATTRIBUTES, TASK_TYPE, Kind
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Forest, TreeNode
 from codra_dsl.language.behavior_trees.catalogue import BUILT_IN
@@ -14,6 +13,7 @@ from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_errors
 from codra_dsl.language.expression import Compare, Name, Node, Text
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Course, TreeElement
 
 

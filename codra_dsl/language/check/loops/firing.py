@@ -8,13 +8,13 @@ fires.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import pairwise, product
 
 from codra_dsl.language.check.index.parsed_rules import ParsedRule, members, range_of
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import FaultyElements, SpecIndex
 from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.model import And, Antecedent, Or, Proposition, Rule, Term
 from codra_dsl.language.fuzzy.supports import Extent, extent
 from codra_dsl.language.fuzzy.words import Hedge

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from codra_dsl.language.check.index.parsed_rules import output_terms
@@ -11,6 +10,7 @@ from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.diagnostics import suggest
 from codra_dsl.language.expression import is_name
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.fuzzy.source import MAX_LISTED, shown
 from codra_dsl.language.model import Kind, Output, Variable
 

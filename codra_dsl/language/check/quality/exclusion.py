@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, FaultyElements, SpecIndex
@@ -11,6 +10,7 @@ from codra_dsl.language.check.quality.conditions import sound_conditions
 from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related
 from codra_dsl.language.expression import Node, names_in, spelt_out
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Algorithm, Condition, Expectation, Expected, Reference, Skill, WhenUnobservable
 
 MAX_STEPS = 100_000

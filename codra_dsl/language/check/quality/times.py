@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from codra_dsl.language import graph
 from codra_dsl.language.check.index.rules import finding
 from codra_dsl.language.check.index.spec_index import OBSERVER, FaultyElements, Group, SpecIndex
 from codra_dsl.language.check.solver.ages import upper_bounds
 from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import (
     DEFAULT_PERIOD_S,
     FOREVER_S,

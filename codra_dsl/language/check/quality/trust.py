@@ -45,9 +45,11 @@ def unnoticed_inputs(spec_index: SpecIndex, faults: FaultyElements) -> Iterator[
     Otherwise the parameter follows a value that stays although its writer has stopped. What loops compute or set is
     ignored, and so is a variable that a precondition reads, which has a finding of its own.
     """
-    reported_names, seen_names = set(_first_trusting_algorithms(spec_index)), set[str]()
-    for site in spec_index.sites:
-        if site.role is not Role.VALUE or spec_index.judgements[id(site.condition)].problems:
+    value_sites = [site for site in spec_index.sites if site.role is Role.VALUE]
+    reported_names = set(_first_trusting_algorithms(spec_index)) if value_sites else set[str]()
+    seen_names = set[str]()
+    for site in value_sites:
+        if spec_index.judgements[id(site.condition)].problems:
             continue
         aged_names = _names_with_ages(site.condition.tree)
         names = (name for name in site.values if faults.is_sound(*site.owner) and name.name not in aged_names)

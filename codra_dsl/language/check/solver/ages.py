@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from codra_dsl.language.check.solver.budget import current_budget
 from codra_dsl.language.check.solver.intervals import Interval
 from codra_dsl.language.check.solver.values import UNKNOWN, Context, own_comparisons, possible_values
 from codra_dsl.language.expression import And, Call, Compare, Name, Node, Not, Or, names_in
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Condition
 
 _MIRRORED_OPERATORS = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from itertools import product
 
@@ -32,6 +32,7 @@ from codra_dsl.language.check.solver.values import (
     possible_values,
 )
 from codra_dsl.language.expression import And, Call, Compare, In, Name, Node, Text, parts, walk
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Kind
 
 MAX_CASES = 4096

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from codra_dsl.language.check.conditions.types import Types
 from codra_dsl.language.check.solver.breakpoints import context_keys_of
@@ -12,6 +12,7 @@ from codra_dsl.language.check.solver.satisfiable import can_hold
 from codra_dsl.language.check.solver.values import age_key
 from codra_dsl.language.diagnostics import Place, Related
 from codra_dsl.language.expression import And, Node, names_in
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import FOREVER_S, Condition, Returned, Variable
 
 MAX_CONDITIONS = 50

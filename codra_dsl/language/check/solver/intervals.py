@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from fractions import Fraction
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.units import Unit
 
 Number = Fraction | float

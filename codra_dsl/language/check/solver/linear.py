@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 
 from codra_dsl.language.check.solver.budget import spend, spend_on_digits
 from codra_dsl.language.check.solver.intervals import in_base
 from codra_dsl.language.expression import Arithmetic, Call, Name, Negative, Node, Number, to_text
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.units import ONE, parse_unit
 
 

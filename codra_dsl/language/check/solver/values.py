@@ -8,7 +8,7 @@ that occur several times, and computes the possible values in each case.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from fractions import Fraction
 from functools import lru_cache, partial, reduce
@@ -36,6 +36,7 @@ from codra_dsl.language.expression import (
     Text,
     Truth,
 )
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.model import Kind
 from codra_dsl.language.units import ONE, parse_unit
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from codra_dsl.language.check.conditions.conditions import CONTEXT_ROLES, KNOWLEDGE_ROLES, Role, Site
 from codra_dsl.language.check.conditions.types import Types
@@ -13,6 +12,7 @@ from codra_dsl.language.check.index.spec_index import SpecIndex
 from codra_dsl.language.check.solver.values import own_comparisons
 from codra_dsl.language.diagnostics import Fix
 from codra_dsl.language.expression import Name, walk
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.fixes import corrected_truth_value
 from codra_dsl.language.model import Condition, Kind
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from codra_dsl.language.check.conditions.conditions import Result, Role, Site
 from codra_dsl.language.check.index.corrections import Owner
@@ -13,6 +13,7 @@ from codra_dsl.language.check.index.words import USERS
 from codra_dsl.language.check.solver.values import own_comparisons
 from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, replacement_fix, suggest
 from codra_dsl.language.expression import Choice, Fallback, Name, Node, Text, walk
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.misspelt_names import misspelt_declarations
 from codra_dsl.language.model import Kind, Members, ValueType
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from codra_dsl.language.diagnostics import replacement_fix
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.keys_and_values import explain_outline
 from codra_dsl.language.load.schema.schema import FILE_DEFINITION
 from codra_dsl.language.load.schema_file import schema

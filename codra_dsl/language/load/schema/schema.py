@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import jsonschema_rs
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema_file import schema
 
 if TYPE_CHECKING:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
 from typing import TypeVar
 
 from codra_dsl.language.diagnostics import Place, Span, lazy_place
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.nodes import MappingNode, SequenceNode, YamlNode
 from codra_dsl.language.load.yaml.origin import Origin
 from codra_dsl.language.load.yaml.source import Source

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.document import read_root
 from codra_dsl.language.load.schema.keys_and_values import explain_outline
 from codra_dsl.language.load.yaml.findings import Findings, list_names

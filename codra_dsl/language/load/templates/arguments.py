@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from codra_dsl.language.diagnostics import Related, replacement_fix, surely_means
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.schema import has_shape
 from codra_dsl.language.load.templates.substitution import BoundValue, bind, example_value
 from codra_dsl.language.load.templates.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.templates.templates import EXAMPLES, Parameter, ParameterKind, Piece, Position, Template
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.language.load.yaml.nodes import FilledText, MappingNode, ScalarNode, SequenceNode, Style, YamlNode

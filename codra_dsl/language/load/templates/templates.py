@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from enum import Enum
 
 from codra_dsl.language.diagnostics import Place
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.schema.document import KEYS, SECTIONS, section_of
 from codra_dsl.language.load.schema.keys_and_values import explain, explain_outline
 from codra_dsl.language.load.schema.schema import has_shape

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from codra_dsl.language.diagnostics import Place, Span, lazy_place
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode, visible_range
 from codra_dsl.language.load.yaml.source import Source
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.traps import Trap
 
 Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

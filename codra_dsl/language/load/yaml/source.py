@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import accumulate
 from pathlib import Path
 from types import MappingProxyType
 
 from codra_dsl.language.diagnostics import Place, Span
 from codra_dsl.language.file_queries import MAX_SPEC_BYTES, read_file
+from codra_dsl.language.frozen import dataclass
 from codra_dsl.language.load.yaml.findings import Findings
 from codra_dsl.regular_files import OutsideError, TooLargeError, UnsuitableFileError
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from codra_dsl.language.expression import Negative, Node, is_name, parse, parse_derivation
 from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.frozen import dataclass
 
 _KEY_AND_VALUE = re.compile(r"(?P<key>[A-Za-z]\w*):\s+(?P<value>\S+)")
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
+
+from codra_dsl.language.frozen import dataclass
 
 if TYPE_CHECKING:
     from codra_dsl.tooling.report.graphs import Graph
