@@ -21,6 +21,7 @@ from codra_dsl.runtime.journal.schemas import TOPICS, Kind
 from codra_dsl.runtime.values.cell import Reason
 
 _encode_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
+_decode_json = json.JSONDecoder().decode
 
 _KINDS_ON_SHARED_TOPICS = frozenset(kind for kind, topic in TOPICS.items() if topic.is_shared)
 """Kinds whose events share one topic."""
@@ -154,7 +155,7 @@ def event_of(kind: Kind, data: bytes) -> Event:
         MalformedEventError: if the message encodes an event of an override that no run has written.
         ValueError, KeyError, TypeError: if the message does not encode an event.
     """
-    fields = json.loads(data)
+    fields = _decode_json(data.decode("utf-8", "surrogatepass"))
     if b'"infinite' in data:
         fields = _restore_event_fields(fields)
     instant_s, name, what = fields.pop("instant_s"), fields.pop("name"), fields.pop("what")

@@ -39,7 +39,7 @@ class JournalError(Exception):
     """The file is not a journal, no part of it can be read, or it exceeds a limit of readers."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Limit:
     noun: str
     base: int
