@@ -95,4 +95,4 @@ class ReadingBudget:
 
 def value_count(data: bytes) -> int:
     """Return about the number of JSON values in messages: each comma and each opening bracket stands for one value."""
-    return data.count(b",") + data.count(b"[") + data.count(b"{")
+    return len(data) - len(data.translate(None, b",[{"))  # faster than three counts
