@@ -17,6 +17,7 @@ import compiling
 import editing
 import fuzzy
 import isolation
+import journals
 import knowledge
 import running
 from rows import PeerMissingError, Row
@@ -27,6 +28,7 @@ GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
     "editing": editing.rows,
     "fuzzy": fuzzy.rows,
     "isolation": isolation.rows,
+    "journals": journals.rows,
     "knowledge": knowledge.rows,
     **running.GROUPS,
 }

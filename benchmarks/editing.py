@@ -53,7 +53,7 @@ def rows(scratch: Path) -> Iterator[Row]:
 def _lint(path: Path) -> Cost:
     start_s = time.perf_counter()
     lint_paths([path], path.parent)
-    return Cost(wall_s=time.perf_counter() - start_s, peak_bytes=0)
+    return Cost(wall_s=time.perf_counter() - start_s, cpu_s=0.0, peak_bytes=0)
 
 
 class _Editor:
@@ -86,7 +86,7 @@ class _Editor:
             {"method": "textDocument/didChange", "params": {"textDocument": document, "contentChanges": [change]}}
         )
         self._wait_for_findings()
-        return Cost(wall_s=time.perf_counter() - start_s, peak_bytes=0)
+        return Cost(wall_s=time.perf_counter() - start_s, cpu_s=0.0, peak_bytes=0)
 
     def stop(self) -> None:
         """End the server."""

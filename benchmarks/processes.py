@@ -17,10 +17,12 @@ class Cost:
 
     Attributes:
         wall_s: the time from the start to the end of the process.
+        cpu_s: the processor time of the process.
         peak_bytes: the peak memory of the process.
     """
 
     wall_s: float
+    cpu_s: float
     peak_bytes: int
 
 
@@ -37,7 +39,7 @@ def run(command: Sequence[str | Path], folder: Path) -> Cost:
     process.stderr.close()
     if process.returncode != 0:
         raise RuntimeError(f"{command}: {stderr_output.decode(errors='replace')}")
-    return Cost(wall_s=wall_s, peak_bytes=usage.ru_maxrss * 1024)
+    return Cost(wall_s=wall_s, cpu_s=usage.ru_utime + usage.ru_stime, peak_bytes=usage.ru_maxrss * 1024)
 
 
 def in_turns(run_count: int, *measurements: Callable[[], Cost]) -> list[Cost]:
@@ -49,6 +51,7 @@ def in_turns(run_count: int, *measurements: Callable[[], Cost]) -> list[Cost]:
     return [
         Cost(
             wall_s=statistics.median(cost.wall_s for cost in costs),
+            cpu_s=statistics.median(cost.cpu_s for cost in costs),
             peak_bytes=int(statistics.median(cost.peak_bytes for cost in costs)),
         )
         for costs in costs_by_side

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from json.encoder import encode_basestring
 from typing import Any
@@ -21,6 +21,7 @@ from codra_dsl.runtime.journal.schemas import TOPICS, Kind
 from codra_dsl.runtime.values.cell import Reason
 
 _encode_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
+_decode_json = json.JSONDecoder().decode
 
 _KINDS_ON_SHARED_TOPICS = frozenset(kind for kind, topic in TOPICS.items() if topic.is_shared)
 """Kinds whose events share one topic."""
@@ -68,18 +69,26 @@ def _event_text(event: Event, details: Mapping[str, Any]) -> str:
     """Return the JSON text of an event. For objects as small as most events, this is faster than an encoder."""
     parts = [f'{{"instant_s":{_text(event.instant_s)},"name":{_text(event.name)},"what":{_key_text(event.what)}']
     for key, detail in details.items():
-        encode = _SCALAR_ENCODERS.get(type(detail))
-        if encode is not None:
+        if detail is not None:
+            encode = _DETAIL_ENCODERS.get(type(detail), _uncommon_text)
             parts.append(f",{_key_text(key)}:{encode(detail)}")
-        elif isinstance(detail, Mapping):
-            entries = [f"{_key_text(name)}:{_text(entry)}" for name, entry in detail.items() if entry is not None]
-            parts.append(f",{_key_text(key)}:{{{','.join(entries)}}}")
-        elif isinstance(detail, (list, tuple)):
-            parts.append(f",{_key_text(key)}:[{','.join(map(_text, detail))}]")
-        elif detail is not None:
-            parts.append(f",{_key_text(key)}:{_encode_json(detail)}")
     parts.append("}")
     return "".join(parts)
+
+
+def _object_text(entries: Mapping[str, Any]) -> str:
+    texts = [f"{_key_text(name)}:{_text(entry)}" for name, entry in entries.items() if entry is not None]
+    return f"{{{','.join(texts)}}}"
+
+
+def _array_text(elements: Sequence[Any]) -> str:
+    return f"[{','.join(map(_text, elements))}]"
+
+
+def _uncommon_text(detail: Any) -> str:
+    if isinstance(detail, Mapping):
+        return _object_text(detail)
+    return _array_text(detail) if isinstance(detail, (list, tuple)) else _encode_json(detail)
 
 
 def _text(value: Any) -> str:
@@ -109,6 +118,14 @@ _SCALAR_ENCODERS: Mapping[type, Callable[[Any], str]] = {
     int: int.__repr__,
     float: _number_text,
     str: encode_basestring,
+    Reason: encode_basestring,
+}
+
+_DETAIL_ENCODERS: Mapping[type, Callable[[Any], str]] = {
+    **_SCALAR_ENCODERS,
+    dict: _object_text,
+    list: _array_text,
+    tuple: _array_text,
 }
 
 
@@ -154,7 +171,7 @@ def event_of(kind: Kind, data: bytes) -> Event:
         MalformedEventError: if the message encodes an event of an override that no run has written.
         ValueError, KeyError, TypeError: if the message does not encode an event.
     """
-    fields = json.loads(data)
+    fields = _decode_json(data.decode("utf-8", "surrogatepass"))
     if b'"infinite' in data:
         fields = _restore_event_fields(fields)
     instant_s, name, what = fields.pop("instant_s"), fields.pop("name"), fields.pop("what")

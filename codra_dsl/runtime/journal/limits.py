@@ -39,7 +39,7 @@ class JournalError(Exception):
     """The file is not a journal, no part of it can be read, or it exceeds a limit of readers."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Limit:
     noun: str
     base: int
@@ -95,4 +95,4 @@ class ReadingBudget:
 
 def value_count(data: bytes) -> int:
     """Return about the number of JSON values in messages: each comma and each opening bracket stands for one value."""
-    return data.count(b",") + data.count(b"[") + data.count(b"{")
+    return len(data) - len(data.translate(None, b",[{"))  # faster than three counts

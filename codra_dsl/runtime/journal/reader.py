@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import BinaryIO, NamedTuple, Self
 from zlib import crc32
 
 from mcap.data_stream import ReadDataStream
@@ -96,8 +96,7 @@ class Damage:
         return (*lines, f"and {self.undescribed_part_count:,} more parts") if self.undescribed_part_count else lines
 
 
-@dataclass(frozen=True, slots=True)
-class RawMessage:
+class RawMessage(NamedTuple):
     """A message with its channel and schema."""
 
     schema: Schema

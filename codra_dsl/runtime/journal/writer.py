@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from functools import lru_cache
 from typing import BinaryIO
 
 from codra_dsl.runtime.journal.encoding import json_text, message_of
@@ -152,6 +153,10 @@ def _schema_text(schema: JsonSchema) -> bytes:
     return json.dumps(schema, ensure_ascii=False).encode()
 
 
+@lru_cache(maxsize=64)
 def _nanoseconds(instant_s: float) -> int:
-    """Return an instant in nanoseconds, as MCAP stores it: negative and too large values become 0."""
+    """Return an instant in nanoseconds, as MCAP stores it: negative and too large values become 0.
+
+    Many instants are repeated, because all events of a step have one instant.
+    """
     return round(instant_s * 1e9) if 0.0 < instant_s < _MAX_NS / 1e9 else 0

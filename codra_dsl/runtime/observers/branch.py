@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from functools import cached_property
 from typing import Protocol
@@ -148,14 +147,21 @@ class Branch:
         for votes in self._votes.values():
             votes.clear()
 
-    def next_start_s(self) -> float:
-        """Return when the next job is due.
+    def earliest_start_s(self) -> float:
+        """Return when the next job may start, if the variables of the branch are asked for."""
+        if not self.is_on_event:
+            return self._next_in_period_s()
+        # evidence from the very instant of an invalidation does not count
+        cells = self.observer.services.cells
+        invalidated_s = (cells[variable].invalidated_s + INVALIDATION_DELAY_S for variable in self.identifies)
+        return max(self._next_in_period_s(), *invalidated_s)
 
-        Return infinity if all variables of the branch have `refresh: on_event`, and none is both due and asked for.
+    def is_asked_for(self) -> bool:
+        """Return whether the branch is to look as soon as it may.
+
+        This is false if all its variables have `refresh: on_event`, and none is both due and asked for.
         """
-        if self.is_on_event:
-            return self._next_on_event_s()
-        return self._next_in_period_s()
+        return not self.is_on_event or any(map(self.observer.services.is_asked_for, self.due_variables()))
 
     def _next_in_period_s(self) -> float:
         """Return the end of the pause between two jobs.
@@ -175,10 +181,11 @@ class Branch:
             return False
         return self._next_in_period_s() <= self.observer.services.now_s()
 
-    def reads(self, variable: str) -> bool:
-        """Return whether a precondition reads a variable."""
-        cells = self.observer.services.cells
-        return any(variable in with_inputs(term.variables(), cells) for _, term in self.conditions)
+    @cached_property
+    def read_variables(self) -> frozenset[str]:
+        """The variables that preconditions read; it is needed only after all preconditions were added."""
+        names = {name for _, term in self.conditions for name in term.variables()}
+        return with_inputs(names, self.observer.services.cells)
 
     @property
     def is_occupied(self) -> bool:
@@ -345,14 +352,6 @@ class Branch:
             cell.pin(now_s)
         return {name: context.value(name) for name in self.algorithm.given}
 
-    def _next_on_event_s(self) -> float:
-        services = self.observer.services
-        if not any(map(services.is_asked_for, self.due_variables())):
-            return math.inf
-        # evidence from the very instant of an invalidation does not count
-        invalidated_s = (services.cells[variable].invalidated_s + INVALIDATION_DELAY_S for variable in self.identifies)
-        return max(self._next_in_period_s(), *invalidated_s)
-
     def due_variables(self) -> list[str]:
         """Return the variables of the branch that are due because of events, whether or not they are needed."""
         services, now_s = self.observer.services, self.observer.services.now_s()
@@ -373,10 +372,7 @@ class Branch:
 
     @cached_property
     def _condition_cells(self) -> list[Cell]:
-        """The variables of the preconditions; jobs need them after all preconditions were added."""
-        names = {name for _, term in self.conditions for name in term.variables()}
-        cells = self.observer.services.cells
-        return [cells[name] for name in sorted(with_inputs(names, cells))]
+        return [self.observer.services.cells[name] for name in sorted(self.read_variables)]
 
     def _stamp_s(self) -> float:
         return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s

@@ -40,6 +40,8 @@ class EventTriggers:
 
     def may_be_changing(self, variable: str) -> bool:
         """Return whether an acting skill changes a variable. Then its value is lost when it cannot be observed."""
+        if not self._changed_variables:  # in most ticks, no skill acts
+            return False
         return any(variable in changes for changes in self._changed_variables.values())
 
     @property

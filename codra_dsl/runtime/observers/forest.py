@@ -150,18 +150,13 @@ class Forest:
             name = pending_variables.pop()
             if any(reader in declarations for reader in self._derived_readers.get(name, (name,))):
                 return True
-            branches = [
-                branch
-                for observer in self._observers_by_need.get(name, ())
-                for branch in observer.branches_asking_for(name)
-            ]
-            if not all(branch.is_on_event for branch in branches):
-                return True  # a periodic look needs its preconditions in any case
-            due_variables = {
-                due_variable for branch in branches for due_variable in branch.due_variables()
-            } - visited_variables
-            visited_variables |= due_variables
-            pending_variables.extend(due_variables)
+            for observer in self._observers_by_need.get(name, ()):
+                for branch in observer.branches_asking_for(name):
+                    if not branch.is_on_event:
+                        return True  # a periodic look needs its preconditions in any case
+                    due_variables = set(branch.due_variables()) - visited_variables
+                    visited_variables |= due_variables
+                    pending_variables.extend(due_variables)
         return False
 
     def _observed_inputs(self, variable: str) -> list[str]:

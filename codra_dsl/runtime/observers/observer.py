@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import reduce
@@ -127,7 +126,7 @@ class Observer:
         """Return the branches that need a variable to look now. They look only if their own variables are asked for."""
         if not self.is_wanted:
             return []
-        return [branch for branch in self._branches if branch.reads(variable) and branch.would_look]
+        return [branch for branch in self._branches if variable in branch.read_variables and branch.would_look]
 
     def obstacle(self, variable: str) -> str:
         """Return why no algorithm of a variable can look now: a condition for each of them; empty if one can look."""
@@ -175,7 +174,9 @@ class Observer:
         if branch.is_rival_busy:
             return None
         ready_branches = [
-            rival for rival in branch.rivals if rival.next_start_s() <= self.now_s and self._may_run(rival)
+            rival
+            for rival in branch.rivals
+            if rival.earliest_start_s() <= self.now_s and rival.is_asked_for() and self._may_run(rival)
         ]
         return min(ready_branches, key=lambda rival: rival.last_start_s, default=None)
 
@@ -228,10 +229,10 @@ class Observer:
         waits_s = (term.flips_s(self._context_now) for term in self._age_sensitive_terms)
         instants = [self.now_s + wait_s for wait_s in waits_s if wait_s]
         for branch in self._branches:
-            start_s = branch.next_start_s()
-            if not self.now_s < start_s < math.inf or branch.is_rival_busy:
+            start_s = branch.earliest_start_s()
+            if start_s <= self.now_s or branch.is_rival_busy:
                 continue
-            if self.on_event_needs or self._may_run(branch):
+            if branch.is_asked_for() and (self.on_event_needs or self._may_run(branch)):
                 instants.append(start_s)
         return min(instants, default=None)
 
@@ -276,9 +277,11 @@ class Observer:
 
         An observer goes on beneath an override of its variable, so it reads what the override hides.
         """
-        present_reading = self.services.cells[variable].observed.at(self.now_s)
-        readings_of_variable = (reading for reading in self._written_readings if reading.name == variable)
-        return sorted((present_reading, *readings_of_variable), key=lambda reading: reading.evidence_s)[-1]
+        newest_reading = self.services.cells[variable].observed.at(self.now_s)
+        for reading in self._written_readings:
+            if reading.name == variable and reading.evidence_s >= newest_reading.evidence_s:
+                newest_reading = reading
+        return newest_reading
 
     def _is_own(self, reading: Reading[Value]) -> bool:
         return any(branch.algorithm.name == reading.source for branch in self._branches)
@@ -307,7 +310,8 @@ class Observer:
         """Return whether, after a job, another tick at this instant may have an effect."""
         if self._failed_looks or len(self._branches) > 1:
             return True
-        return self._branches[0].next_start_s() <= self.now_s
+        (branch,) = self._branches
+        return branch.earliest_start_s() <= self.now_s and branch.is_asked_for()
 
     def _alternative_is_busy(self, variable: str) -> bool:
         """Return whether a busy algorithm without a failed look may still deliver a value."""

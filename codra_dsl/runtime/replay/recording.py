@@ -11,13 +11,16 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from itertools import islice, takewhile
+from itertools import islice
 from typing import Self
 
 from codra_dsl.runtime.journal.encoding import message_of
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.reader import JournalReader
+from codra_dsl.runtime.journal.reader import JournalReader, RawMessage
 from codra_dsl.runtime.journal.schemas import kind_of
+
+_USED_KINDS = frozenset({Kind.INPUT, Kind.DECISION, Kind.PREVIEW})
+"""Kinds whose events are decoded when they are read."""
 
 _WHAT_KEY = b'"what":'
 _STARTED = b'"started"'
@@ -44,8 +47,10 @@ class RecordedEvent:
     @property
     def is_job_end(self) -> bool:
         """Return whether the event may be the end of a job."""
+        if self.kind is not Kind.JOB:
+            return False
         what_position = self._data.find(_WHAT_KEY) + len(_WHAT_KEY)  # a result of the job may have the same key, later
-        return self.kind is Kind.JOB and not self._data.startswith(_STARTED, what_position)
+        return not self._data.startswith(_STARTED, what_position)
 
     @property
     def event(self) -> Event | None:
@@ -117,13 +122,7 @@ class Recording:
             max_messages: the number of messages that belong to the recording, if a program is still writing the file.
         """
         messages = islice(reader.raw_messages(), max_messages)
-        raw_messages = takewhile(lambda message: message.message.log_time <= to_s * 1e9 + 0.5, messages)
-        recorded_events = (
-            RecordedEvent(kind, raw_message.message.data, partial(reader.event, raw_message))
-            for raw_message in raw_messages
-            if (kind := kind_of(raw_message.channel.topic)) is not None
-        )
-        return cls(kinds, recorded_events)
+        return cls(kinds, _recorded_events(reader, messages, to_s * 1e9 + 0.5))
 
     @property
     def end_s(self) -> float | None:
@@ -210,7 +209,7 @@ class Recording:
         self._last_event = recorded_event
         if recorded_event.kind is not Kind.INPUT and self._is_expecting:
             self._expected_events.append(recorded_event)
-        is_used = recorded_event.kind in (Kind.INPUT, Kind.DECISION, Kind.PREVIEW) or recorded_event.is_job_end
+        is_used = recorded_event.kind in _USED_KINDS or recorded_event.is_job_end
         is_job_start = recorded_event.kind is Kind.JOB and not self._is_expecting
         event = recorded_event.event if is_used or is_job_start else None
         if event is None:
@@ -226,6 +225,17 @@ class Recording:
             if event.what == "late":
                 self._late_steps.add(event.details["step"])
             self._program_input_count += event.what != "evidence"
+
+
+def _recorded_events(
+    reader: JournalReader, raw_messages: Iterable[RawMessage], last_ns: float
+) -> Iterator[RecordedEvent]:
+    for raw_message in raw_messages:
+        message, kind = raw_message.message, kind_of(raw_message.channel.topic)
+        if message.log_time > last_ns:
+            return
+        if kind is not None:
+            yield RecordedEvent(kind, message.data, partial(reader.event, raw_message))
 
 
 def _recorded_event(event: Event) -> RecordedEvent:

@@ -176,17 +176,17 @@ class ObservabilityMonitor:
                 value from another writer is lost only if the condition has held and then fails.
             now_s: the present instant.
         """
-        evidence = (
-            reading.evidence_s,
-            reading.source,
-            sum(cells[name].late_reading_count for name in _reads(self._term, cells)[0]),
-        )
+        names, has_ages = _reads(self._term, cells)
+        read_cells = [cells[name] for name in names]
+        evidence = (reading.evidence_s, reading.source, sum([cell.late_reading_count for cell in read_cells]))
         # late readings change the past, so their number is a part of this key: when it changes, the time since the
         # evidence is checked again, so that the result does not depend on the instants of the checks
         if self._checked_evidence != evidence:
             self._checked_evidence = evidence
             self._checked_until_s, self._has_held_at_check = reading.evidence_s, is_own
-        start_s = max(self._checked_until_s, complete_from_s(self._term, cells))
-        loss_s = first_loss_s(self._term, cells, start_s, now_s, self._has_held_at_check)
-        self._checked_until_s, self._has_held_at_check = now_s, self._term.holds(ContextNow(cells, now_s))
-        return loss_s
+        start_s = max(self._checked_until_s, *[cell.complete_from_s for cell in read_cells])
+        had_held, is_held = self._has_held_at_check, self._term.holds(ContextNow(cells, now_s))
+        self._checked_until_s, self._has_held_at_check = now_s, is_held
+        if not has_ages and all(_covers_interval(cell, start_s, now_s) for cell in read_cells):
+            return start_s if had_held and not is_held else None
+        return first_loss_s(self._term, cells, start_s, now_s, had_held)
