@@ -2,7 +2,7 @@
 local seen = {}
 
 local function wait(condition)
-  return vim.wait(30000, condition, 20)
+  return vim.wait(100000, condition, 20)
 end
 
 local function findings()
