@@ -46,8 +46,7 @@ class Type:
     Attributes:
         unit: the unit of a number. If another unit is requested, the number is converted.
         values: the members of an enum.
-        is_literal: whether the expression consists of literals only. A literal text fits an enum if it is one of the
-            members.
+        is_literal: whether the expression consists of literals only. A literal text that is a member fits an enum.
         is_zero: whether the expression is the literal 0, which needs no unit.
         range: the range of a name, in `unit`, with both ends included; None if no range is declared.
         valid_for_s: for a context-variable, the maximum age of its evidence while the variable is known.
