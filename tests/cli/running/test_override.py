@@ -168,4 +168,6 @@ def greet_and_leave(listener: socket.socket) -> None:
     with contextlib.suppress(OSError):
         connection, _ = listener.accept()
         connection.sendall(b"220 mail.example.org ready\r\n")
+        connection.shutdown(socket.SHUT_WR)
+        connection.recv(1 << 16)  # the command must be able to send its request
         connection.close()

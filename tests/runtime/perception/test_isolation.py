@@ -175,11 +175,14 @@ def test_hostile_exceptions_of_a_handle_end_only_the_jobs_that_call_it() -> None
 
 def test_the_memory_of_a_process_is_freed_at_its_end_and_never_used_in_the_program(clock: WallClock) -> None:
     before = own_memory_mb()
-    with started(looking(eye("returns_100_mb"), eye("keeps_100_mb", name="b")), clock) as manager:
+    # a slow machine may need long for 100 MB
+    algorithms = (eye("returns_100_mb", timeout_s=30.0), eye("keeps_100_mb", name="b", timeout_s=30.0))
+    with started(looking(*algorithms), clock) as manager:
         wait(clock, lambda: manager.get("a").reason is Reason.FAILED and manager.get("b").known)
         assert own_memory_mb() < before + 50
-        (pid,) = [process.pid for process in processes_of(os.getpid()) if process.memory_mb > 100]
-    await_end(pid)
+        pids = [process.pid for process in processes_of(os.getpid()) if process.memory_mb > 100]
+        assert 1 <= len(pids) <= 2  # the process that returns 100 MB has them only for a while
+    await_end(*pids)
 
 
 def test_a_process_that_ended_between_two_jobs_is_replaced_unnoticed(tmp_path: Path, clock: WallClock) -> None:
