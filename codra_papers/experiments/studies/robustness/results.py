@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, RESAMPLE_COUNT, ratio_of_sums
+from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, RESAMPLE_COUNT
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.robustness import paper
 from codra_papers.experiments.studies.robustness.findings import (
@@ -15,6 +15,7 @@ from codra_papers.experiments.studies.robustness.findings import (
     Runs,
     estimate_as_data,
     label,
+    measures_as_data,
 )
 from codra_papers.experiments.studies.robustness.frames import RepeatedDetection
 from codra_papers.experiments.studies.robustness.mistakes import Mistake
@@ -53,8 +54,8 @@ def _variable(runs: Runs, name: str, arm: str) -> Mapping[str, Any]:
             None if arm_seconds is None else asdict(arm_seconds) for arm_seconds in runs.seconds(name, arm)
         ],
         "window_total": asdict(window_seconds),
-        "paper_ratio": ratio_of_sums([window_seconds.paper_share]),
-        "strict_ratio": ratio_of_sums([window_seconds.strict_share]),
+        "window_wrong_by_cause": asdict(runs.causes_in_windows(name, arm)),
+        **measures_as_data(runs.total_by_truth(name, arm)),
         "runs_left_out": runs.left_out(name, arm),
         "whole_runs": asdict(whole_run_seconds),
         "wrong_by_cause": asdict(variable_causes),
