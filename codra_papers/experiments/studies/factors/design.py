@@ -79,10 +79,13 @@ _EQUAL_CADENCE = WithMinimumInterval(algorithms="_lid", min_interval_s=P1_TRIGGE
 NAIVE_LIDS = replace(NAIVE_PACED, name="naive, lids", need=Need.LIDS)
 """P1's naive observers: only the two lids are observed, each at most once in 7.2 s."""
 
-CONTEXT_ARMS = tuple(replace(arm, edits=(*arm.edits, _EQUAL_CADENCE)) for arm in (PRECONDITIONS, NEED, NEED_ON_EVENT))
-"""The arms with context. No lid is looked at more often than in the naive arm."""
+PACED_ARMS = tuple(
+    arm.with_edit(f"{arm.name}, every {P1_TRIGGER_PERIOD_S:g} s", _EQUAL_CADENCE)
+    for arm in (PRECONDITIONS, NEED, NEED_ON_EVENT)
+)
+"""The arms whose triggers are compared with those of `NAIVE_LIDS`: they look at a lid no more often."""
 
-ARMS = (NAIVE_LIDS, *CONTEXT_ARMS)
+ARMS = (NAIVE_LIDS, PRECONDITIONS, *PACED_ARMS)
 
 
 def arm_name(arm: Arm, localiser: Localiser) -> str:

@@ -10,7 +10,6 @@ from typing import Any
 
 from codra_papers.experiments.campaign.statistics import (
     Estimate,
-    Share,
     mean_interval,
     ratio_interval,
     ratio_of_sums,
@@ -44,14 +43,14 @@ class Triggers:
 
     Attributes:
         lid: the jobs of the algorithm of one lid.
-        observable_lid: those of these jobs that were started while the preconditions of the spec were true.
+        observable_share: the share of these jobs that were started while the preconditions of the spec were true.
         fewer: the share of the naive arm's jobs of this algorithm that the arm saves.
         other_camera: all other jobs that look at frames.
         distance_polls: the jobs that look at no frame.
     """
 
     lid: int
-    observable_lid: int
+    observable_share: float | None
     fewer: Estimate
     other_camera: int
     distance_polls: int
@@ -113,7 +112,7 @@ def _triggers(
     lid_count, camera_count = (sum(runs.triggers(arm, names)) for names in ((algorithm,), camera_algorithms))
     return Triggers(
         lid=lid_count,
-        observable_lid=sum(outcome.arms[arm].observable_triggers.get(algorithm, 0) for outcome in outcomes),
+        observable_share=ratio_of_sums([runs.observable_share(arm, algorithm)]),
         fewer=fewer_triggers(runs, arm, naive, (algorithm,)),
         other_camera=camera_count - lid_count,
         distance_polls=sum(sum(outcome.arms[arm].triggers.values()) for outcome in outcomes) - camera_count,
@@ -200,11 +199,7 @@ def findings_as_data(findings: Sequence[CellFinding], all_effects: Sequence[Effe
                 "arm": finding.arm,
                 "paper_ratio_interval": estimate_as_data(finding.ratio),
                 **next(iter(arm_comparisons_as_data([finding.comparison]).values())),
-                "triggers": {
-                    **asdict(finding.triggers),
-                    "fewer": estimate_as_data(finding.triggers.fewer),
-                    "observable_share": observable_share(finding),
-                },
+                "triggers": {**asdict(finding.triggers), "fewer": estimate_as_data(finding.triggers.fewer)},
             }
             for finding in findings
         ],
@@ -218,8 +213,3 @@ def findings_as_data(findings: Sequence[CellFinding], all_effects: Sequence[Effe
             for effect in all_effects
         ],
     }
-
-
-def observable_share(finding: CellFinding) -> float | None:
-    """Return the share of the jobs of a lid's algorithm under which the preconditions were true; None without jobs."""
-    return ratio_of_sums([Share(float(finding.triggers.observable_lid), float(finding.triggers.lid))])

@@ -160,6 +160,15 @@ class Runs:
         """Return, for each run, how many jobs of some algorithms an arm started."""
         return [sum(outcome.arms[arm].triggers.get(name, 0) for name in algorithms) for outcome in self.outcomes]
 
+    def observable_share(self, arm: str, algorithm: str) -> Share:
+        """Return the share of an algorithm's jobs that were started while the preconditions of the spec were true."""
+        arms = [outcome.arms[arm] for outcome in self.outcomes]
+        is_counted = any(algorithm in arm_outcome.observable_triggers for arm_outcome in arms)
+        return Share(
+            float(sum(arm_outcome.observable_triggers.get(algorithm, 0) for arm_outcome in arms)),
+            float(sum(self.triggers(arm, (algorithm,)))) if is_counted else 0.0,
+        )
+
     def slot_s(self, arm: str) -> float:
         """Return how long an arm's observers held slots."""
         return math.fsum(outcome.arms[arm].slot_s for outcome in self.outcomes)

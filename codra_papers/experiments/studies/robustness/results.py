@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, RESAMPLE_COUNT
+from codra_papers.experiments.campaign.statistics import CONFIDENCE_LEVEL, RESAMPLE_COUNT, ratio_of_sums
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.robustness import paper
 from codra_papers.experiments.studies.robustness.findings import (
@@ -71,6 +71,7 @@ def _arm(runs: Runs, arm: str) -> Mapping[str, Any]:
     algorithms = sorted({name for outcome in runs.outcomes for name in outcome.arms[arm].triggers})
     return {
         "triggers": {name: sum(runs.triggers(arm, (name,))) for name in algorithms},
+        "observable_trigger_shares": {name: ratio_of_sums([runs.observable_share(arm, name)]) for name in algorithms},
         "slot_s": runs.slot_s(arm),
         "wrong_by_cause": asdict(runs.causes(VARIABLES, arm)),
         "preview": asdict(runs.answers(VARIABLES, arm, previews=True)),

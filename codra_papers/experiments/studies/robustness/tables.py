@@ -257,10 +257,27 @@ def triggers_table(runs: Runs, slot_algorithms: Sequence[str]) -> Table:
     rows: list[Sequence[Cell]] = [
         (name, *(sum(runs.triggers(arm, (name,))) for arm in runs.arms)) for name in algorithms
     ]
+    distance_polls = [name for name in algorithms if name not in slot_algorithms]
     rows.append(("all that need the vision slot", *(sum(runs.triggers(arm, slot_algorithms)) for arm in runs.arms)))
+    rows.append(("all distance polls", *(sum(runs.triggers(arm, distance_polls)) for arm in runs.arms)))
+    rows.extend(
+        (f"share of {name} with true preconditions", *_observable_shares(runs, name)) for name in slot_algorithms
+    )
     rows.append(("seconds in the vision slot", *(round(runs.slot_s(arm), 1) for arm in runs.arms)))
     rows.append(("share of the runs", *(rounded(runs.slot_s(arm) / runs.duration_s, 3) for arm in runs.arms)))
-    return plain_table("Jobs started, by algorithm and arm, over all runs.", ("algorithm", *runs.arms), rows)
+    caption = (
+        "Jobs started, by algorithm and arm, over all runs. Distance polls look at no frame. True preconditions: those "
+        "of the spec, also for arms that have none. A dash: the arm started no such job, or the algorithm has other "
+        "preconditions than variables that must be true."
+    )
+    return plain_table(caption, ("algorithm", *runs.arms), rows)
+
+
+def _observable_shares(runs: Runs, algorithm: str) -> Iterator[float | None]:
+    """Yield, for each arm, the share of an algorithm's jobs that were started while its preconditions were true."""
+    for arm in runs.arms:
+        share = runs.observable_share(arm, algorithm)
+        yield rounded(ratio_of_sums([share]), 3)
 
 
 def reduction_table(runs: Runs, further_runs: Runs, naive_arms: Sequence[str], slot_algorithms: Sequence[str]) -> Table:

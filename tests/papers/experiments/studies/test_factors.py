@@ -25,6 +25,7 @@ from codra_papers.experiments.studies.factors.design import (
     CELLS,
     FACTORS,
     NAIVE_LIDS,
+    PACED_ARMS,
     SEEDS_PER_CELL,
     Lid,
     Localiser,
@@ -84,13 +85,22 @@ def test_the_arms_of_both_localisers_differ_only_in_the_function_that_they_call(
         }
 
 
-def test_all_arms_look_at_a_lid_at_the_same_cadence() -> None:
-    for arm in trial_arms():
+def test_the_arms_whose_triggers_are_compared_look_at_a_lid_at_the_same_cadence() -> None:
+    for arm in (NAIVE_LIDS, *PACED_ARMS):
         spec = read_spec(SPEC)
         for edit in arm.edits:
             spec = edit(spec)
         lids = [algorithm for algorithm in spec.perception if algorithm.name.endswith("_lid")]
         assert {algorithm.min_interval_s for algorithm in lids} == {7.2}
+
+
+def test_the_page_of_the_protocol_lists_the_factors_their_levels_and_the_arms() -> None:
+    page = (SPEC.parents[1] / "docs" / "papers" / "protocol.md").read_text(encoding="utf-8")
+
+    for factor, levels in FACTORS.items():
+        assert f"| {factor} | {', '.join(levels)} |" in page
+    for arm in ARMS:
+        assert f"| {arm.name} |" in page
 
 
 @pytest.mark.parametrize(
