@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hashlib import sha256
 
-PROTOCOL_COMMIT = "c46c25505e598a410893b811c58f3b4d232a932d"
+PROTOCOL_COMMIT = "8d37b94381a8a7e5a466ab9c6a8e08495ce8c2bd"
 """The commit with the protocol of the reports (docs/papers/protocol.md)."""
 
 SEEDS_PER_EXPERIMENT = 1_000
