@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,7 +61,7 @@ def lab(request: RunRequest, *, naive: NaiveOption = False) -> None:
     folder = made_folder(request.out if request.out is not None else Path("runs") / f"{spec.name}-seed-{request.seed}")
     outcome = _run_arms(spec, settings, naive)
     request.progress.clear()
-    _show_run(outcome, folder, {variable.name: variable.label for variable in spec.context})
+    _show_run(outcome, spec, folder)
 
 
 def require_lab_spec(spec: Spec) -> None:
@@ -93,10 +92,12 @@ def _run_arms(spec: Spec, settings: LabSettings, naive: bool) -> LabRun:
             raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _show_run(run: LabRun, folder: Path, labels: Mapping[str, str]) -> None:
+def _show_run(run: LabRun, spec: Spec, folder: Path) -> None:
+    from codra_papers.experiments.lab.algorithms import vision_algorithms
     from codra_papers.experiments.lab.report import run_text, write_pictures
 
-    write_result(run_text(run))
+    labels = {variable.name: variable.label for variable in spec.context}
+    write_result(run_text(run, vision_algorithms(spec)))
     try:
         paths = list(write_pictures(run, folder, labels))
     except OSError as error:

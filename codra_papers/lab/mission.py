@@ -97,31 +97,39 @@ class Mission:
         self._expect_mode = expect
         self._wait_s = wait_s
 
-    def run_loop(self) -> None:
+    def run_loop(self, *, leave_lid_open: bool = False) -> None:
         """Process one batch of samples, from the centrifuge through the PCR-cycler and back.
+
+        Args:
+            leave_lid_open: whether the lid of the centrifuge stays open until the robot comes back to it. The
+                PCR-cycler is always closed, because it heats the samples.
 
         Raises:
             MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
-            self._process_batch()
+            self._process_batch(leave_lid_open=leave_lid_open)
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
         self.loops += 1
 
-    def open_and_close(self, machine: str, times: int) -> None:
+    def open_and_close(self, machine: str, times: int, *, leave_open: bool = False) -> None:
         """Drive to a machine, then several times unlock, open, close and lock the machine (P1, section 4.2).
+
+        Args:
+            machine: the name of the machine.
+            times: how often the machine is opened.
+            leave_open: whether the machine stays open after it was opened for the last time.
 
         Raises:
             MissionError: a decision did not get the necessary answer, or every try of an action failed.
         """
         try:
             self._drive_to(machine)
-            for _ in range(times):
-                self._unlock(machine)
-                self._open(machine)
-                self._close(machine)
-                self._lock(machine)
+            for count in range(1, times + 1):
+                self.open_machine(machine)
+                if count < times or not leave_open:
+                    self.close_machine(machine)
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
 
@@ -139,19 +147,20 @@ class Mission:
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
 
-    def _process_batch(self) -> None:
-        self._visit(CENTRIFUGE, self._take_from_centrifuge)
+    def _process_batch(self, *, leave_lid_open: bool) -> None:
+        self._visit(CENTRIFUGE, self._take_from_centrifuge, leave_open=leave_lid_open)
         self._visit(PCR_CYCLER, lambda: self._bring_samples(PCR_CYCLER))
         self._clock.sleep(self._robot.laboratory.amplification_s)
         self._visit(PCR_CYCLER, lambda: self._take_samples(PCR_CYCLER))
         self._visit(CENTRIFUGE, self._bring_to_centrifuge)
 
-    def _visit(self, machine: str, work_inside: Callable[[], None]) -> None:
-        """Drive to a machine, open it, work inside, and leave it closed and locked."""
+    def _visit(self, machine: str, work_inside: Callable[[], None], *, leave_open: bool = False) -> None:
+        """Drive to a machine, open it, work inside, and leave it open, or closed and locked."""
         self._drive_to(machine)
         self.open_machine(machine)
         work_inside()
-        self.close_machine(machine)
+        if not leave_open:
+            self.close_machine(machine)
 
     def open_machine(self, machine: str) -> None:
         """Unlock and open a machine within reach. This takes four perception tasks, as in P1, section 4.2.

@@ -161,7 +161,7 @@ class Robot:
         if not self.is_localized():
             raise LostError("the robot has lost its localisation; call relocalize() before drive_to()")
         self._wait(Phase.PLAN_DRIVE)
-        self._move_camera(TRAVEL_GAZE, Phase.STOW_ARM)
+        self._move_cameras(TRAVEL_GAZE, TRAVEL_GAZE[3:], Phase.STOW_ARM)
         goal = self._goal(station)
         is_lost_on_the_way = self._random.random() < LOSS_CHANCE
         *corners, end = self._waypoints(goal)
@@ -172,9 +172,9 @@ class Robot:
         self._drive_straight_to(*end)
         self._turn(goal[2])
         if station != Station.HOME:
-            self._move_camera(
-                self._gaze_in_robot_frame(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM
-            )
+            shape = self._machine(station).shape
+            middle = self._gaze_in_robot_frame(station, observation_gaze(shape, Part.LID))[3:]
+            self._move_cameras(self._gaze_in_robot_frame(station, ready_gaze(shape)), middle, Phase.RAISE_ARM)
 
     def relocalize(self) -> None:
         """Look around until the robot is localised again."""
@@ -412,6 +412,14 @@ class Robot:
                 Quantity.GAZE, self._gaze_in_robot_frame(machine, ready_gaze(self._machine(machine).shape)), duration_s
             ),
             self._new_move(Quantity.REACH, (0.0,), duration_s),
+        )
+        self._clock.sleep(duration_s)
+
+    def _move_cameras(self, gaze: Gaze, mast_target_m: Values, phase: Phase) -> None:
+        """Move the arm's camera, and in the same time point the camera on the mast at a point."""
+        duration_s = self._draw(phase)
+        self._schedule(
+            self._new_move(Quantity.GAZE, gaze, duration_s), self._new_move(Quantity.MAST, mast_target_m, duration_s)
         )
         self._clock.sleep(duration_s)
 

@@ -21,6 +21,7 @@ class Need(StrEnum):
     """The variables for which an arm's observers run."""
 
     EVERYTHING = "everything, always"
+    LIDS = "the lids, always"
     ANNOUNCED = "what the main execution decides on now and next"
 
 

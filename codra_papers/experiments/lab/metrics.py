@@ -45,16 +45,80 @@ class Seconds:
         return Share(self.right_s, self.right_s + self.wrong_s + self.unknown_s)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondsByTruth:
+    """The seconds of a held value, divided by the true value of the variable, which is true or false.
+
+    A ratio of right values can be high because one of the two true values is rare. Compare the ratio with the ratio of
+    a constant answer, and with the balanced ratio, in which both true values have the same weight.
+
+    Attributes:
+        while_true: the seconds while the variable was true.
+        while_false: the seconds while the variable was false.
+    """
+
+    while_true: Seconds = Seconds()
+    while_false: Seconds = Seconds()
+
+    def __add__(self, other: SecondsByTruth) -> SecondsByTruth:
+        """Return the sums of the seconds of both."""
+        return SecondsByTruth(
+            while_true=self.while_true + other.while_true, while_false=self.while_false + other.while_false
+        )
+
+    @property
+    def all(self) -> Seconds:
+        """Return the seconds without regard to the true value."""
+        return self.while_true + self.while_false
+
+    @property
+    def balanced_ratio(self) -> float | None:
+        """Return the mean of the paper ratios while the variable was true and while it was false.
+
+        This is the balanced accuracy of known values; 0.5 for a constant answer. None if one of the ratios is missing,
+        because the variable was always true or always false, or because no value was held meanwhile.
+        """
+        return _mean_of_ratios(self.while_true.paper_share, self.while_false.paper_share)
+
+    @property
+    def strict_balanced_ratio(self) -> float | None:
+        """Return the same for the strict ratios, in which an unknown value counts as not right."""
+        return _mean_of_ratios(self.while_true.strict_share, self.while_false.strict_share)
+
+    @property
+    def constant_share(self) -> Share:
+        """Return the share of the better one of the two constant answers: the share of the more frequent true value."""
+        true_s, false_s = self.while_true.strict_share.total, self.while_false.strict_share.total
+        return Share(max(true_s, false_s), true_s + false_s)
+
+
+def _mean_of_ratios(*shares: Share) -> float | None:
+    ratios = [share.part / share.total for share in shares if share.total]
+    return math.fsum(ratios) / len(ratios) if len(ratios) == len(shares) else None
+
+
 def seconds(held: Sequence[Piece], truth: Sequence[Piece], start_s: float = 0.0) -> Seconds:
     """Return how long held values were right, wrong and unknown, from an instant to the end of the run."""
-    durations_s = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
+    return seconds_by_truth(held, truth, start_s).all
+
+
+def seconds_by_truth(held: Sequence[Piece], truth: Sequence[Piece], start_s: float = 0.0) -> SecondsByTruth:
+    """Return the same as `seconds`, divided by the true value."""
+    durations_s = {(is_true, verdict): 0.0 for is_true in (True, False) for verdict in ("right", "wrong", "unknown")}
     window = [Piece(start_s, math.inf, None)]
     held = [Piece(max(piece.start_s, start_s), piece.end_s, piece.value) for piece, _, _ in overlaps(held, window)]
     for piece, fact, duration_s in overlaps(held, truth):
-        durations_s["unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"] += (
-            duration_s
+        verdict = "unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"
+        durations_s[bool(fact.value), verdict] += duration_s
+    while_true, while_false = (
+        Seconds(
+            right_s=durations_s[is_true, "right"],
+            wrong_s=durations_s[is_true, "wrong"],
+            unknown_s=durations_s[is_true, "unknown"],
         )
-    return Seconds(right_s=durations_s["right"], wrong_s=durations_s["wrong"], unknown_s=durations_s["unknown"])
+        for is_true in (True, False)
+    )
+    return SecondsByTruth(while_true=while_true, while_false=while_false)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,10 +146,37 @@ def window(outcome: Outcome, variable: str) -> Window:
 
 def in_window(outcome: Outcome, variable: str, arm: str) -> Seconds | None:
     """Return the seconds of an arm in the window of a variable, or None if the arm is left out of the window."""
-    common = window(outcome, variable)
-    if common.start_s is None or arm in common.left_out:
+    by_truth = by_truth_in_window(outcome, variable, arm)
+    return None if by_truth is None else by_truth.all
+
+
+def by_truth_in_window(outcome: Outcome, variable: str, arm: str) -> SecondsByTruth | None:
+    """Return the same as `in_window`, divided by the true value."""
+    start_s = _start_s(outcome, variable, arm)
+    if start_s is None:
         return None
-    return seconds(outcome.arms[arm].held[variable], outcome.truth[variable], common.start_s)
+    return seconds_by_truth(outcome.arms[arm].held[variable], outcome.truth[variable], start_s)
+
+
+def causes_in_window(outcome: Outcome, variable: str, arm: str) -> Causes:
+    """Return how long an arm's values were wrong, by cause, in the window of a variable.
+
+    The two times add up to the wrong seconds of `in_window`. They are 0 if the arm is left out of the window.
+    """
+    start_s = _start_s(outcome, variable, arm)
+    if start_s is None:
+        return Causes()
+    return causes(
+        WrongSpan(max(span.start_s, start_s), span.end_s, span.was_true)
+        for span in outcome.arms[arm].wrong[variable]
+        if span.end_s > start_s
+    )
+
+
+def _start_s(outcome: Outcome, variable: str, arm: str) -> float | None:
+    """Return the start of the window of a variable; None if there is no window, or if the arm is left out of it."""
+    common = window(outcome, variable)
+    return None if arm in common.left_out else common.start_s
 
 
 def total(seconds_of_runs: Iterable[Seconds | None]) -> Seconds:
@@ -93,17 +184,30 @@ def total(seconds_of_runs: Iterable[Seconds | None]) -> Seconds:
     return sum((seconds_of_run for seconds_of_run in seconds_of_runs if seconds_of_run is not None), Seconds())
 
 
+def total_by_truth(outcomes: Iterable[Outcome], variable: str, arm: str) -> SecondsByTruth:
+    """Return the sum of an arm's seconds in the windows of a variable, divided by the true value."""
+    by_run = (by_truth_in_window(outcome, variable, arm) for outcome in outcomes)
+    return sum((by_truth for by_truth in by_run if by_truth is not None), SecondsByTruth())
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Causes:
     """How long held values were wrong, by cause.
 
     Attributes:
-        seen_wrongly_s: the time with values that were already wrong at the instant of their evidence.
-        changed_since_s: the time with values that were true at the instant of their evidence.
+        seen_wrongly_s: the time with values that were already wrong at the instant of their evidence: mistakes.
+        changed_since_s: the time with values that were true at the instant of their evidence: lag.
     """
 
-    seen_wrongly_s: float
-    changed_since_s: float
+    seen_wrongly_s: float = 0.0
+    changed_since_s: float = 0.0
+
+    def __add__(self, other: Causes) -> Causes:
+        """Return the sums of the times of both."""
+        return Causes(
+            seen_wrongly_s=self.seen_wrongly_s + other.seen_wrongly_s,
+            changed_since_s=self.changed_since_s + other.changed_since_s,
+        )
 
 
 def causes(spans: Iterable[WrongSpan]) -> Causes:
@@ -156,6 +260,7 @@ class Answers:
     Attributes:
         right: decisions for which the held value was true.
         wrong: decisions for which the held value was not true.
+        late: those of the wrong decisions whose value was true at the instant of its evidence: lag, and no mistake.
         fell_back: decisions for which the value was unknown, so that the main execution would look by itself.
         fresh: decisions for which the value was known from evidence after the monitored action; previews for which the
             value was known from any evidence.
@@ -163,6 +268,7 @@ class Answers:
 
     right: int
     wrong: int
+    late: int
     fell_back: int
     fresh: int
 
@@ -174,6 +280,7 @@ def answers(decisions: Iterable[Decision], arm: str) -> Answers:
     return Answers(
         right=sum(value == fact for value, fact in held if value is not None),
         wrong=sum(value != fact for value, fact in held if value is not None),
+        late=sum(decision.wrong[arm].was_true for decision in all_decisions if arm in decision.wrong),
         fell_back=sum(value is None for value, _ in held),
         fresh=sum(decision.fresh[arm] for decision in all_decisions),
     )

@@ -124,6 +124,8 @@ class ArmOutcome:
         wrong: for each variable, the spans in which the held value was not true.
         first_s: when an observer first identified each variable; None if no observer did.
         triggers: how many jobs of each algorithm were started.
+        observable_triggers: for each algorithm whose preconditions in the trial's spec are names of variables, how many
+            jobs were started while these preconditions were true. The arm itself may have no preconditions.
         slot_s: how long the observers of the arm held slots.
     """
 
@@ -131,6 +133,7 @@ class ArmOutcome:
     wrong: Mapping[str, Sequence[WrongSpan]]
     first_s: Mapping[str, float | None]
     triggers: Mapping[str, int]
+    observable_triggers: Mapping[str, int]
     slot_s: float
 
 

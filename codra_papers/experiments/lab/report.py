@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 from codra_dsl.runtime import Cost
+from codra_papers.experiments.lab.metrics import seconds_by_truth
 from codra_papers.experiments.lab.pictures import draw_timeline
-from codra_papers.experiments.lab.run import OBSERVED, LabRun
+from codra_papers.experiments.lab.run import OBSERVED, ArmRun, LabRun
 from codra_papers.experiments.lab.tables import score_table, text_table
 from codra_papers.lab.detection.drawing import draw_detections
 
+_CAMERA_JOBS, _DISTANCE_POLLS = "all that look at frames", "all distance polls"
 _JOB_ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
 _TIME_LABELS = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot-seconds"})
 _ANSWER_LABELS = MappingProxyType(
@@ -20,10 +22,15 @@ _ANSWER_LABELS = MappingProxyType(
 )
 
 
-def run_text(run: LabRun) -> str:
-    """Return the tables of a run."""
-    tables = (_jobs_text(run), _costs_text(run), _decisions_text(run))
-    return "\n".join((_summary(run), *(f"{arm.name}\n{score_table(arm.scores)}" for arm in run.arms), *tables))
+def run_text(run: LabRun, camera_algorithms: Sequence[str]) -> str:
+    """Return the tables of a run.
+
+    Args:
+        run: the run.
+        camera_algorithms: the algorithms that look at frames.
+    """
+    tables = (_jobs_text(run, camera_algorithms), _costs_text(run), _decisions_text(run))
+    return "\n".join((_summary(run), *(_scores_text(arm, run) for arm in run.arms), *tables))
 
 
 def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iterator[Path]:
@@ -56,22 +63,38 @@ def _summary(run: LabRun) -> str:
     return f"{run.duration_s:.1f} s, {loops}, {run.frames} frames rendered{end_text}\n"
 
 
-def _jobs_text(run: LabRun) -> str:
+def _scores_text(arm: ArmRun, run: LabRun) -> str:
+    by_truth = {name: seconds_by_truth(arm.held[name], truth) for name, truth in run.truth.items()}
+    return f"{arm.name}\n{score_table(arm.scores, by_truth)}"
+
+
+def _jobs_text(run: LabRun, camera_algorithms: Sequence[str]) -> str:
+    """Return the table of started jobs. Jobs that look at frames are added up apart from distance polls."""
     names = sorted({name for arm in run.arms for name in arm.jobs})
     rows = [(name, *(str(arm.jobs.get(name, 0)) for arm in run.arms)) for name in names]
-    total = ("all", *(str(sum(arm.jobs.values())) for arm in run.arms))
-    return text_table(("jobs started", *(arm.name for arm in run.arms)), [*rows, total])
+    camera_counts = [sum(arm.jobs.get(name, 0) for name in camera_algorithms) for arm in run.arms]
+    poll_counts = [
+        sum(arm.jobs.values()) - camera_count for arm, camera_count in zip(run.arms, camera_counts, strict=True)
+    ]
+    totals = [
+        (title, *map(str, counts)) for title, counts in ((_CAMERA_JOBS, camera_counts), (_DISTANCE_POLLS, poll_counts))
+    ]
+    return text_table(("jobs started", *(arm.name for arm in run.arms)), [*rows, *totals])
 
 
 def _costs_text(run: LabRun) -> str:
-    total_cost = sum(run.arms[0].spent.values(), Cost())
+    costs = run.arms[0].spent.values()
+    totals = {
+        _CAMERA_JOBS: sum((cost for cost in costs if cost.slot_s > 0.0), Cost()),
+        _DISTANCE_POLLS: sum((cost for cost in costs if cost.slot_s == 0.0), Cost()),
+    }
     rows = [
         (
             name,
             *(str(getattr(cost, job_end)) for job_end in _JOB_ENDS),
             *(f"{getattr(cost, time_name):.1f}" for time_name in _TIME_LABELS),
         )
-        for name, cost in {**run.arms[0].spent, "all": total_cost}.items()
+        for name, cost in {**run.arms[0].spent, **totals}.items()
     ]
     return text_table((f"spent by {run.arms[0].name}", *_JOB_ENDS, *_TIME_LABELS.values()), rows)
 

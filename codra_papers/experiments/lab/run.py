@@ -24,7 +24,7 @@ from codra_papers.lab.robot import Localization, Robot
 from codra_papers.lab.sequential_perception import SequentialPerception
 from codra_papers.lab.simulator.camera import ArmCamera, FrameSource
 from codra_papers.lab.simulator.disturbances import disturb
-from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, Mount
 from codra_papers.lab.simulator.truth import GroundTruth, TruthSpan
 from codra_papers.lab.simulator.world import LabWorld
 
@@ -95,11 +95,17 @@ class LabRun:
 
 @dataclass(frozen=True, slots=True)
 class OneLoop:
-    """Process one batch of samples."""
+    """Process one batch of samples.
+
+    Attributes:
+        leaves_lid_open: whether the lid of the centrifuge stays open between the two visits to it.
+    """
+
+    leaves_lid_open: bool = False
 
     def __call__(self, mission: Mission) -> None:
         """Process one batch."""
-        mission.run_loop()
+        mission.run_loop(leave_lid_open=self.leaves_lid_open)
 
 
 ONE_LOOP = OneLoop()
@@ -197,8 +203,11 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
         stack.enter_context(surveyed(settings.laboratory.machines))
         world = LabWorld(settings.seed, settings.laboratory)
         frames = stack.enter_context(FrameSource(world))
+        own_frames = frames
+        if settings.laboratory.camera is not Mount.WRIST:
+            own_frames = stack.enter_context(FrameSource(world.seen_by(Mount.WRIST)))
         clock = _clock(settings, stack)  # after all slow preparations, because a clock in real time starts here
-        camera, own_camera = (WatchedCamera(ArmCamera(frames, clock)) for _ in range(2))
+        camera, own_camera = (WatchedCamera(ArmCamera(source, clock)) for source in (frames, own_frames))
         resources = {"camera": camera, "base": Localization(world, clock)}
         managers = {
             arm_observers.arm.name: stack.enter_context(
@@ -229,8 +238,11 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             loops=mission.loops,
             error=error,
             interruptions=interruptions,
-            frames=frames.rendered,
-            perceived=len(camera.instants_s | own_camera.instants_s),
+            frames=sum(source.rendered for source in {frames, own_frames}),
+            perceived=len(
+                {(frames, instant_s) for instant_s in camera.instants_s}
+                | {(own_frames, instant_s) for instant_s in own_camera.instants_s}
+            ),
             looks_s=sorted(own_camera.instants_s),
             arms=arms,
             truth=truth,
@@ -240,7 +252,11 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             pictures={},
         )
         return replace(
-            run, pictures={name: frames.frame_at(instant_s) for name, instant_s in settings.moments(run).items()}
+            run,
+            pictures={
+                name: (own_frames if instant_s in own_camera.instants_s else frames).frame_at(instant_s)
+                for name, instant_s in settings.moments(run).items()
+            },
         )
 
 
@@ -269,11 +285,11 @@ class WatchedCamera:
 def _make_fanout(
     clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings
 ) -> Fanout:
-    """Declare all variables in the arms that need everything, and connect the main execution to all arms."""
+    """Declare the variables that arms always need, and connect the main execution to all arms."""
     for arm_observers in observers:
-        if arm_observers.arm.need is Need.EVERYTHING:
-            manager = managers[arm_observers.arm.name]
-            for name in manager.modelled():
+        manager, need = managers[arm_observers.arm.name], arm_observers.arm.need
+        for name in manager.modelled():
+            if need is Need.EVERYTHING or (need is Need.LIDS and name.endswith("_open")):
                 manager.declare(name)
     return Fanout(
         clock,

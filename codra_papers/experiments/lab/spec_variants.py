@@ -92,6 +92,57 @@ class WithoutAlternatives:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WithFunction:
+    """Call another perception function instead of one function, with the same arguments and results.
+
+    Attributes:
+        function: the replaced function, as `package.module:function`.
+        other_function: the function that is called instead.
+    """
+
+    function: str
+    other_function: str
+
+    def __str__(self) -> str:
+        """Return the description of the edit for a report."""
+        return f"{self.other_function.rpartition(':')[2]} instead of {self.function.rpartition(':')[2]}"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec with the other function."""
+        algorithms = (
+            replace(algorithm, call=self.other_function) if algorithm.call == self.function else algorithm
+            for algorithm in spec.perception
+        )
+        return replace(spec, perception=tuple(algorithms))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WithMinimumInterval:
+    """Set the minimum time between the starts of two jobs of some algorithms.
+
+    Attributes:
+        algorithms: the suffix of the names of the algorithms.
+    """
+
+    algorithms: str
+    min_interval_s: float
+
+    def __str__(self) -> str:
+        """Return the description of the edit for a report."""
+        return f"*{self.algorithms} at most once in {self.min_interval_s:g} s"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec with this `min_interval`."""
+        algorithms = (
+            replace(algorithm, min_interval_s=self.min_interval_s)
+            if algorithm.name.endswith(self.algorithms)
+            else algorithm
+            for algorithm in spec.perception
+        )
+        return replace(spec, perception=tuple(algorithms))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WithRefresh:
     """Set `refresh` of all variables: `periodic` or `on_event`."""
 

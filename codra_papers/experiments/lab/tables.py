@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from codra_papers.experiments.campaign.statistics import ratio_of_sums
+from codra_papers.experiments.lab.metrics import SecondsByTruth
 from codra_papers.experiments.lab.scoring import Score
 
 
@@ -20,14 +22,35 @@ def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
     return "  ".join([cells[0].ljust(widths[0]), *padded_cells[1:]])
 
 
-def score_table(scores: Sequence[Score]) -> str:
-    """Return a table of the right, wrong and unknown seconds of each variable, as in P1's Table 2."""
-    header = ("context-variable", "right s", "wrong s", "unknown s", "right/held", "identified", "first at s")
-    return text_table(header, [_score_row(score) for score in scores])
+def score_table(scores: Sequence[Score], by_truth: Mapping[str, SecondsByTruth]) -> str:
+    """Return a table of the right, wrong and unknown seconds of each variable, as in P1's Table 2.
+
+    Args:
+        scores: the scores of the variables.
+        by_truth: the seconds of each variable, divided by the true value.
+    """
+    header = (
+        "context-variable",
+        "right s",
+        "wrong s",
+        "unknown s",
+        "right/held",
+        "balanced",
+        "constant",
+        "identified",
+        "first at s",
+    )
+    return text_table(header, [_score_row(score, by_truth[score.name]) for score in scores])
 
 
-def _score_row(score: Score) -> tuple[str, ...]:
-    ratio = "-" if score.ratio is None else f"{score.ratio:.3f}"
+def _score_row(score: Score, by_truth: SecondsByTruth) -> tuple[str, ...]:
+    ratios = (score.ratio, by_truth.balanced_ratio, ratio_of_sums([by_truth.constant_share]))
     first = "never" if score.first_s is None else f"{score.first_s:.1f}"
     seconds = (f"{seconds_s:.1f}" for seconds_s in (score.right_s, score.wrong_s, score.unknown_s))
-    return (score.name, *seconds, ratio, str(score.identified), first)
+    return (
+        score.name,
+        *seconds,
+        *("-" if ratio is None else f"{ratio:.3f}" for ratio in ratios),
+        str(score.identified),
+        first,
+    )

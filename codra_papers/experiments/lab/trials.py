@@ -12,9 +12,11 @@ import cv2
 
 from codra_dsl.collector import paused_collector
 from codra_dsl.integrations.inspection import read_spec
+from codra_dsl.language.model import Spec
 from codra_dsl.runtime import EventLog, Reading
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.values.conditions import Value
+from codra_papers.experiments.lab.algorithms import plain_preconditions
 from codra_papers.experiments.lab.arms import Arm, observers
 from codra_papers.experiments.lab.fanout import AskedDecision
 from codra_papers.experiments.lab.outcomes import (
@@ -106,7 +108,7 @@ def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = la
         run = run_lab(arms, settings)
     for name, frame in run.pictures.items():
         store_frame(frame, folder / name)
-    return _outcome(trial, run)
+    return _outcome(trial, run, spec)
 
 
 def store_frame(frame: Frame, path: Path) -> None:
@@ -167,7 +169,8 @@ def _evenly_spread_evidence(run: LabRun, count: int) -> Sequence[_Evidence]:
 # The outcome
 
 
-def _outcome(trial: Trial, run: LabRun) -> Outcome:
+def _outcome(trial: Trial, run: LabRun, spec: Spec) -> Outcome:
+    preconditions = plain_preconditions(spec)
     return Outcome(
         name=trial.name,
         seed=trial.seed,
@@ -178,21 +181,35 @@ def _outcome(trial: Trial, run: LabRun) -> Outcome:
         frames=run.frames,
         perceived=run.perceived,
         truth=run.truth,
-        arms={arm.name: _arm_outcome(arm, run.truth) for arm in run.arms},
+        arms={arm.name: _arm_outcome(arm, run.truth, preconditions) for arm in run.arms},
         decisions=_decisions(run, trial),
         skills=[(span.name, span.start_s, span.end_s) for span in run.skills],
         kept=list(_kept_frames(run, trial.frames_kept)),
     )
 
 
-def _arm_outcome(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> ArmOutcome:
+def _arm_outcome(
+    arm: ArmRun, truth: Mapping[str, Sequence[Piece]], preconditions: Mapping[str, Sequence[str]]
+) -> ArmOutcome:
     return ArmOutcome(
         held=arm.held,
         wrong=wrong_spans(arm.record, truth),
         first_s={score.name: score.first_s for score in arm.scores},
         triggers=arm.jobs,
+        observable_triggers=_observable_triggers(arm.record, truth, preconditions),
         slot_s=sum(cost.slot_s for cost in arm.spent.values()),
     )
+
+
+def _observable_triggers(
+    record: EventLog, truth: Mapping[str, Sequence[Piece]], preconditions: Mapping[str, Sequence[str]]
+) -> Mapping[str, int]:
+    counts = dict.fromkeys(preconditions, 0)
+    for event in record.of(Kind.JOB):
+        if event.what == "started" and event.name in counts:
+            facts = (value_at(truth.get(name, ()), event.instant_s) for name in preconditions[event.name])
+            counts[event.name] += all(fact is True for fact in facts)
+    return counts
 
 
 def wrong_spans(record: EventLog, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, Sequence[WrongSpan]]:

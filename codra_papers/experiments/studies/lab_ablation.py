@@ -13,6 +13,7 @@ from codra_papers.experiments.campaign.cells import interval
 from codra_papers.experiments.campaign.document import Document, Section, Words
 from codra_papers.experiments.campaign.experiment import Experiment, Settings
 from codra_papers.experiments.campaign.statistics import Estimate
+from codra_papers.experiments.lab.algorithms import vision_algorithms
 from codra_papers.experiments.lab.arms import NAIVE, PRECONDITIONS, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.spec_variants import WithoutAlternatives, WithoutCondition
@@ -27,7 +28,6 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
     runs_sentence,
 )
 from codra_papers.experiments.studies.beyond.workloads import return_visit_trials
-from codra_papers.experiments.studies.robustness.findings import vision_algorithms
 from codra_papers.experiments.studies.robustness.tables import arms_table
 
 _LEAST_DIFFERENCE = 0.001

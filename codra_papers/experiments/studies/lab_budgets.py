@@ -8,6 +8,7 @@ from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.cells import interval
 from codra_papers.experiments.campaign.document import Document, Drawing, Section, Words
 from codra_papers.experiments.campaign.experiment import Experiment, Settings
+from codra_papers.experiments.lab.algorithms import vision_algorithms
 from codra_papers.experiments.lab.arms import NAIVE, NEED, PRECONDITIONS
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.trials import Trial
@@ -24,7 +25,6 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
 from codra_papers.experiments.studies.beyond.curves import Curve, Point, curves
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHINES, spec_with, use_line
 from codra_papers.experiments.studies.beyond.workloads import Tending
-from codra_papers.experiments.studies.robustness.findings import vision_algorithms
 from codra_papers.experiments.studies.robustness.tables import arms_table
 from codra_papers.lab.mission import CENTRIFUGE, PCR_CYCLER
 from codra_papers.lab.simulator.laboratory import LABORATORY

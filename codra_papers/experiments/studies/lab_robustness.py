@@ -12,9 +12,14 @@ from dataclasses import dataclass
 from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.document import Document, Drawing, Section, Words
 from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Experiment, Settings
+from codra_papers.experiments.campaign.seeds import reported_seeds
+from codra_papers.experiments.lab.algorithms import vision_algorithms
 from codra_papers.experiments.lab.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_EVENT, PRECONDITIONS
 from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.run import OneLoop, Work
 from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.factors.design import SEEDS_PER_CELL, Lid, factorial_trials, is_factorial
+from codra_papers.experiments.studies.factors.report import factorial_report
 from codra_papers.experiments.studies.robustness import drawings, results, summary, tables
 from codra_papers.experiments.studies.robustness.findings import (
     LIDS,
@@ -23,9 +28,6 @@ from codra_papers.experiments.studies.robustness.findings import (
     Runs,
     compare,
     label,
-    paper_share,
-    strict_share,
-    vision_algorithms,
 )
 from codra_papers.experiments.studies.robustness.frames import RepeatedDetection, detect_again
 from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistakes, mistakes_table, photographs
@@ -60,9 +62,9 @@ _NOTE = (
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return the ten runs of the tables, and the further runs."""
+    """Return the ten runs of the tables, the further runs, and the runs of the factorial design."""
     seeds = range(FIRST_REPORTED_SEED, FIRST_FURTHER_SEED + settings.seeds)
-    return [
+    runs = [
         Trial(
             name=f"run-{seed}",
             spec=settings.spec,
@@ -72,6 +74,12 @@ def trials(settings: Settings) -> Sequence[Trial]:
         )
         for seed in seeds
     ]
+    factorial_seeds = reported_seeds(EXPERIMENT.name, min(settings.seeds, SEEDS_PER_CELL))
+    return [*runs, *factorial_trials(settings.spec, factorial_seeds, _loop)]
+
+
+def _loop(lid: Lid) -> Work:
+    return OneLoop(leaves_lid_open=lid is Lid.OPEN)
 
 
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
@@ -80,12 +88,16 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     Raises:
         SpecError: if the spec has errors.
     """
-    findings = _findings(settings, outcomes)
+    factorial_outcomes = {name: outcome for name, outcome in outcomes.items() if is_factorial(name)}
+    findings = _findings(
+        settings, {name: outcome for name, outcome in outcomes.items() if name not in factorial_outcomes}
+    )
+    factorial = factorial_report(factorial_outcomes, findings.slot_algorithms)
     return Document(
         title="lab-robustness: observer stability through context",
-        summary=tuple(_summary(findings)),
-        sections=tuple(_sections(settings, findings)),
-        results=_results(findings),
+        summary=(*_summary(findings), *factorial.summary),
+        sections=(*_sections(settings, findings), factorial.section),
+        results={**_results(findings), "factors": factorial.results},
     )
 
 
@@ -171,13 +183,13 @@ def _variables_section(runs: Runs) -> Section:
         parts=(
             tables.ratio_table(
                 runs,
-                paper_share,
+                "ratio",
                 "Ratio: the seconds with a right value as a share of the seconds with any value, in the common window, "
                 "over all runs.",
             ),
             tables.ratio_table(
                 runs,
-                strict_share,
+                "strict ratio",
                 "Strict ratio: the seconds with a right value as a share of all seconds, in the same window.",
             ),
             tables.seconds_table(runs),

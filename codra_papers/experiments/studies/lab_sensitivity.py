@@ -11,15 +11,19 @@ from math import pi
 
 from codra_dsl.integrations.inspection import read_spec
 from codra_papers.experiments.campaign.cells import interval, plain_table
-from codra_papers.experiments.campaign.document import Document, Drawing, Section, Table, Words
+from codra_papers.experiments.campaign.document import Cell, Document, Drawing, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Experiment, Settings
+from codra_papers.experiments.campaign.seeds import reported_seeds as protocol_seeds
 from codra_papers.experiments.campaign.statistics import Estimate
+from codra_papers.experiments.lab.algorithms import vision_algorithms
 from codra_papers.experiments.lab.arms import NAIVE, PRECONDITIONS, Arm
 from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.run import Work
 from codra_papers.experiments.lab.spec_variants import SpecEdit
 from codra_papers.experiments.lab.trials import Trial
 from codra_papers.experiments.studies.beyond.arm_comparison import (
     LIDS_AND_LATCHES,
+    RATIO_HEADER,
     ArmComparison,
     arm_comparison,
     arm_comparisons_as_data,
@@ -30,11 +34,16 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
 from codra_papers.experiments.studies.beyond.curves import Curve, Panel, differences, panels, point_at
 from codra_papers.experiments.studies.beyond.parameters import Parameter, parameters
 from codra_papers.experiments.studies.beyond.workloads import Tending
-from codra_papers.experiments.studies.robustness.findings import vision_algorithms
+from codra_papers.experiments.studies.factors.design import Lid, factorial_trials
+from codra_papers.experiments.studies.factors.report import factorial_report
+from codra_papers.experiments.studies.robustness.findings import MEASURES_NOTE
 from codra_papers.lab.mission import CENTRIFUGE, PCR_CYCLER
 from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
 
 WORK = Tending(machines=(CENTRIFUGE, PCR_CYCLER))
+
+CELL_SEEDS_PER_SEED = 3
+"""How many seeds the cells of the factorial design have for each seed of the laboratories."""
 
 STRONGEST_COUNT = 8
 """How many numbers of the spec the picture shows. These numbers change the difference to naive observers most."""
@@ -112,9 +121,12 @@ def _edits_by_factor(parameter: Parameter) -> Sequence[tuple[str, SpecEdit]]:
 
 
 def trials(settings: Settings) -> Sequence[Trial]:
-    """Return, for each seed, a run in each varied laboratory, and a run with all arms in the unchanged laboratory."""
+    """Return, for each seed, a run in each varied laboratory, and a run with all arms in the unchanged laboratory.
+
+    For each seed there are also `CELL_SEEDS_PER_SEED` runs in each cell of the factorial design.
+    """
     all_arms = arms(settings)
-    return [
+    runs = [
         trial
         for seed in reported_seeds(settings)
         for trial in (
@@ -132,6 +144,12 @@ def trials(settings: Settings) -> Sequence[Trial]:
             ),
         )
     ]
+    factorial_seeds = protocol_seeds(EXPERIMENT.name, CELL_SEEDS_PER_SEED * settings.seeds)
+    return [*runs, *factorial_trials(settings.spec, factorial_seeds, _return_visit)]
+
+
+def _return_visit(lid: Lid) -> Work:
+    return Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE), leaves_lids_open=lid is Lid.OPEN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,13 +182,17 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
         SpecError: if the spec has errors.
     """
     findings = _findings(settings, outcomes)
+    factorial = factorial_report(outcomes, vision_algorithms(read_spec(settings.spec)))
     return Document(
         title="lab-sensitivity: where the advantage vanishes",
-        summary=(*_summary(findings), runs_sentence(list(outcomes.values()))),
-        sections=tuple(_sections(findings)),
+        summary=(*_summary(findings), *factorial.summary, runs_sentence(list(outcomes.values()))),
+        sections=(*_sections(findings), factorial.section),
         results={
-            name: arm_comparisons_as_data(comparisons)
-            for name, comparisons in findings.comparisons_by_laboratory.items()
+            **{
+                name: arm_comparisons_as_data(comparisons)
+                for name, comparisons in findings.comparisons_by_laboratory.items()
+            },
+            "factors": factorial.results,
         },
     )
 
@@ -282,26 +304,34 @@ def _laboratories_on_axis(axis: str) -> Sequence[tuple[float, str]]:
     )
 
 
-_HEADER = ("", "arm", "ratio", "strict ratio", "ratio, minus naive", "strict, minus naive", "wrong at decisions")
+_TABLE_NOTE = f"{MEASURES_NOTE} Differences are relative to naive observers."
+
+_HEADER = ("", "arm", *RATIO_HEADER, "late s", "wrong at decisions", "of these, late")
+
+
+def _cells(comparison: ArmComparison) -> Sequence[Cell]:
+    return (
+        *ratio_cells(comparison),
+        round(comparison.causes.changed_since_s, 1),
+        comparison.answers.wrong,
+        comparison.answers.late,
+    )
 
 
 def _laboratory_table(findings: _Findings) -> Table:
     arm_names = (NAIVE.name, PRECONDITIONS.name)
     rows = [
-        (name, *ratio_cells(comparison), comparison.answers.wrong)
+        (name, *_cells(comparison))
         for name in findings.comparisons_by_laboratory
         for comparison in (findings.comparison_of(name, arm) for arm in arm_names)
         if comparison is not None
     ]
-    return plain_table("Lids and latches in each laboratory, over all runs.", _HEADER, rows)
+    return plain_table(f"Lids and latches in each laboratory, over all runs. {_TABLE_NOTE}", _HEADER, rows)
 
 
 def _number_table(findings: _Findings) -> Table:
-    rows = [
-        ("as it is", *ratio_cells(comparison), comparison.answers.wrong)
-        for comparison in findings.comparisons_by_laboratory[_UNCHANGED_NAME]
-    ]
-    return plain_table("Lids and latches with other numbers in the spec, over all runs.", _HEADER, rows)
+    rows = [("as it is", *_cells(comparison)) for comparison in findings.comparisons_by_laboratory[_UNCHANGED_NAME]]
+    return plain_table(f"Lids and latches with other numbers in the spec, over all runs. {_TABLE_NOTE}", _HEADER, rows)
 
 
 EXPERIMENT = Experiment(

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from codra_dsl.integrations.inspection import read_spec
-from codra_papers.experiments.campaign.cells import interval, plain_table, ratio
+from codra_papers.experiments.campaign.cells import interval, plain_table, rounded
 from codra_papers.experiments.campaign.document import Document, Section, Table, Words
 from codra_papers.experiments.campaign.experiment import Experiment, Settings
+from codra_papers.experiments.lab.algorithms import vision_algorithms
 from codra_papers.experiments.lab.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_EVENT, PRECONDITIONS
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.lab.trials import Trial
@@ -23,13 +24,7 @@ from codra_papers.experiments.studies.beyond.arm_comparison import (
 from codra_papers.experiments.studies.beyond.more_machines import FURTHER_MACHINES, spec_with, use_line
 from codra_papers.experiments.studies.beyond.workloads import Tending
 from codra_papers.experiments.studies.robustness import drawings
-from codra_papers.experiments.studies.robustness.findings import (
-    Runs,
-    ShareFunction,
-    paper_share,
-    strict_share,
-    vision_algorithms,
-)
+from codra_papers.experiments.studies.robustness.findings import MEASURES, MEASURES_NOTE, Runs
 from codra_papers.experiments.studies.robustness.tables import arms_table
 from codra_papers.lab.mission import PCR_CYCLER
 from codra_papers.lab.simulator.laboratory import LABORATORY
@@ -141,13 +136,17 @@ def _sections(outcomes: Sequence[Outcome], comparisons: Mapping[str, Sequence[Ar
 
 def _variables(outcomes: Sequence[Outcome], machine: str) -> Table:
     runs = Runs(outcomes)
-    share_functions: Sequence[tuple[str, ShareFunction]] = (("ratio", paper_share), ("strict ratio", strict_share))
     rows = [
-        (f"{machine}_{suffix}", name, *(ratio(share_of(runs.total(f"{machine}_{suffix}", arm))) for arm in runs.arms))
+        (
+            f"{machine}_{suffix}",
+            name,
+            *(rounded(measure(runs.total_by_truth(f"{machine}_{suffix}", arm)), 3) for arm in runs.arms),
+        )
         for suffix in _VARIABLE_SUFFIXES
-        for name, share_of in share_functions
+        for name, measure in MEASURES.items()
     ]
-    return plain_table(f"All variables of the {machine}.", ("variable", "", *runs.arms), rows)
+    caption = f"All variables of the {machine}. {MEASURES_NOTE}"
+    return plain_table(caption, ("variable", "", *runs.arms), rows)
 
 
 EXPERIMENT = Experiment(

@@ -87,6 +87,19 @@ def localize_lid(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
         `latched`: whether the lever is nearer to its locked than to its open end; None unless base and lever were
         localised.
     """
+    return _lid_measurement(machine, camera, job, unseen_lid_rad=None)
+
+
+def localize_lid_always(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]:
+    """Measure the same as `localize_lid`, but never without an answer about the lid of a machine whose base is seen.
+
+    If the base is localised and the lid is not, the angle is that of a closed lid. P1's naive observer made this error
+    (section 4.1): it "incorrectly identified that the centrifuge lid was closed multiple times".
+    """
+    return _lid_measurement(machine, camera, job, unseen_lid_rad=machine_named(machine).joint(Part.LID).range_rad[0])
+
+
+def _lid_measurement(machine: str, camera: Camera, job: Job, *, unseen_lid_rad: float | None) -> Mapping[str, Any]:
     frame = _take_frame(camera, job)
     surveyed_machine = machine_named(machine)
     base, lid, latch = (_localized_part(surveyed_machine, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
@@ -94,7 +107,9 @@ def localize_lid(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     job.sleep(camera.processing_s(LOCALIZE_LID_S))
     return {
         "markers": _marker_count(base) + _marker_count(lid),
-        "lid_angle": _joint_angle_rad(surveyed_machine.joint(Part.LID), base, lid),
+        "lid_angle": unseen_lid_rad
+        if base is not None and lid is None
+        else _joint_angle_rad(surveyed_machine.joint(Part.LID), base, lid),
         "latched": None
         if latch_angle_rad is None
         else latch_angle_rad < sum(surveyed_machine.joint(Part.LATCH).range_rad) / 2,

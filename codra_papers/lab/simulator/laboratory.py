@@ -7,6 +7,7 @@ compares digests of the default with recorded digests. Some experiments use othe
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 from codra_papers.lab.perception.layout import MACHINES, Machine
 from codra_papers.lab.simulator.durations import DURATIONS, Phase, Spread
@@ -58,6 +59,16 @@ class LightDown:
     light: float
 
 
+class Mount(StrEnum):
+    """Where the camera of the observers is mounted. The robot has both cameras."""
+
+    WRIST = "wrist"
+    """On the arm, behind the hand: each movement of the arm moves the camera."""
+
+    PAN_TILT = "pan-tilt"
+    """On a mast of the base. The camera is pointed at the machine that the robot tends, whatever the arm does."""
+
+
 Disturbance = LidMoved | PersonBefore | LightDown
 
 
@@ -71,6 +82,7 @@ class Laboratory:
         light: the light in the room: 1 is that of an ordinary day, 0 is dark.
         noise_greys: the standard deviation of the camera's noise, in greys from 0 to 255.
         durations: the duration of each phase of the robot's actions.
+        camera: which camera the observers use. The main execution's own looks are always taken by the arm's camera.
         amplification_s: how long the PCR-cycler works on the samples.
         disturbances: the changes that the robot does not cause. Disturbances of the same kind must not overlap.
     """
@@ -78,6 +90,7 @@ class Laboratory:
     machines: tuple[Machine, ...] = tuple(MACHINES.values())
     light: float = 1.0
     noise_greys: float = NOISE_GREYS
+    camera: Mount = Mount.WRIST
     durations: tuple[tuple[Phase, Spread], ...] = tuple(DURATIONS.items())
     amplification_s: float = 240.0
     disturbances: tuple[Disturbance, ...] = ()

@@ -402,9 +402,7 @@ _MOCAP_BODIES = ("robot_base", "upper_arm", "forearm", "palm", "left_finger", "r
 def _robot_poses(state: LabState) -> dict[str, Pose]:
     """Return the pose of every body of the robot in the map."""
     map_from_robot = state.map_from_robot()
-    robot_from_camera = state.robot_from_camera()
-    map_from_camera = map_from_robot @ robot_from_camera
-    hand = map_from_camera @ _translation(0.0, 0.0, (state.reach - 1.0) * _DRAWN_BACK_M)
+    hand = map_from_robot @ state.robot_from_hand() @ _translation(0.0, 0.0, (state.reach - 1.0) * _DRAWN_BACK_M)
     wrist_m = _wrist_m(state)
     elbow_m = _elbow_m(wrist_m)
     return {
@@ -415,7 +413,7 @@ def _robot_poses(state: LabState) -> dict[str, Pose]:
         "left_finger": hand @ _translation(-state.opening_m / 2 - 0.012, 0.0, 0.0),
         "right_finger": hand @ _translation(state.opening_m / 2 + 0.012, 0.0, 0.0),
         "tray": hand if state.is_holding else _BELOW_THE_FLOOR,
-        "camera": map_from_camera,
+        "camera": state.map_from_camera(),
     }
 
 
@@ -434,7 +432,7 @@ def shoulder_to_wrist_m(state: LabState) -> float:
 
 def _wrist_m(state: LabState) -> Array:
     """Return the wrist's position in the robot's base frame: behind and below the camera."""
-    return state.robot_from_camera().apply(np.array([0.0, 0.08, -0.15]))
+    return state.robot_from_hand().apply(np.array([0.0, 0.08, -0.15]))
 
 
 def _elbow_m(wrist_m: Array) -> Array:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from math import cos, pi, sin
 from random import Random
@@ -16,7 +17,7 @@ from types import MappingProxyType
 
 from codra_papers.lab.perception.layout import Part
 from codra_papers.lab.perception.poses import Pose, camera_at, planar
-from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, Mount
 
 Values = tuple[float, ...]
 Path = Callable[[float], Values]
@@ -32,6 +33,8 @@ class Quantity(StrEnum):
     """x, y in metres and heading in radians of the robot's base in the map."""
     GAZE = "gaze"
     """The camera's position and a point that it looks at, both in the robot's base frame: six numbers in metres."""
+    MAST = "mast"
+    """The point that the camera on the mast looks at, in the robot's base frame: three numbers in metres."""
     REACH = "reach"
     """How far the hand extends past the camera: from 0 (behind the camera, out of sight) to 1."""
     OPENING = "opening"
@@ -80,8 +83,9 @@ class LabState:
 
     Attributes:
         base: x, y in metres and heading in radians of the robot's base in the map.
-        eye_m: the position of the camera, in the robot's base frame.
-        target_m: a point on the camera's axis, in the robot's base frame.
+        eye_m: the position of the arm's camera, in the robot's base frame.
+        target_m: a point on the axis of the arm's camera, in the robot's base frame.
+        mast_target_m: a point on the axis of the camera on the mast, in the robot's base frame.
         reach: how far the hand extends past the camera, from 0 to 1.
         opening_m: the gap between the fingers.
         is_holding: whether the hand holds a sample tray.
@@ -95,6 +99,7 @@ class LabState:
     base: tuple[float, float, float]
     eye_m: tuple[float, float, float]
     target_m: tuple[float, float, float]
+    mast_target_m: tuple[float, float, float]
     reach: float
     opening_m: float
     is_holding: bool
@@ -108,9 +113,15 @@ class LabState:
         """Return the true pose of the robot's base."""
         return planar(*self.base)
 
-    def robot_from_camera(self) -> Pose:
-        """Return the camera's pose in the robot's base frame."""
+    def robot_from_hand(self) -> Pose:
+        """Return the pose of the arm's camera, which is also that of the hand, in the robot's base frame."""
         return camera_at(self.eye_m, self.target_m)
+
+    def robot_from_camera(self) -> Pose:
+        """Return the pose of the laboratory's camera in the robot's base frame."""
+        if self.laboratory.camera is Mount.PAN_TILT:
+            return camera_at(MAST_CAMERA_M, self.mast_target_m)
+        return self.robot_from_hand()
 
     def map_from_camera(self) -> Pose:
         """Return the true pose of the camera (x right, y down, z forward)."""
@@ -177,6 +188,11 @@ HOME = (2.6, 1.1, pi / 2)
 TRAVEL_GAZE = (0.25, 0.0, 1.25, 1.6, 0.0, 0.75)
 """The gaze while the robot drives: the camera's position, then a point on its axis, in the robot's base frame."""
 
+MAST_CAMERA_M = (-0.25, 0.0, 1.60)
+"""The position of the camera on the mast, in the robot's base frame: behind the arm's shoulder, and above it.
+
+The camera sees a machine past the arm, so the arm hides parts of the machine. The mast itself is not drawn."""
+
 OUTSIDE = (-3.0, -3.0)
 """The position of a visitor who is not in the room: x and y in metres."""
 
@@ -184,6 +200,7 @@ _INITIAL_VALUES: Mapping[Quantity, Values] = MappingProxyType(
     {
         Quantity.BASE: HOME,
         Quantity.GAZE: TRAVEL_GAZE,
+        Quantity.MAST: TRAVEL_GAZE[3:],
         Quantity.REACH: (0.0,),
         Quantity.OPENING: (0.08,),
         Quantity.HOLDING: (0.0,),
@@ -270,12 +287,13 @@ class LabWorld:
         with self._lock:
             values = {channel: track.at(t_s) for channel, track in self._tracks.items()}
         x_m, y_m, heading_rad = values[Quantity.BASE]
-        gaze = values[Quantity.GAZE]
+        gaze, mast_target = values[Quantity.GAZE], values[Quantity.MAST]
         return LabState(
             t_s=t_s,
             base=(x_m, y_m, heading_rad),
             eye_m=(gaze[0], gaze[1], gaze[2]),
             target_m=(gaze[3], gaze[4], gaze[5]),
+            mast_target_m=(mast_target[0], mast_target[1], mast_target[2]),
             reach=values[Quantity.REACH][0],
             opening_m=values[Quantity.OPENING][0],
             is_holding=values[Quantity.HOLDING][0] > 0.5,
@@ -285,6 +303,12 @@ class LabWorld:
             person_m=(values[Quantity.PERSON][0], values[Quantity.PERSON][1]),
             laboratory=self.laboratory,
         )
+
+    def seen_by(self, camera: Mount) -> LabWorld:
+        """Return this world as another camera sees it. Only the original world can be scheduled."""
+        view = copy(self)
+        view.laboratory = replace(self.laboratory, camera=camera)
+        return view
 
     def moves_within(self, start_s: float, end_s: float) -> bool:
         """Return whether the state can change from one instant to another."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,9 +11,21 @@ from codra_papers.experiments.campaign.cells import interval, plain_table, ratio
 from codra_papers.experiments.campaign.document import Cell, Table
 from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
 from codra_papers.experiments.campaign.statistics import Estimate, ratio_difference, ratio_of_sums
-from codra_papers.experiments.lab.metrics import Answers, Lags, Seconds, answers, in_window, lags, total, window
+from codra_papers.experiments.lab.metrics import (
+    Answers,
+    Causes,
+    Lags,
+    Seconds,
+    answers,
+    in_window,
+    lags,
+    total,
+    window,
+)
 from codra_papers.experiments.lab.outcomes import Outcome
 from codra_papers.experiments.studies.robustness.findings import (
+    LATE_NOTE,
+    MEASURES_NOTE,
     Runs,
     ShareFunction,
     estimate_as_data,
@@ -36,6 +49,10 @@ class ArmComparison:
     Attributes:
         seconds: the seconds in the common windows, over all variables and runs. A variable that the arm never
             identified in a run adds no seconds.
+        causes: the causes of the wrong seconds: mistakes, and lag.
+        balanced_ratio: the mean, over the variables that have one, of the balanced ratio.
+        strict_balanced_ratio: the same for the strict balanced ratio.
+        constant_ratio: the ratio if, for each variable, the answer were always the more frequent true value.
         left_out: the sum, over all variables, of the number of runs in which the arm never identified the variable.
         paper_difference: the arm's ratio minus the ratio of the other arm; None if the arm is compared with itself.
         strict_difference: the same for the strict ratio.
@@ -45,6 +62,10 @@ class ArmComparison:
 
     arm: str
     seconds: Seconds
+    causes: Causes
+    balanced_ratio: float | None
+    strict_balanced_ratio: float | None
+    constant_ratio: float | None
     left_out: int
     paper_difference: Estimate | None
     strict_difference: Estimate | None
@@ -92,9 +113,14 @@ def arm_comparison(
     lags_of_variables = [
         lags(outcome.arms[arm].held[name], outcome.truth[name]) for outcome in outcomes for name in variables
     ]
+    by_truth_of_variables = [runs.total_by_truth(name, arm) for name in variables]
     return ArmComparison(
         arm=arm,
         seconds=total(pooled_seconds(outcome, variables, arm) for outcome in outcomes),
+        causes=sum((runs.causes_in_windows(name, arm) for name in variables), Causes()),
+        balanced_ratio=_mean(by_truth.balanced_ratio for by_truth in by_truth_of_variables),
+        strict_balanced_ratio=_mean(by_truth.strict_balanced_ratio for by_truth in by_truth_of_variables),
+        constant_ratio=ratio_of_sums([by_truth.constant_share for by_truth in by_truth_of_variables]),
         left_out=sum(runs.left_out(name, arm) for name in variables),
         paper_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, paper_share),
         strict_difference=None if arm == other_arm else difference(outcomes, variables, arm, other_arm, strict_share),
@@ -103,6 +129,12 @@ def arm_comparison(
         triggers=sum(runs.triggers(arm, slot_algorithms)),
         slot_share=runs.slot_s(arm) / runs.duration_s,
     )
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    """Return the mean of the values that are not None; None without such a value."""
+    known_values = [value for value in values if value is not None]
+    return math.fsum(known_values) / len(known_values) if known_values else None
 
 
 def pooled_seconds(outcome: Outcome, variables: Sequence[str], arm: str) -> Seconds:
@@ -130,20 +162,12 @@ def difference(
 
 def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) -> tuple[Table, Table]:
     """Return two tables with one line per arm: one of the arms' knowledge, and one of their decisions and costs."""
-    knowledge_header = (
-        "arm",
-        "ratio",
-        "strict ratio",
-        "ratio, difference",
-        "strict, difference",
-        "wrong s",
-        "unknown s",
-        "left out",
-    )
+    knowledge_header = ("arm", *RATIO_HEADER, "wrong s", "of these, late s", "unknown s", "left out")
     decision_header = (
         "arm",
         "asked: right",
         "wrong",
+        "of these, late",
         "fell back",
         "lag median s",
         "never seen",
@@ -163,20 +187,28 @@ def arm_comparison_tables(comparisons: Sequence[ArmComparison], caption: str) ->
         marked=wrong_cells,
     )
     caption = (
-        f"{caption} Left out: variables that the arm never identified in a run; neither the numbers of the arm nor "
-        "differences to this arm include them."
+        f"{caption} {MEASURES_NOTE} The balanced ratios are means over the variables. {LATE_NOTE} Left out: variables "
+        "that the arm never identified in a run; neither the numbers of the arm nor differences to this arm include "
+        "them."
     )
     return plain_table(
         caption, knowledge_header, [_knowledge_cells(comparison) for comparison in comparisons]
     ), decision_table
 
 
+RATIO_HEADER = ("ratio", "balanced", "strict ratio", "strict, balanced", "constant", "difference", "strict, difference")
+"""The titles of the cells of `ratio_cells` after the first cell, which has the name of the arm."""
+
+
 def ratio_cells(comparison: ArmComparison) -> Sequence[Cell]:
-    """Return the cells of a table for an arm: the arm's name, both ratios, and the differences of both ratios."""
+    """Return the cells of a table for an arm: the arm's name, the ratios, and differences to the other arm."""
     return (
         comparison.arm,
         ratio(comparison.seconds.paper_share),
+        rounded(comparison.balanced_ratio, 3),
         ratio(comparison.seconds.strict_share),
+        rounded(comparison.strict_balanced_ratio, 3),
+        rounded(comparison.constant_ratio, 3),
         None if comparison.paper_difference is None else interval(comparison.paper_difference),
         None if comparison.strict_difference is None else interval(comparison.strict_difference),
     )
@@ -186,6 +218,7 @@ def _knowledge_cells(comparison: ArmComparison) -> Sequence[Cell]:
     return (
         *ratio_cells(comparison),
         round(comparison.seconds.wrong_s, 1),
+        round(comparison.causes.changed_since_s, 1),
         round(comparison.seconds.unknown_s, 1),
         comparison.left_out,
     )
@@ -196,6 +229,7 @@ def _decision_cells(comparison: ArmComparison) -> Sequence[Cell]:
         comparison.arm,
         comparison.answers.right,
         comparison.answers.wrong,
+        comparison.answers.late,
         comparison.answers.fell_back,
         rounded(comparison.lags.quantile_s(0.5), 1),
         comparison.lags.unseen,
@@ -212,6 +246,10 @@ def arm_comparisons_as_data(comparisons: Sequence[ArmComparison]) -> Mapping[str
             "left_out": comparison.left_out,
             "paper_ratio": comparison.paper_ratio,
             "strict_ratio": comparison.strict_ratio,
+            "balanced_ratio": comparison.balanced_ratio,
+            "strict_balanced_ratio": comparison.strict_balanced_ratio,
+            "constant_answer_ratio": comparison.constant_ratio,
+            "wrong_by_cause": asdict(comparison.causes),
             "paper_ratio_difference": None
             if comparison.paper_difference is None
             else estimate_as_data(comparison.paper_difference),

@@ -18,14 +18,17 @@ class Tending:
 
     Attributes:
         machines: the names of the machines; a machine can be listed several times.
+        leaves_lids_open: whether a machine that is tended again later stays open until then.
     """
 
     machines: tuple[str, ...]
+    leaves_lids_open: bool = False
 
     def __call__(self, mission: Mission) -> None:
         """Tend the machines."""
-        for machine in self.machines:
-            mission.open_and_close(machine, times=1)
+        for index, machine in enumerate(self.machines):
+            is_left_open = self.leaves_lids_open and machine in self.machines[index + 1 :]
+            mission.open_and_close(machine, times=1, leave_open=is_left_open)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

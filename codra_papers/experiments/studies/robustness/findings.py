@@ -5,20 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
-from codra_dsl.language.model import Access, Spec
-from codra_papers.experiments.campaign.statistics import Estimate, Share, ratio_difference, ratio_interval
+from codra_papers.experiments.campaign.statistics import (
+    Estimate,
+    Share,
+    ratio_difference,
+    ratio_interval,
+    ratio_of_sums,
+)
 from codra_papers.experiments.lab.metrics import (
     Answers,
     Causes,
     Lags,
     Seconds,
+    SecondsByTruth,
     answers,
+    by_truth_in_window,
     causes,
+    causes_in_window,
     in_window,
     lags,
     seconds,
     total,
+    total_by_truth,
     window,
 )
 from codra_papers.experiments.lab.outcomes import Outcome
@@ -61,11 +71,23 @@ def strict_share(arm_seconds: Seconds) -> Share:
     return arm_seconds.strict_share
 
 
-def vision_algorithms(spec: Spec) -> tuple[str, ...]:
-    """Return the names of the algorithms that need a slot; these are all algorithms that look at frames."""
-    return tuple(
-        algorithm.name for algorithm in spec.perception if any(use.access is Access.SLOT for use in algorithm.uses)
-    )
+MEASURES: Mapping[str, Callable[[SecondsByTruth], float | None]] = MappingProxyType(
+    {
+        "ratio": lambda by_truth: ratio_of_sums([by_truth.all.paper_share]),
+        "balanced ratio": lambda by_truth: by_truth.balanced_ratio,
+        "strict ratio": lambda by_truth: ratio_of_sums([by_truth.all.strict_share]),
+        "strict balanced ratio": lambda by_truth: by_truth.strict_balanced_ratio,
+        "constant answer": lambda by_truth: ratio_of_sums([by_truth.constant_share]),
+    }
+)
+"""The two ratios of right values, each with its balanced counterpart, and the ratio of the better constant answer."""
+
+MEASURES_NOTE = (
+    "Balanced: the mean of the ratio while the variable is true and the ratio while it is false, which is 0.5 for any "
+    "constant answer. Constant: the ratio of an observer that always gives the more frequent true value."
+)
+
+LATE_NOTE = "Late: the value was true at the instant of its evidence, and the truth has changed since."
 
 
 def label(variable: str) -> str:
@@ -84,13 +106,25 @@ class Runs:
         """Return the names of the arms, in the order of the trials."""
         return tuple(self.outcomes[0].arms) if self.outcomes else ()
 
-    def seconds(self, variable: str, arm: str) -> Sequence[Seconds | None]:
+    def by_truth(self, variable: str, arm: str) -> Sequence[SecondsByTruth | None]:
         """Return, for each run, an arm's seconds in the common window; None if the arm is left out of the window."""
+        return [by_truth_in_window(outcome, variable, arm) for outcome in self.outcomes]
+
+    def total_by_truth(self, variable: str, arm: str) -> SecondsByTruth:
+        """Return the sum of an arm's seconds in the common windows, divided by the true value."""
+        return total_by_truth(self.outcomes, variable, arm)
+
+    def seconds(self, variable: str, arm: str) -> Sequence[Seconds | None]:
+        """Return the same as `by_truth`, without regard to the true value."""
         return [in_window(outcome, variable, arm) for outcome in self.outcomes]
 
     def total(self, variable: str, arm: str) -> Seconds:
         """Return the sum of an arm's seconds in the common windows."""
         return total(self.seconds(variable, arm))
+
+    def causes_in_windows(self, variable: str, arm: str) -> Causes:
+        """Return, for each cause, how long the values of an arm were wrong in the common windows."""
+        return sum((causes_in_window(outcome, variable, arm) for outcome in self.outcomes), Causes())
 
     def whole_run_seconds(self, variable: str, arm: str) -> Seconds:
         """Return an arm's seconds over complete runs, without regard to windows."""
@@ -125,6 +159,15 @@ class Runs:
     def triggers(self, arm: str, algorithms: Sequence[str]) -> Sequence[int]:
         """Return, for each run, how many jobs of some algorithms an arm started."""
         return [sum(outcome.arms[arm].triggers.get(name, 0) for name in algorithms) for outcome in self.outcomes]
+
+    def observable_share(self, arm: str, algorithm: str) -> Share:
+        """Return the share of an algorithm's jobs that were started while the preconditions of the spec were true."""
+        arms = [outcome.arms[arm] for outcome in self.outcomes]
+        is_counted = any(algorithm in arm_outcome.observable_triggers for arm_outcome in arms)
+        return Share(
+            float(sum(arm_outcome.observable_triggers.get(algorithm, 0) for arm_outcome in arms)),
+            float(sum(self.triggers(arm, (algorithm,)))) if is_counted else 0.0,
+        )
 
     def slot_s(self, arm: str) -> float:
         """Return how long an arm's observers held slots."""
@@ -183,3 +226,9 @@ def fewer_triggers(runs: Runs, arm: str, other_arm: str, algorithms: Sequence[st
 def estimate_as_data(estimate: Estimate) -> Mapping[str, float | None]:
     """Return an estimate as plain data."""
     return {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+
+
+def measures_as_data(by_truth: SecondsByTruth) -> Mapping[str, float | None]:
+    """Return `MEASURES` of some seconds as plain data."""
+    keys = {"ratio": "paper_ratio", "constant answer": "constant_answer_ratio"}
+    return {keys.get(name, name.replace(" ", "_")): measure(by_truth) for name, measure in MEASURES.items()}

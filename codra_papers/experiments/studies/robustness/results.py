@@ -15,6 +15,7 @@ from codra_papers.experiments.studies.robustness.findings import (
     Runs,
     estimate_as_data,
     label,
+    measures_as_data,
 )
 from codra_papers.experiments.studies.robustness.frames import RepeatedDetection
 from codra_papers.experiments.studies.robustness.mistakes import Mistake
@@ -53,8 +54,8 @@ def _variable(runs: Runs, name: str, arm: str) -> Mapping[str, Any]:
             None if arm_seconds is None else asdict(arm_seconds) for arm_seconds in runs.seconds(name, arm)
         ],
         "window_total": asdict(window_seconds),
-        "paper_ratio": ratio_of_sums([window_seconds.paper_share]),
-        "strict_ratio": ratio_of_sums([window_seconds.strict_share]),
+        "window_wrong_by_cause": asdict(runs.causes_in_windows(name, arm)),
+        **measures_as_data(runs.total_by_truth(name, arm)),
         "runs_left_out": runs.left_out(name, arm),
         "whole_runs": asdict(whole_run_seconds),
         "wrong_by_cause": asdict(variable_causes),
@@ -70,6 +71,7 @@ def _arm(runs: Runs, arm: str) -> Mapping[str, Any]:
     algorithms = sorted({name for outcome in runs.outcomes for name in outcome.arms[arm].triggers})
     return {
         "triggers": {name: sum(runs.triggers(arm, (name,))) for name in algorithms},
+        "observable_trigger_shares": {name: ratio_of_sums([runs.observable_share(arm, name)]) for name in algorithms},
         "slot_s": runs.slot_s(arm),
         "wrong_by_cause": asdict(runs.causes(VARIABLES, arm)),
         "preview": asdict(runs.answers(VARIABLES, arm, previews=True)),

@@ -49,10 +49,13 @@ def ratio_sentences(runs: Runs, comparisons: Sequence[Comparison]) -> Iterator[s
 
 
 def _ratio_hope_sentence(runs: Runs) -> str:
-    arm_totals = {arm: runs.total("centrifuge_open", arm) for arm in runs.arms}
+    totals_by_truth = {arm: runs.total_by_truth("centrifuge_open", arm) for arm in runs.arms}
+    arm_totals = {arm: by_truth.all for arm, by_truth in totals_by_truth.items()}
     ratios = ", ".join(
         f"{_number(ratio_of_sums([arm_seconds.paper_share]))} "
-        f"(strict {_number(ratio_of_sums([arm_seconds.strict_share]))}) with {arm}"
+        f"(strict {_number(ratio_of_sums([arm_seconds.strict_share]))}, balanced "
+        f"{_number(totals_by_truth[arm].balanced_ratio)}, constant answer "
+        f"{_number(ratio_of_sums([totals_by_truth[arm].constant_share]))}) with {arm}"
         for arm, arm_seconds in arm_totals.items()
     )
     outcomes = "; ".join(

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from codra_papers.experiments.campaign.cells import interval, mark_below, percent, plain_table, ratio, rounded
 from codra_papers.experiments.campaign.document import Cell, Table
-from codra_papers.experiments.campaign.statistics import Share
+from codra_papers.experiments.campaign.statistics import Share, ratio_of_sums
 from codra_papers.experiments.lab.arms import Arm
-from codra_papers.experiments.lab.metrics import Seconds
+from codra_papers.experiments.lab.metrics import causes_in_window
 from codra_papers.experiments.studies.robustness import paper
 from codra_papers.experiments.studies.robustness.findings import (
+    LATE_NOTE,
     LIDS,
+    MEASURES,
+    MEASURES_NOTE,
     PCR_CYCLER_LID_ALGORITHMS,
     VARIABLES,
     Comparison,
     Runs,
-    ShareFunction,
     fewer_triggers,
     label,
 )
@@ -66,44 +68,34 @@ def table_2(runs: Runs, variable: str) -> Table:
     caption = (
         f"{label(variable)}, as in P1's Table 2: seconds of agreement and disagreement with the truth, from the "
         f"instant at which the last arm has identified the variable. Ratio: agreement as a share of the seconds with "
-        f"any value; strict ratio: agreement as a share of all seconds. {_MARKED_NOTE} A dash: the arm never "
-        f"identified the variable in this run, and is left out of the window of this run."
+        f"any value; strict ratio: agreement as a share of all seconds. {MEASURES_NOTE} {LATE_NOTE} {_MARKED_NOTE} A "
+        "dash: there is no such ratio, or the arm never identified the variable in this run, and is left out of the "
+        "window of this run."
     )
     ratio_rows = [index for index, row in enumerate(rows) if row[1] in ("ratio", "strict ratio")]
     return mark_below(plain_table(caption, header, rows), paper.LOW_RATIO, ratio_rows)
 
 
 def _arm_rows(runs: Runs, variable: str, arm: str) -> Iterator[Sequence[Cell]]:
-    columns = [*runs.seconds(variable, arm), runs.total(variable, arm)]
+    columns = [*runs.by_truth(variable, arm), runs.total_by_truth(variable, arm)]
+    causes_by_column = [
+        *(causes_in_window(outcome, variable, arm) for outcome in runs.outcomes),
+        runs.causes_in_windows(variable, arm),
+    ]
+    all_seconds = [None if column is None else column.all for column in columns]
+    yield arm, "right s", *(None if cell is None else round(cell.right_s, 2) for cell in all_seconds)
+    yield arm, "wrong s", *(None if cell is None else round(cell.wrong_s, 2) for cell in all_seconds)
     yield (
         arm,
-        "right s",
-        *(_quantity_cell(column, lambda arm_seconds: round(arm_seconds.right_s, 2)) for column in columns),
+        "of these, late s",
+        *(
+            None if cell is None else round(causes.changed_since_s, 2)
+            for cell, causes in zip(all_seconds, causes_by_column, strict=True)
+        ),
     )
-    yield (
-        arm,
-        "wrong s",
-        *(_quantity_cell(column, lambda arm_seconds: round(arm_seconds.wrong_s, 2)) for column in columns),
-    )
-    yield (
-        arm,
-        "unknown s",
-        *(_quantity_cell(column, lambda arm_seconds: round(arm_seconds.unknown_s, 2)) for column in columns),
-    )
-    yield (
-        arm,
-        "ratio",
-        *(_quantity_cell(column, lambda arm_seconds: ratio(arm_seconds.paper_share)) for column in columns),
-    )
-    yield (
-        arm,
-        "strict ratio",
-        *(_quantity_cell(column, lambda arm_seconds: ratio(arm_seconds.strict_share)) for column in columns),
-    )
-
-
-def _quantity_cell(arm_seconds: Seconds | None, quantity: Callable[[Seconds], float | None]) -> Cell:
-    return None if arm_seconds is None else quantity(arm_seconds)
+    yield arm, "unknown s", *(None if cell is None else round(cell.unknown_s, 2) for cell in all_seconds)
+    for name, measure in MEASURES.items():
+        yield arm, name, *(None if column is None else rounded(measure(column), 3) for column in columns)
 
 
 def table_2_of_the_paper(variable: str) -> Table:
@@ -112,8 +104,9 @@ def table_2_of_the_paper(variable: str) -> Table:
     rows = [line for row in printed_rows for line in _paper_rows(row)]
     header = ("arm", "", *(f"Run {number}" for number in range(1, 11)), "Total")
     caption = (
-        f"{label(variable)} in P1's Table 2. These are the runs of a real robot, so its run 1 is not our run 1."
-        f" {_MARKED_NOTE}"
+        f"{label(variable)} in P1's Table 2. These are the runs of a real robot, so its run 1 is not our run 1. P1 "
+        "does not state how long the lid was open, so balanced ratios and the ratio of a constant answer are unknown. "
+        f"{_MARKED_NOTE}"
     )
     if variable == "centrifuge_open":
         caption += (
@@ -136,11 +129,40 @@ def _paper_rows(row: paper.TableRow) -> Iterator[Sequence[Cell]]:
 # All variables
 
 
-def ratio_table(runs: Runs, share_of: ShareFunction, caption: str) -> Table:
-    """Return a table with a ratio for each variable and arm."""
-    rows = [(label(name), *(ratio(share_of(runs.total(name, arm))) for arm in runs.arms)) for name in VARIABLES]
-    caption = f"{caption} {_MARKED_NOTE} A dash: the arm was left out of the window of every run."
-    return mark_below(plain_table(caption, ("variable", *runs.arms), rows), paper.LOW_RATIO, range(len(rows)))
+def ratio_table(runs: Runs, measure: str, caption: str) -> Table:
+    """Return a table with a ratio and its balanced counterpart for each variable and arm.
+
+    Args:
+        runs: the runs.
+        measure: the key of the ratio in `MEASURES`.
+        caption: what the ratio is.
+    """
+    balanced_measure = measure.replace("ratio", "balanced ratio")
+    header = ("variable", *(text for arm in runs.arms for text in (arm, f"{arm}: balanced")), "constant answer")
+    rows = [
+        (
+            label(name),
+            *(
+                rounded(MEASURES[key](runs.total_by_truth(name, arm)), 3)
+                for arm in runs.arms
+                for key in (measure, balanced_measure)
+            ),
+            _constant_text(runs, name),
+        )
+        for name in VARIABLES
+    ]
+    caption = (
+        f"{caption} {MEASURES_NOTE} {_MARKED_NOTE} A dash: the arm was left out of the window of every run, or the "
+        "variable never changed."
+    )
+    return mark_below(plain_table(caption, header, rows), paper.LOW_RATIO, range(len(rows)))
+
+
+def _constant_text(runs: Runs, variable: str) -> str:
+    """Return the ratio of the better constant answer, as text, so that it is never marked."""
+    shares = [runs.total_by_truth(variable, arm).constant_share for arm in runs.arms]
+    value = ratio_of_sums([max(shares, key=lambda share: share.total)])
+    return "none" if value is None else f"{value:.3f}"
 
 
 def seconds_table(runs: Runs) -> Table:
@@ -235,10 +257,27 @@ def triggers_table(runs: Runs, slot_algorithms: Sequence[str]) -> Table:
     rows: list[Sequence[Cell]] = [
         (name, *(sum(runs.triggers(arm, (name,))) for arm in runs.arms)) for name in algorithms
     ]
+    distance_polls = [name for name in algorithms if name not in slot_algorithms]
     rows.append(("all that need the vision slot", *(sum(runs.triggers(arm, slot_algorithms)) for arm in runs.arms)))
+    rows.append(("all distance polls", *(sum(runs.triggers(arm, distance_polls)) for arm in runs.arms)))
+    rows.extend(
+        (f"share of {name} with true preconditions", *_observable_shares(runs, name)) for name in slot_algorithms
+    )
     rows.append(("seconds in the vision slot", *(round(runs.slot_s(arm), 1) for arm in runs.arms)))
     rows.append(("share of the runs", *(rounded(runs.slot_s(arm) / runs.duration_s, 3) for arm in runs.arms)))
-    return plain_table("Jobs started, by algorithm and arm, over all runs.", ("algorithm", *runs.arms), rows)
+    caption = (
+        "Jobs started, by algorithm and arm, over all runs. Distance polls look at no frame. True preconditions: those "
+        "of the spec, also for arms that have none. A dash: the arm started no such job, or the algorithm has other "
+        "preconditions than variables that must be true."
+    )
+    return plain_table(caption, ("algorithm", *runs.arms), rows)
+
+
+def _observable_shares(runs: Runs, algorithm: str) -> Iterator[float | None]:
+    """Yield, for each arm, the share of an algorithm's jobs that were started while its preconditions were true."""
+    for arm in runs.arms:
+        share = runs.observable_share(arm, algorithm)
+        yield rounded(ratio_of_sums([share]), 3)
 
 
 def reduction_table(runs: Runs, further_runs: Runs, naive_arms: Sequence[str], slot_algorithms: Sequence[str]) -> Table:
@@ -289,8 +328,8 @@ def answers_table(runs: Runs) -> Table:
     decided_variables = {decision.variable for outcome in runs.outcomes for decision in outcome.decisions}
     groups = [(label(name), (name,)) for name in VARIABLES if name in decided_variables]
     preview_columns, monitoring_columns = (
-        ("preview: right", "wrong", "fell back"),
-        ("monitoring: right", "wrong", "fell back"),
+        ("preview: right", "wrong", "of these, late", "fell back"),
+        ("monitoring: right", "wrong", "of these, late", "fell back"),
     )
     header = ("variable", "arm", *preview_columns, *monitoring_columns, "on fresh evidence")
     rows: list[Sequence[Cell]] = [
@@ -298,12 +337,13 @@ def answers_table(runs: Runs) -> Table:
         for group, names in [*groups, ("all", VARIABLES)]
         for arm in runs.arms
     ]
-    marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
+    marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 7) if cells[column])
     caption = (
         "The value that each arm held at the instant when the main execution needed the value. Fell back: the value "
         "was unknown, so a main execution would look by itself. A monitoring decision is requested when the action has "
         "just ended. The value held at this instant is mostly from before the action; it is fresh only if its evidence "
-        "is from after the action. If an arm answered, a main execution would wait for it. Marked: wrong values."
+        "is from after the action. If an arm answered, a main execution would wait for it. Marked: wrong values. "
+        f"{LATE_NOTE}"
     )
     return Table(caption=caption, header=header, rows=rows, marked=marked)
 
@@ -312,13 +352,9 @@ def _answer_cells(runs: Runs, variables: Sequence[str], arm: str) -> Iterator[in
     preview_answers, monitoring_answers = (
         runs.answers(variables, arm, previews=previews) for previews in (True, False)
     )
-    yield from (preview_answers.right, preview_answers.wrong, preview_answers.fell_back)
-    yield from (
-        monitoring_answers.right,
-        monitoring_answers.wrong,
-        monitoring_answers.fell_back,
-        monitoring_answers.fresh,
-    )
+    for arm_answers in (preview_answers, monitoring_answers):
+        yield from (arm_answers.right, arm_answers.wrong, arm_answers.late, arm_answers.fell_back)
+    yield monitoring_answers.fresh
 
 
 def causes_table(runs: Runs) -> Table:

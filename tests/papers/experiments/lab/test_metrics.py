@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,10 +20,11 @@ from codra_papers.experiments.lab.metrics import (
     in_window,
     lags,
     seconds,
+    seconds_by_truth,
     total,
     window,
 )
-from codra_papers.experiments.lab.outcomes import ArmOutcome, Decision, Outcome
+from codra_papers.experiments.lab.outcomes import ArmOutcome, Basis, Decision, Outcome
 from codra_papers.experiments.lab.scoring import Piece, pieces
 from codra_papers.experiments.lab.trials import wrong_spans
 
@@ -46,6 +48,7 @@ def outcome_of(truth: Samples, held_samples_by_arm: dict[str, Samples], first_s:
             wrong={"open": ()},
             first_s={"open": first_s[name]},
             triggers={},
+            observable_triggers={},
             slot_s=0.0,
         )
         for name, samples in held_samples_by_arm.items()
@@ -154,6 +157,35 @@ def test_seconds_of_runs_add_up_and_runs_without_any_add_zero() -> None:
     )
 
 
+# Balanced ratios, and the constant answer
+
+
+@given(held_samples, true_or_false)
+def test_balanced_ratios_give_both_true_values_the_same_weight(held: Samples, truth: Samples) -> None:
+    by_truth = seconds_by_truth(pieces_of(held), pieces_of(truth))
+    ratios: list[float | None] = []
+    strict_ratios: list[float | None] = []
+    for fact in (True, False):
+        values = [value for value, true_value in zip(held, truth, strict=True) if true_value is fact]
+        known_values = [value for value in values if value is not None]
+        ratios.append(known_values.count(fact) / len(known_values) if known_values else None)
+        strict_ratios.append(values.count(fact) / len(values) if values else None)
+
+    assert by_truth.all == seconds(pieces_of(held), pieces_of(truth))
+    assert by_truth.balanced_ratio == (None if None in ratios else pytest.approx(sum(ratios) / 2))
+    assert by_truth.strict_balanced_ratio == (None if None in strict_ratios else pytest.approx(sum(strict_ratios) / 2))
+
+
+@given(true_or_false)
+def test_the_better_constant_answer_has_the_ratio_of_the_more_frequent_value(truth: Samples) -> None:
+    by_constant = {value: seconds_by_truth(pieces_of([value] * END), pieces_of(truth)) for value in (True, False)}
+    best_part = max(by_truth.all.paper_share.part for by_truth in by_constant.values())
+
+    for by_truth in by_constant.values():
+        assert (by_truth.constant_share.part, by_truth.constant_share.total) == (best_part, END)
+        assert by_truth.balanced_ratio in (None, 0.5)
+
+
 # Causes
 
 
@@ -193,7 +225,9 @@ def test_the_cause_of_a_wrong_second_follows_from_its_own_evidence(reports_of_va
 # Decisions
 
 
-def decision(held_value: bool | None, true_value: bool, *, is_fresh: bool) -> Decision:
+def decision(held_value: bool | None, true_value: bool, *, is_fresh: bool, was_true: bool = False) -> Decision:
+    is_wrong = held_value is not None and held_value != true_value
+    basis = Basis(algorithm="look", evidence_s=0.0, values={}, was_true=was_true, frame="")
     return Decision(
         instant_s=1.0,
         variable="open",
@@ -209,17 +243,18 @@ def decision(held_value: bool | None, true_value: bool, *, is_fresh: bool) -> De
         source="",
         has_looked=True,
         unanswered="",
-        wrong={},
+        wrong={"arm": basis} if is_wrong else {},
         wrong_answer=None,
     )
 
 
-def test_decisions_are_right_wrong_or_fall_back_and_fresh_or_not() -> None:
+def test_decisions_are_right_wrong_late_or_fall_back_and_fresh_or_not() -> None:
     decisions = [
         decision(True, True, is_fresh=True),
         decision(False, False, is_fresh=False),
         decision(False, True, is_fresh=False),
+        decision(False, True, is_fresh=False, was_true=True),
         decision(None, True, is_fresh=False),
     ]
 
-    assert answers(decisions, "arm") == Answers(right=2, wrong=1, fell_back=1, fresh=1)
+    assert answers(decisions, "arm") == Answers(right=2, wrong=2, late=1, fell_back=1, fresh=1)

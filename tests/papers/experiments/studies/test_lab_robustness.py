@@ -16,6 +16,7 @@ from codra_papers.experiments.campaign.document import Document, Drawing, Photog
 from codra_papers.experiments.campaign.experiment import Settings
 from codra_papers.experiments.lab.outcomes import Basis, Outcome
 from codra_papers.experiments.lab.trials import Trial, run_trial, value_at
+from codra_papers.experiments.studies.factors.design import is_factorial
 from codra_papers.experiments.studies.lab_robustness import ARMS, EXPERIMENT, FURTHER_ARMS
 from codra_papers.experiments.studies.robustness.findings import VARIABLES, Runs
 from codra_papers.experiments.studies.robustness.frames import detect_again
@@ -56,7 +57,11 @@ def tables(document: Document) -> list[Table]:
 
 
 def test_ten_runs_are_for_the_tables_and_keep_frames_and_the_further_ones_are_for_intervals() -> None:
-    trials = EXPERIMENT.trials(Settings(spec=SPEC, seeds=20, folder=Path()))
+    trials = [
+        trial
+        for trial in EXPERIMENT.trials(Settings(spec=SPEC, seeds=20, folder=Path()))
+        if not is_factorial(trial.name)
+    ]
 
     assert [trial.seed for trial in trials] == list(range(301, 331))
     assert sum(trial.frames_kept for trial in trials if trial.seed <= 310) >= 200
@@ -125,6 +130,23 @@ def test_wrong_seconds_by_cause_add_up_to_the_wrong_seconds(judged_runs: Judged)
             assert sum(variable_results["wrong_by_cause"].values()) == pytest.approx(
                 variable_results["whole_runs"]["wrong_s"], abs=1e-6
             )
+
+
+def test_wrong_seconds_in_the_windows_are_divided_into_mistakes_and_lag(judged_runs: Judged) -> None:
+    for arms in judged_runs.document.results["tables"]["variables"].values():
+        for variable_results in arms.values():
+            assert sum(variable_results["window_wrong_by_cause"].values()) == pytest.approx(
+                variable_results["window_total"]["wrong_s"], abs=1e-6
+            )
+
+
+def test_every_ratio_has_a_balanced_ratio_and_a_constant_answer_beside_it(judged_runs: Judged) -> None:
+    ratio_keys = {"paper_ratio", "balanced_ratio", "strict_ratio", "strict_balanced_ratio", "constant_answer_ratio"}
+    results_of_arms = judged_runs.document.results["tables"]["variables"]["centrifuge_base_in_FOV"].values()
+
+    assert all(ratio_keys <= set(variable_results) for variable_results in results_of_arms)
+    (constant_ratio,) = {variable_results["constant_answer_ratio"] for variable_results in results_of_arms}
+    assert 0.5 <= constant_ratio <= 1.0
 
 
 def test_an_arm_that_never_identified_a_variable_is_left_out_of_the_window_and_marked(judged_runs: Judged) -> None:

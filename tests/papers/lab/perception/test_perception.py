@@ -21,7 +21,13 @@ import pytest
 from codra_papers.lab.gaze import observation_gaze, ready_gaze
 from codra_papers.lab.perception import functions as perception
 from codra_papers.lab.perception.frame import Frame
-from codra_papers.lab.perception.functions import find_in_view, localize_lid, localize_rotor, measure_distance
+from codra_papers.lab.perception.functions import (
+    find_in_view,
+    localize_lid,
+    localize_lid_always,
+    localize_rotor,
+    measure_distance,
+)
 from codra_papers.lab.perception.layout import MACHINES, Part, machine_named
 from codra_papers.lab.perception.poses import Pose
 from codra_papers.lab.perception.tags import detect
@@ -155,6 +161,27 @@ def test_a_lid_out_of_the_image_has_no_angle_while_the_base_counts_its_markers(l
     assert measurement["lid_angle"] is None
     assert measurement["latched"] is True
     assert measurement["markers"] == 4
+
+
+def test_the_localiser_that_always_answers_takes_an_unseen_lid_for_closed(lab: Laboratory) -> None:
+    """P1, section 4.1: "incorrectly identified that the centrifuge lid was closed"."""
+    lab.place_robot("pcr_cycler", (0.75, 0.0, 0.25, 0.2, 0.0, 0.0))
+    lab.turn("pcr_cycler", Part.LID, 1.35)
+
+    measurement = ask(localize_lid_always, "pcr_cycler", lab.frame())
+
+    assert measurement == {**ask(localize_lid, "pcr_cycler", lab.frame()), "lid_angle": 0.0}
+
+
+def test_the_localiser_that_always_answers_measures_a_lid_in_view_and_says_nothing_without_the_base(
+    lab: Laboratory,
+) -> None:
+    lab.place_robot("pcr_cycler")
+    lab.turn("pcr_cycler", Part.LID, 1.0)
+    assert ask(localize_lid_always, "pcr_cycler", lab.frame()) == ask(localize_lid, "pcr_cycler", lab.frame())
+
+    lab.place_robot("centrifuge", (0.78, 0.0, 0.50, 0.45, 0.0, 0.34))
+    assert ask(localize_lid_always, "centrifuge", lab.frame())["lid_angle"] is None
 
 
 def test_without_the_base_neither_angle_nor_latch_is_known(lab: Laboratory) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from codra_dsl.runtime import SimClock
+from codra_papers.lab.gaze import observation_gaze
 from codra_papers.lab.perception.frame import Frame
 from codra_papers.lab.perception.layout import MACHINES, Part, machine_named, shaker, surveyed
 from codra_papers.lab.perception.tags import detect
@@ -20,7 +21,7 @@ from codra_papers.lab.robot import Robot, RotorPosition
 from codra_papers.lab.simulator.camera import FrameSource, GreyFrameSource
 from codra_papers.lab.simulator.disturbances import disturb
 from codra_papers.lab.simulator.geometric_camera import GeometricCamera
-from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, LidMoved, LightDown, PersonBefore
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, LidMoved, LightDown, Mount, PersonBefore
 from codra_papers.lab.simulator.scene import mjcf, textures
 from codra_papers.lab.simulator.truth import GroundTruth, truth_at
 from codra_papers.lab.simulator.world import JointKey, LabState, LabWorld
@@ -219,3 +220,36 @@ def test_in_the_dark_no_tag_is_detected_though_all_are_in_view() -> None:
     assert detect(meanwhile) == ()
     assert truth_at(world, 110.0)["pcr_cycler_base_in_FOV"] is True
     assert world.state(140.0).light == 1.0
+
+
+# The camera on the mast
+
+
+def test_the_camera_on_the_mast_looks_at_the_machine_that_the_robot_tends_whatever_the_arm_does() -> None:
+    world, clock = LabWorld(1, replace(LABORATORY, camera=Mount.PAN_TILT)), SimClock()
+    robot = Robot(world, clock, SteadyHand(1))
+    robot.drive_to("pcr_cycler")
+    arrived = world.state(clock.now_s())
+    robot.unlock("pcr_cycler")
+    unlocked = world.state(clock.now_s() - 40.0)
+    middle_m = machine_named("pcr_cycler").map_from_base.apply(np.array(observation_gaze("pcr_cycler", Part.LID)[3:]))
+    middle_in_camera_m = arrived.map_from_camera().inverse().apply(middle_m)
+
+    assert np.hypot(*middle_in_camera_m[:2]) < 0.01
+    assert middle_in_camera_m[2] > 0.5
+    assert arrived.eye_m != unlocked.eye_m
+    assert arrived.map_from_camera().translation_m == pytest.approx(unlocked.map_from_camera().translation_m)
+    assert arrived.map_from_camera().rotation == pytest.approx(unlocked.map_from_camera().rotation)
+
+
+def test_both_cameras_show_the_same_world_and_only_the_one_on_the_mast_sees_the_arm() -> None:
+    world, clock = LabWorld(1, replace(LABORATORY, camera=Mount.PAN_TILT)), SimClock()
+    Robot(world, clock, SteadyHand(1)).drive_to("centrifuge")
+    mast_state, wrist_state = (seen.state(clock.now_s()) for seen in (world, world.seen_by(Mount.WRIST)))
+
+    assert replace(wrist_state, laboratory=mast_state.laboratory) == mast_state
+    assert wrist_state.map_from_camera().translation_m == pytest.approx(
+        (wrist_state.map_from_robot() @ wrist_state.robot_from_hand()).translation_m
+    )
+    hand_in_mast_camera_m = (mast_state.robot_from_camera().inverse() @ mast_state.robot_from_hand()).translation_m
+    assert hand_in_mast_camera_m[2] > 0.2
