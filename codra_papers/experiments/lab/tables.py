@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from codra_papers.experiments.lab.scoring import Score
 
@@ -31,3 +32,11 @@ def _score_row(score: Score) -> tuple[str, ...]:
     first = "never" if score.first_s is None else f"{score.first_s:.1f}"
     seconds = (f"{seconds_s:.1f}" for seconds_s in (score.right_s, score.wrong_s, score.unknown_s))
     return (score.name, *seconds, ratio, str(score.identified), first)
+
+
+def values_text(values: Mapping[str, Any]) -> str:
+    """Return the values that an algorithm returned, as text."""
+    return ", ".join(
+        f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {str(value).lower()}"
+        for name, value in values.items()
+    )
