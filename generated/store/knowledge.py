@@ -515,7 +515,12 @@ KNOWLEDGE = KnowledgeModel(
                     sources=by("observer"),
                     label="People near a container",
                 ),
-                AttributeModel(name="order_open", type=boolean(), sources=by("mission"), label="An order is open"),
+                AttributeModel(
+                    name="order_open",
+                    type=boolean(),
+                    sources=by("mission"),
+                    label="An order can be served now",
+                ),
                 AttributeModel(name="picking_up", type=boolean(), sources=by("picking"), label="Picking up"),
             ),
         ),

@@ -120,7 +120,7 @@ VARIABLES: tuple[VariableModel, ...] = (
         sources=("other context-variables",),
         derived=value("count(some person -near-> some roll_container)"),
     ),
-    VariableModel(name="order_open", type=boolean(), label="An order is open", sources=("mission",)),
+    VariableModel(name="order_open", type=boolean(), label="An order can be served now", sources=("mission",)),
     VariableModel(name="picking_up", type=boolean(), label="Picking up", sources=("picking",)),
     VariableModel(name="safety", type=real(0.0, 1.0), label="Safety", sources=("analysis",)),
     VariableModel(name="mission_completion", type=real(0.0, 1.0), label="Mission completion", sources=("analysis",)),

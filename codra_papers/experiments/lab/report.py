@@ -8,11 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 
 from codra_dsl.runtime import Cost
+from codra_dsl.runtime.journal import Kind
 from codra_papers.experiments.lab.metrics import seconds_by_truth
 from codra_papers.experiments.lab.pictures import draw_timeline
 from codra_papers.experiments.lab.run import OBSERVED, ArmRun, LabRun
-from codra_papers.experiments.lab.tables import score_table, text_table
+from codra_papers.experiments.lab.tables import score_table, text_table, values_text
 from codra_papers.lab.detection.drawing import draw_detections
+from codra_papers.lab.perception.frame import Frame
 
 _CAMERA_JOBS, _DISTANCE_POLLS = "all that look at frames", "all distance polls"
 _JOB_ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
@@ -21,15 +23,26 @@ _ANSWER_LABELS = MappingProxyType(
     {"answered": "from context", OBSERVED: "of these, by observers", "fell_back": "fell back"}
 )
 
+_EXPLANATIONS = """\
+right/held     right seconds as a share of the seconds with a known value
+balanced       the mean of this share over the true values; constant: the share of the most frequent true value
+identified     how often an observer gave the variable a value; first at s: when this first happened
+jobs           accepted gave a value to at least one variable, rejected to none; voided: the evidence does not count,
+               because a precondition failed while it was taken; cancelled: no longer needed
+waiting s      seconds in which jobs waited for slots; slot-seconds: the seconds of jobs, times the slots they held
+from context   decisions that context answered; of these, by observers: those on the evidence of an observer, not on
+               an earlier look of the robot; fell back: the robot looked by itself
+"""
+
 
 def run_text(run: LabRun, camera_algorithms: Sequence[str]) -> str:
-    """Return the tables of a run.
+    """Return the tables of a run, and what their heads mean.
 
     Args:
         run: the run.
         camera_algorithms: the algorithms that look at frames.
     """
-    tables = (_jobs_text(run, camera_algorithms), _costs_text(run), _decisions_text(run))
+    tables = (_jobs_text(run, camera_algorithms), _costs_text(run), _decisions_text(run), _EXPLANATIONS)
     return "\n".join((_summary(run), *(_scores_text(arm, run) for arm in run.arms), *tables))
 
 
@@ -50,11 +63,26 @@ def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iter
         yield path
     for name, frame in run.pictures.items():
         path = folder / f"frame-{name}.png"
-        draw_detections(frame, path)
+        arms = [arm for arm in run.arms if name.startswith(f"{arm.name}-")]
+        draw_detections(frame, path, [note for arm in arms for note in frame_notes(arm, frame, run)])
         yield path
     path = folder / "timeline.png"
-    draw_timeline(path, run.truth, {arm.name: arm.held for arm in run.arms}, labels)
+    draw_timeline(path, run, labels)
     yield path
+
+
+def frame_notes(arm: ArmRun, frame: Frame, run: LabRun) -> Iterator[str]:
+    """Yield what an arm measured in a frame, and the values that it identified from the frame, with the true values."""
+    for event in arm.record.of(Kind.JOB):
+        if event.what == "returned" and event.details["evidence_s"][1] == frame.stamp_s:
+            yield f"{event.name} measured: {values_text(event.details['values'])}"
+    for event in arm.record.of(Kind.VARIABLE):
+        if event.what == "identified" and event.details["evidence_s"] == frame.stamp_s and event.name in run.truth:
+            value = event.details["value"]
+            facts = [piece.value for piece in run.truth[event.name] if piece.start_s <= frame.stamp_s < piece.end_s]
+            verdict = ": WRONG" if facts and facts[0] != value else ""
+            true_text = ", ".join(str(fact).lower() for fact in facts)
+            yield f"{event.name}: held {str(value).lower()}, true value {true_text}{verdict}"
 
 
 def _summary(run: LabRun) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from codra_papers.experiments.campaign.statistics import ratio_of_sums
 from codra_papers.experiments.lab.metrics import SecondsByTruth
@@ -53,4 +54,12 @@ def _score_row(score: Score, by_truth: SecondsByTruth) -> tuple[str, ...]:
         *("-" if ratio is None else f"{ratio:.3f}" for ratio in ratios),
         str(score.identified),
         first,
+    )
+
+
+def values_text(values: Mapping[str, Any]) -> str:
+    """Return the values that an algorithm returned, as text."""
+    return ", ".join(
+        f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {str(value).lower()}"
+        for name, value in values.items()
     )

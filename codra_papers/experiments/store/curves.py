@@ -14,6 +14,12 @@ Curve = list[tuple[float, float]]
 
 _CHOSEN = "chosen"
 
+_COLOURS = ("#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#d55e00")
+"""The colours of curves, by Okabe and Ito: readers with any colour vision can distinguish them."""
+
+_MOST_WIDTH, _LEAST_WIDTH = 6.0, 1.4
+"""Each curve is narrower than the previous one, which therefore shows on both sides where curves coincide."""
+
 
 def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str], weights: Iterable[str]) -> None:
     """Draw metrics, weights, and the instants at which an action was chosen.
@@ -33,9 +39,9 @@ def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str],
     for axes in (upper, lower):
         for instant_s, _ in choices:
             axes.axvline(instant_s, color="#5a6b75", linewidth=0.8, linestyle=":")
-    for instant_s, action in choices:
-        upper.annotate(action, (instant_s, 1.06), fontsize=8, rotation=40, annotation_clip=False)
-    lower.set_xlabel("time in s")
+    for index, (instant_s, action) in enumerate(choices):
+        upper.annotate(action, (instant_s, 1.03 + 0.09 * (index % 3)), fontsize=8, annotation_clip=False)
+    lower.set_xlabel("time in s; dotted lines: an action is chosen as the course")
     figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
@@ -51,9 +57,16 @@ def curves(events: Iterable[Event], names: Iterable[str]) -> Mapping[str, Curve]
 
 
 def _draw(axes: Axes, curve_by_name: Mapping[str, Curve], title: str) -> None:
-    for name, curve in curve_by_name.items():
+    narrowing = (_MOST_WIDTH - _LEAST_WIDTH) / max(len(curve_by_name) - 1, 1)
+    for index, (name, curve) in enumerate(curve_by_name.items()):
         if curve:
-            axes.step(*zip(*curve, strict=True), where="post", label=name.removeprefix("weight_of_"))
+            axes.step(
+                *zip(*curve, strict=True),
+                where="post",
+                label=name.removeprefix("weight_of_"),
+                color=_COLOURS[index % len(_COLOURS)],
+                linewidth=_MOST_WIDTH - index * narrowing,
+            )
     axes.set_ylim(0.0, 1.0)
     axes.set_ylabel(title)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)  # beside the curves, not on them

@@ -133,10 +133,11 @@ def test_an_empty_graph_has_a_layout(viewer: Viewer) -> None:
 def test_two_boxes_with_edges_in_both_directions_have_one_link_with_two_heads(
     viewer: Viewer, edges: list[Edge], groups: list[str]
 ) -> None:
-    nodes = [{"spec": "lab", "group": group} for group in groups]
+    groups[0], groups[1] = "a", "b"
+    nodes = [{"spec": "lab", "group": group, "kind": "context"} for group in groups]
     ways = {(groups[need], groups[user]) for need, user, _ in edges if groups[need] != groups[user]}
 
-    boxes = viewer.value("[...boxesOf(nodes, ['lab']).values()]", nodes=nodes)
+    boxes = viewer.value("[...boxesOf(nodes, ['lab'], {}).values()]", nodes=nodes)
     links = viewer.value("linksBetween(boxes, edges)", boxes=boxes, edges=edges)
 
     named = {(boxes[one]["label"], boxes[other]["label"]): kind for one, other, kind in links}
@@ -151,9 +152,19 @@ def test_two_boxes_with_edges_in_both_directions_have_one_link_with_two_heads(
 def test_boxes_of_several_specs_are_named_with_their_spec(viewer: Viewer) -> None:
     nodes = [{"spec": spec, "group": "machine"} for spec in ("lab", "store")]
 
-    boxes = viewer.value("[...boxesOf(nodes, ['lab', 'store']).values()]", nodes=nodes)
+    boxes = viewer.value("[...boxesOf(nodes, ['lab', 'store'], {}).values()]", nodes=nodes)
 
     assert [box["label"] for box in boxes] == ["lab/machine", "store/machine"]
+
+
+def test_nodes_of_only_one_module_have_one_box_for_each_kind(viewer: Viewer) -> None:
+    nodes = [{"spec": "store", "group": "store", "kind": kind} for kind in ("agent", "task", "agent")]
+
+    boxes = viewer.value(
+        "[...boxesOf(nodes, ['store'], kinds).values()]", nodes=nodes, kinds={"agent": "an agent", "task": "a task"}
+    )
+
+    assert [(box["label"], box["members"]) for box in boxes] == [("an agent", [0, 2]), ("a task", [1])]
 
 
 # Search

@@ -6,9 +6,9 @@ const find = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 
 const { needs, neededBy } = neighboursOf(nodes.length, edges);
-const boxes = boxesOf(nodes, data.specs);
+const boxes = boxesOf(nodes, data.specs, kinds);
 
-const LARGE = 150; // with more nodes than this, the page opens with an overview
+const LARGE = 100; // with more nodes than this, the page opens with an overview
 const state = {
   view: nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole",
   node: null, // the chosen node

@@ -10,6 +10,7 @@ from typing import Any
 from codra_papers.experiments.campaign.campaign import TRIALS
 from codra_papers.experiments.campaign.document import Part, Photograph, Section, Table, Words
 from codra_papers.experiments.lab.outcomes import OWN_LOOK, Basis, Decision, Outcome
+from codra_papers.experiments.lab.tables import values_text
 from codra_papers.experiments.studies.lab_runtime.finding import Finding, rounded
 
 PHOTOGRAPH_LIMIT = 12
@@ -31,8 +32,8 @@ class Mistake:
             return "was true in the evidence and has changed since"
         if self.basis.algorithm == OWN_LOOK:
             return "the robot's own look was wrong"
-        values_text = ", ".join(f"{name} {value}" for name, value in sorted(self.basis.values.items()))
-        return f"seen wrongly: {values_text}" if values_text else "not observed: the value was written"
+        measured_text = values_text(dict(sorted(self.basis.values.items())))
+        return f"seen wrongly: {measured_text}" if measured_text else "not observed: the value was written"
 
 
 def mistakes(outcomes: Sequence[Outcome]) -> Sequence[Mistake]:

@@ -28,7 +28,7 @@ from codra_papers.experiments.studies.robustness.findings import (
 )
 
 _WIDTH_IN = 11.0
-_TRUTH_COLOUR, _HELD_COLOUR, _WRONG_COLOUR = "#444444", "#1f5fa8", "#f6b9b3"
+_TRUTH_COLOUR, _HELD_COLOUR, _WRONG_COLOUR = "#444444", "#1f5fa8", "#f59a80"
 _RING_COLOUR, _WRONG_RING_COLOUR = "#1f5fa8", "#d100b8"
 
 
@@ -46,8 +46,8 @@ def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
 def decisions(outcome: Outcome, variable: str, caption: str) -> Drawing:
     """Draw the timeline of a variable, with rings at the decisions on this variable (Figure 7).
 
-    Each ring is drawn at the value that the arm held, and is magenta if the value was wrong. If the value was unknown,
-    the ring is half-way between false and true.
+    Each ring is drawn at the value that the arm held, and is a magenta disc if the value was wrong. If the value was
+    unknown, the ring is half-way between false and true.
     """
     with _style():
         figure, rows = _timelines(outcome, variable)
@@ -57,8 +57,8 @@ def decisions(outcome: Outcome, variable: str, caption: str) -> Drawing:
         _legend(
             figure,
             [
-                _ring("decision: value right or unknown", _RING_COLOUR),
-                _ring("decision: value wrong", _WRONG_RING_COLOUR),
+                _ring("decision: value right or unknown", _RING_COLOUR, "none"),
+                _ring("decision: value wrong", _WRONG_RING_COLOUR, _WRONG_RING_COLOUR),
             ],
         )
         return Drawing(caption=caption, svg=_svg(figure))
@@ -112,7 +112,7 @@ def _rings(axes: Axes, arm: str, variable_decisions: Sequence[Decision]) -> None
             [0.5 if held is None else float(bool(held))],
             marker="o",
             markersize=8,
-            markerfacecolor="none",
+            markerfacecolor=_WRONG_RING_COLOUR if is_wrong else "none",  # filled: not only the colour differs
             markeredgewidth=1.8,
             markeredgecolor=_WRONG_RING_COLOUR if is_wrong else _RING_COLOUR,
             clip_on=False,
@@ -120,9 +120,9 @@ def _rings(axes: Axes, arm: str, variable_decisions: Sequence[Decision]) -> None
         )
 
 
-def _ring(name: str, colour: str) -> Line2D:
+def _ring(name: str, colour: str, fill: str) -> Line2D:
     return Line2D(
-        [], [], linestyle="none", marker="o", markersize=8, markerfacecolor="none", markeredgecolor=colour, label=name
+        [], [], linestyle="none", marker="o", markersize=8, markerfacecolor=fill, markeredgecolor=colour, label=name
     )
 
 

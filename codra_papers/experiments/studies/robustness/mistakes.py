@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from codra_papers.experiments.campaign.campaign import TRIALS
 from codra_papers.experiments.campaign.cells import plain_table
 from codra_papers.experiments.campaign.document import Cell, Photograph, Table
 from codra_papers.experiments.lab.outcomes import Basis, Decision, Outcome
+from codra_papers.experiments.lab.tables import values_text
 from codra_papers.experiments.studies.robustness.findings import VARIABLES, Runs, label
 
 
@@ -70,14 +70,6 @@ def _cells(mistake: Mistake) -> Iterator[Cell]:
     yield mistake.frame or None
 
 
-def values_text(values: Mapping[str, Any]) -> str:
-    """Return the values that an algorithm returned, as text."""
-    return ", ".join(
-        f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {str(value).lower()}"
-        for name, value in values.items()
-    )
-
-
 def photographs(wrong_values: Sequence[Mistake], folder: Path) -> Sequence[Photograph]:
     """Return, for each arm and each cause, the frame of the first mistake that has a frame.
 
@@ -94,9 +86,9 @@ def photographs(wrong_values: Sequence[Mistake], folder: Path) -> Sequence[Photo
 
 def _caption(mistake: Mistake) -> str:
     decision, basis = mistake.decision, mistake.basis
-    held = str(decision.held[mistake.arm]).lower()
+    held, true_value = (str(value).lower() for value in (decision.held[mistake.arm], decision.truth))
     return (
         f"{mistake.arm}, seed {mistake.outcome.seed}: {label(decision.variable)} held as {held} when it was needed at "
-        f"{decision.instant_s:.1f} s, {mistake.cause}. This frame was taken at {basis.evidence_s:.1f} s; "
-        f"{basis.algorithm} measured {values_text(basis.values)}."
+        f"{decision.instant_s:.1f} s; the true value was {true_value}, {mistake.cause}. This frame was "
+        f"taken at {basis.evidence_s:.1f} s; {basis.algorithm} measured {values_text(basis.values)}."
     )

@@ -17,7 +17,12 @@ from matplotlib.patches import Patch
 from codra_papers.experiments.campaign.document import Drawing
 from codra_papers.experiments.studies.store_managers.trial import Curve, StoreOutcome
 
-COLOURS: Mapping[str, str] = {"pick": "#1f5fa8", "deliver": "#2e9e5b", "start": "#e08a1e", "dock": "#8a5fb0"}
+COLOURS: Mapping[str, str] = {"pick": "#0072b2", "deliver": "#009e73", "start": "#e69f00", "dock": "#cc79a7"}
+"""Okabe and Ito's: readers with any colour vision can distinguish them."""
+
+_WIDTHS: Mapping[str, float] = {"pick": 5.0, "deliver": 3.6, "start": 2.4, "dock": 1.2}
+"""The widths of weights: where curves coincide, the wider ones show on both sides of the narrower ones."""
+
 _UNSAFE_COLOUR, _SAFETY_COLOUR, _SEED_COLOUR, _MEAN_COLOUR = "#f6b9b3", "#222222", "#b9c2c9", "#d1352b"
 _BAND = (-0.22, 0.15)
 _WEIGHT_PREFIX = "weight_of_"
@@ -56,11 +61,9 @@ def draw_over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
 def _row(axes: Axes, name: str, run: StoreOutcome) -> None:
     for span in run.unsafe:
         axes.axvspan(span.start_s, span.end_s, color=_UNSAFE_COLOUR, linewidth=0)
-    for variable, curve in run.curves.items():
-        if variable.startswith(_WEIGHT_PREFIX):
-            _step(axes, curve, run.duration_s, COLOURS[variable.removeprefix(_WEIGHT_PREFIX)], 0.9)
-        else:
-            _step(axes, curve, run.duration_s, _SAFETY_COLOUR, 1.6)
+    for variable, curve in sorted(run.curves.items(), key=lambda item: not item[0].startswith(_WEIGHT_PREFIX)):
+        action = variable.removeprefix(_WEIGHT_PREFIX)
+        _step(axes, curve, run.duration_s, COLOURS.get(action, _SAFETY_COLOUR), _WIDTHS.get(action, 1.0))
     for (start_s, action), (end_s, _) in pairwise((*run.courses, (run.duration_s, ""))):
         axes.broken_barh([(start_s, end_s - start_s)], _BAND, facecolors=COLOURS[action], linewidth=0)
     for call in run.called:

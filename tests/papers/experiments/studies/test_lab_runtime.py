@@ -262,7 +262,7 @@ def test_a_decision_on_a_wrong_value_is_reported_with_its_frame_and_cause(misled
 
     assert (mistake.decision.variable, mistake.decision.answer) == ("pcr_cycler_locked", False)
     assert mistake.basis.algorithm == "localize_pcr_cycler_lid"
-    assert mistake.cause.startswith("seen wrongly: latched True")
+    assert mistake.cause.startswith("seen wrongly: latched true")
     assert (folder / "trials" / outcome.name / mistake.basis.frame).read_bytes().startswith(b"\x89PNG")
 
 
